@@ -1,0 +1,32 @@
+!> The one way a procedure of the library reports that it could not do its work.
+!>
+!> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means success.
+!> The caller returns at once if it is allocated. Nothing in the library stops the process.
+module errors
+   implicit none
+   private
+   public :: error_type, raise, exit_failure, exit_bad_input
+
+   !> Exit statuses of the programs (see the README).
+   integer, parameter :: exit_failure = 1, exit_bad_input = 2
+
+   type :: error_type
+      !> `exit_bad_input` if the user's input is at fault, else `exit_failure`.
+      integer :: status = exit_failure
+      !> One line: what is wrong, the value, what is allowed.
+      character(len=:), allocatable :: message
+   end type error_type
+
+contains
+
+   !> Set `error` to a failure with this message; `status` says whose fault it is (default `exit_failure`).
+   pure subroutine raise(error, message, status)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), intent(in) :: message
+      integer, intent(in), optional :: status
+
+      allocate (error)
+      error%message = message
+      if (present(status)) error%status = status
+   end subroutine raise
+end module errors

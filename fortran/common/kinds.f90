@@ -1,0 +1,13 @@
+!> Working precision and the few constants that every module shares.
+module kinds
+   use, intrinsic :: iso_fortran_env, only: int64, real64
+   implicit none
+   private
+   public :: wp, i8, pi, degree
+
+   integer, parameter :: wp = real64
+   integer, parameter :: i8 = int64
+   real(wp), parameter :: pi = 3.141592653589793238462643383279503_wp
+   !> One degree in radians.
+   real(wp), parameter :: degree = pi/180.0_wp
+end module kinds

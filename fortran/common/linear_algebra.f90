@@ -1,0 +1,97 @@
+!> The LAPACK calls the library makes, with `info` turned into words.
+module linear_algebra
+   use errors, only: error_type, raise
+   use kinds, only: wp
+   use text, only: to_text
+   implicit none
+   private
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen
+
+   interface
+      subroutine dpotrf(uplo, n, a, lda, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotrf
+      subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(in) :: a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dpotrs
+      subroutine dpotri(uplo, n, a, lda, info)
+         import :: wp
+         character(len=1), intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotri
+      subroutine dsyevd(jobz, uplo, n, a, lda, w, work, lwork, iwork, liwork, info)
+         import :: wp
+         character(len=1), intent(in) :: jobz, uplo
+         integer, intent(in) :: n, lda, lwork, liwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(out) :: iwork(*), info
+      end subroutine dsyevd
+   end interface
+
+contains
+
+   !> Lower Cholesky factor of the symmetric positive definite `a`, in place; the strict upper triangle is not touched.
+   subroutine cholesky_factor(a, error)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: info
+
+      call dpotrf('L', size(a, 2), a, max(1, size(a, 1)), info)
+      if (info > 0) then
+         call raise(error, 'a matrix is not positive definite (leading minor '//to_text(info)//' of ' &
+            & //to_text(size(a, 2))//')')
+      else if (info < 0) then
+         call raise(error, 'a matrix holds a value that is not finite (dpotrf, argument '//to_text(-info)//')')
+      end if
+   end subroutine cholesky_factor
+
+   !> Overwrite the columns of `b` with the solutions of (L Lᵀ) x = b.
+   subroutine cholesky_solve(factor, b)
+      real(wp), intent(in), contiguous :: factor(:, :)
+      real(wp), intent(inout), contiguous :: b(:, :)
+      integer :: info
+
+      call dpotrs('L', size(factor, 2), size(b, 2), factor, max(1, size(factor, 1)), b, max(1, size(b, 1)), info)
+   end subroutine cholesky_solve
+
+   !> Replace a lower Cholesky factor by the full symmetric inverse of the matrix it factors.
+   subroutine cholesky_inverse(factor)
+      real(wp), intent(inout), contiguous :: factor(:, :)
+      integer :: info, j
+
+      call dpotri('L', size(factor, 2), factor, max(1, size(factor, 1)), info)
+      do j = 2, size(factor, 2)
+         factor(:j - 1, j) = factor(j, :j - 1)
+      end do
+   end subroutine cholesky_inverse
+
+   !> Ascending eigenvalues of the symmetric `a` (lower triangle); `a` becomes the eigenvectors, one a column.
+   subroutine symmetric_eigen(a, values, error)
+      real(wp), intent(inout), contiguous :: a(:, :)
+      real(wp), intent(out), contiguous :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: n, info, lwork, liwork
+      integer, allocatable :: iwork(:)
+      real(wp), allocatable :: work(:)
+
+      n = size(a, 2)
+      lwork = 1 + 6*n + 2*n*n
+      liwork = 3 + 5*n
+      allocate (work(lwork), iwork(liwork))
+      call dsyevd('V', 'L', n, a, max(1, n), values, work, lwork, iwork, liwork, info)
+      if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info ' &
+         & //to_text(info)//')')
+   end subroutine symmetric_eigen
+end module linear_algebra

@@ -1,0 +1,45 @@
+"""The crystal functions against the reference moduli and against each other."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from conftest import REFERENCE
+
+
+def reference_rows():
+    with open(REFERENCE / "halfspace_moduli.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("row", reference_rows(), ids=lambda row: f"{row['material']}-{row['orientation']}")
+def test_theory_meets_reference(row):
+    names = bi.crystal.CONSTANTS[row["symmetry"]]
+    stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in names})
+    euler = [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")]
+    assert bi.halfspace_modulus(stiffness, euler) == pytest.approx(float(row["M_elliptic"]), rel=2e-6)
+    assert bi.halfspace_modulus(stiffness, euler, circular=True) == pytest.approx(float(row["M_vn"]), rel=2e-6)
+    index, stable = bi.anisotropy_index(row["symmetry"], [float(row[name]) for name in names])
+    assert stable
+    assert index == pytest.approx(float(row["A_U"]), abs=1e-6)
+
+
+def test_arrays_broadcast():
+    matrices = bi.stiffness("cubic", C11=[168.4, 225.0], C12=[121.4, 135.0], C44=[75.4, 124.0])
+    assert matrices.shape == (2, 6, 6)
+    moduli = bi.halfspace_modulus(matrices[:, None], np.zeros((3, 3)))
+    assert moduli.shape == (2, 3)
+    assert moduli[:, 0] == pytest.approx([134.0130407, 214.1138571], rel=1e-6)
+
+
+def test_unstable_crystal_is_refused():
+    with pytest.raises(bi.InputError, match="unstable"):
+        bi.halfspace_modulus(bi.stiffness("cubic", C11=100, C12=120, C44=50), [0, 0, 0])
+
+
+def test_wrappers_keep_double_precision():
+    for name in dir(bi.core.native):
+        documentation = getattr(bi.core.native, name).__doc__ or ""
+        assert "array('f')" not in documentation, name
