@@ -1,0 +1,63 @@
+"""Progress on standard error: bars on a terminal, sparse lines elsewhere, nothing at all where it is not wanted."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bars
+
+__all__ = ["Progress"]
+
+#: Seconds between two lines of one bar where standard error is no terminal.
+LINE_INTERVAL_S = 10.0
+
+
+class Progress:
+    """What a stage tells while it works. `Progress(enabled=False)`, the default of the library, is silent."""
+
+    def __init__(self, enabled: bool = False):
+        self.enabled = enabled
+
+    def note(self, text: str) -> None:
+        """Print one line."""
+        if self.enabled:
+            print(text, file=sys.stderr, flush=True)
+
+    @contextmanager
+    def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Yield `advance(n)`, which counts towards `total`; it may be called from any thread."""
+        if not self.enabled:
+            yield lambda steps=1: None
+        elif sys.stderr.isatty():
+            columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+            with Bars(*columns, console=Console(stderr=True)) as bars:
+                task = bars.add_task(text, total=total)
+                yield lambda steps=1: bars.advance(task, steps)
+        else:
+            lines = Lines(text, total)
+            yield lines.advance
+            lines.finish()
+
+
+class Lines:
+    """The bar of a log file: a line now and then."""
+
+    def __init__(self, text: str, total: int):
+        self.text, self.total, self.done = text, total, 0
+        self.start = self.last = time.monotonic()
+
+    def advance(self, steps: int = 1) -> None:
+        self.done += steps
+        if time.monotonic() - self.last >= LINE_INTERVAL_S:
+            self.last = time.monotonic()
+            self.print()
+
+    def finish(self) -> None:
+        self.print()
+
+    def print(self) -> None:
+        seconds = time.monotonic() - self.start
+        print(f"{self.text}: {self.done}/{self.total} in {seconds:.0f} s", file=sys.stderr, flush=True)
