@@ -1,0 +1,326 @@
+! Basis and surrogates for f2py. A surrogate is kept under a 64-bit handle that a Python object owns and frees.
+! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
+
+!> Numbers of harmonics, polynomials and coordinates of a basis.
+subroutine basis_counts(symmetry, coordinates, truncation, degree, bandlimit, n_harmonics, n_polynomials, n_coordinates)
+   use, intrinsic :: iso_c_binding, only: c_int
+   use surrogate_basis, only: coordinate_count, harmonic_count, polynomial_count
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit
+   integer(c_int), intent(out) :: n_harmonics, n_polynomials, n_coordinates
+
+   n_coordinates = coordinate_count(symmetry, coordinates)
+   n_harmonics = harmonic_count(symmetry, bandlimit)
+   n_polynomials = polynomial_count(n_coordinates, truncation, degree)
+end subroutine basis_counts
+
+!> Raw coordinates of n crystals, and their stiffness scale (GPa).
+subroutine basis_coordinates(symmetry, coordinates, k, n, m, constants, raw, scale)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use surrogate_basis, only: raw_coordinates
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, k, n, m
+   real(c_double), intent(in) :: constants(k, n)
+   real(c_double), intent(out) :: raw(m, n), scale(n)
+   integer :: i
+
+   do i = 1, n
+      call raw_coordinates(symmetry, coordinates, constants(:, i), raw(:, i), scale(i))
+   end do
+end subroutine basis_coordinates
+
+!> Degrees of the terms: of the harmonic, and of the polynomial in all coordinates together.
+subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n_terms, harmonic, polynomial, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int
+   use errors, only: error_type
+   use kinds, only: wp
+   use surrogate_basis, only: basis_type, coordinate_count, new_basis
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, n_terms
+   integer(c_int), intent(out) :: harmonic(n_terms), polynomial(n_terms)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(basis_type) :: basis
+   type(error_type), allocatable :: error
+   integer :: h, q, k, n
+
+   status = 0
+   message = ''
+   n = coordinate_count(symmetry, coordinates)
+   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, spread(-1.0_wp, 1, n), spread(1.0_wp, 1, n), basis, &
+      & error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      return
+   end if
+   do q = 1, basis%n_polynomials
+      do h = 1, basis%n_harmonics
+         k = h + (q - 1)*basis%n_harmonics
+         harmonic(k) = basis%harmonic_degrees(h)
+         polynomial(k) = sum(basis%degrees(:, q))
+      end do
+   end do
+end subroutine basis_degrees
+
+!> All terms of n crystals (GPa) at n orientations (radians), and their stiffness scales (GPa).
+subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, n, n_terms, constants, euler, &
+   & terms, scale, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use errors, only: error_type
+   use surrogate_basis, only: basis_type, evaluate_terms, new_basis
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, m, k, n, n_terms
+   real(c_double), intent(in) :: lower(m), upper(m), constants(k, n), euler(3, n)
+   real(c_double), intent(out) :: terms(n_terms, n), scale(n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(basis_type) :: basis
+   type(error_type), allocatable :: error
+   integer :: i
+
+   status = 0
+   message = ''
+   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      return
+   end if
+   do i = 1, n
+      call evaluate_terms(basis, constants(:, i), euler(:, i), terms(:, i), scale(i))
+   end do
+end subroutine basis_terms
+
+!> Harmonics of n unit vectors in crystal axes.
+subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, values, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use errors, only: error_type
+   use kinds, only: wp
+   use surrogate_basis, only: basis_type, coordinate_count, coordinates_dimensionless, evaluate_direction, new_basis, &
+      & truncation_total
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, bandlimit, n, n_harmonics
+   real(c_double), intent(in) :: directions(3, n)
+   real(c_double), intent(out) :: values(n_harmonics, n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(basis_type) :: basis
+   type(error_type), allocatable :: error
+   integer :: i, m
+
+   status = 0
+   message = ''
+   m = coordinate_count(symmetry, coordinates_dimensionless)
+   call new_basis(symmetry, coordinates_dimensionless, truncation_total, 0, bandlimit, spread(-1.0_wp, 1, m), &
+      & spread(1.0_wp, 1, m), basis, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      return
+   end if
+   do i = 1, n
+      call evaluate_direction(basis, directions(:, i), values(:, i))
+   end do
+end subroutine basis_harmonics
+
+!> Keep a surrogate of given posterior; free it with `surrogate_free`.
+subroutine surrogate_new(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, n_terms, coefficients, &
+   & covariance, anisotropy_cap, alpha, beta, sd_inflation, handle, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use errors, only: error_type
+   use surrogate_basis, only: new_basis
+   use surrogate_model, only: surrogate_to_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, m, n_terms
+   real(c_double), intent(in) :: lower(m), upper(m), coefficients(n_terms), covariance(n_terms, n_terms)
+   real(c_double), intent(in) :: anisotropy_cap, alpha, beta, sd_inflation
+   integer(c_int64_t), intent(out) :: handle
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(surrogate_type), pointer :: surrogate
+   type(error_type), allocatable :: error
+
+   status = 0
+   message = ''
+   handle = 0
+   allocate (surrogate)
+   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, surrogate%basis, error)
+   if (.not. allocated(error)) then
+      if (surrogate%basis%n_terms /= n_terms) then
+         status = 2
+         message = 'the number of coefficients is not that of the basis'
+      end if
+   else
+      status = error%status
+      message = error%message
+   end if
+   if (status /= 0) then
+      deallocate (surrogate)
+      return
+   end if
+   surrogate%symmetry = symmetry
+   surrogate%coefficients = reshape(coefficients, [surrogate%basis%n_harmonics, surrogate%basis%n_polynomials])
+   surrogate%covariance = covariance
+   surrogate%anisotropy_cap = anisotropy_cap
+   surrogate%alpha = alpha
+   surrogate%beta = beta
+   surrogate%sd_inflation = sd_inflation
+   handle = surrogate_to_handle(surrogate)
+end subroutine surrogate_new
+
+!> Read the text form of a surrogate.
+subroutine surrogate_read(path, handle, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use errors, only: error_type
+   use surrogate_model, only: load_surrogate, surrogate_to_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   character(len=*), intent(in) :: path
+   integer(c_int64_t), intent(out) :: handle
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(surrogate_type), pointer :: surrogate
+   type(error_type), allocatable :: error
+
+   status = 0
+   message = ''
+   handle = 0
+   allocate (surrogate)
+   call load_surrogate(path, surrogate, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      deallocate (surrogate)
+   else
+      handle = surrogate_to_handle(surrogate)
+   end if
+end subroutine surrogate_read
+
+!> Write the text form of a surrogate.
+subroutine surrogate_write(handle, path, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use errors, only: error_type
+   use surrogate_model, only: save_surrogate, surrogate_from_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   character(len=*), intent(in) :: path
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(error_type), allocatable :: error
+
+   status = 0
+   message = ''
+   call save_surrogate(surrogate_from_handle(handle), path, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+   end if
+end subroutine surrogate_write
+
+!> What a surrogate is: its basis, cap and precisions.
+subroutine surrogate_header(handle, symmetry, coordinates, truncation, degree, bandlimit, m, n_terms, lower, upper, &
+   & anisotropy_cap, alpha, beta, sd_inflation)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use surrogate_model, only: surrogate_from_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(out) :: symmetry, coordinates, truncation, degree, bandlimit, m, n_terms
+   real(c_double), intent(out) :: lower(5), upper(5), anisotropy_cap, alpha, beta, sd_inflation
+   type(surrogate_type), pointer :: surrogate
+
+   surrogate => surrogate_from_handle(handle)
+   symmetry = surrogate%symmetry
+   coordinates = surrogate%basis%coordinates
+   truncation = surrogate%basis%truncation
+   degree = surrogate%basis%degree
+   bandlimit = surrogate%basis%bandlimit
+   m = surrogate%basis%n_coordinates
+   n_terms = surrogate%basis%n_terms
+   lower = 0
+   upper = 0
+   lower(:m) = surrogate%basis%lower
+   upper(:m) = surrogate%basis%upper
+   anisotropy_cap = surrogate%anisotropy_cap
+   alpha = surrogate%alpha
+   beta = surrogate%beta
+   sd_inflation = surrogate%sd_inflation
+end subroutine surrogate_header
+
+!> Posterior mean and covariance of the terms of a surrogate.
+subroutine surrogate_posterior(handle, n_terms, coefficients, covariance)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use surrogate_model, only: surrogate_from_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: n_terms
+   real(c_double), intent(out) :: coefficients(n_terms), covariance(n_terms, n_terms)
+   type(surrogate_type), pointer :: surrogate
+
+   surrogate => surrogate_from_handle(handle)
+   coefficients = reshape(surrogate%coefficients, [n_terms])
+   covariance = surrogate%covariance
+end subroutine surrogate_posterior
+
+!> Mean and sd (GPa) of the simulated modulus of n crystals (GPa) at n orientations (radians).
+subroutine surrogate_predict(handle, k, n, constants, euler, threads, modulus, sd)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use surrogate_model, only: predict, surrogate_from_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: k, n, threads
+   real(c_double), intent(in) :: constants(k, n), euler(3, n)
+   real(c_double), intent(out) :: modulus(n), sd(n)
+   type(surrogate_type), pointer :: surrogate
+   integer :: i
+
+   surrogate => surrogate_from_handle(handle)
+   !$omp parallel do num_threads(threads) schedule(static)
+   do i = 1, n
+      call predict(surrogate, constants(:, i), euler(:, i), modulus(i), sd(i))
+   end do
+   !$omp end parallel do
+end subroutine surrogate_predict
+
+!> 1 for each of n crystals that is outside the surrogate's domain, else 0.
+subroutine surrogate_outside(handle, k, n, constants, outside)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use surrogate_model, only: is_outside, surrogate_from_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: k, n
+   real(c_double), intent(in) :: constants(k, n)
+   integer(c_int), intent(out) :: outside(n)
+   type(surrogate_type), pointer :: surrogate
+   integer :: i
+
+   surrogate => surrogate_from_handle(handle)
+   do i = 1, n
+      outside(i) = merge(1, 0, is_outside(surrogate, constants(:, i)))
+   end do
+end subroutine surrogate_outside
+
+!> Give back the memory of a surrogate.
+subroutine surrogate_free(handle)
+   use, intrinsic :: iso_c_binding, only: c_int64_t
+   use surrogate_model, only: surrogate_from_handle, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   type(surrogate_type), pointer :: surrogate
+
+   if (handle == 0) return
+   surrogate => surrogate_from_handle(handle)
+   deallocate (surrogate)
+end subroutine surrogate_free
