@@ -1,0 +1,283 @@
+"""The command line: what was asked, to which stage, in which words, with which exit status."""
+
+import argparse
+import json
+import logging
+import math
+import os
+import sys
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .core import BayesindentError, InputError
+from .progress import Progress
+from .version import __version__
+
+__all__ = ["main"]
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+log = logging.getLogger("bayesindent")
+
+DESCRIPTION = """\
+Single-crystal elastic constants, with honest uncertainty, from spherical indentation of grains of known orientation.
+
+A namelist FILE.nml says what is wanted. Step 1 (build) teaches a surrogate the indentation modulus of any crystal of a class by finite
+element simulations, each where the surrogate knows least. Step 2 (extract) samples the constants that explain measured moduli."""
+
+EXAMPLES = """\
+examples:
+  bayesindent run inputs/quickstart.nml           everything the file asks for, with a report; rerun it to go on
+  bayesindent run inputs/quickstart.nml --check   only say whether the file is right
+  bayesindent theory inputs/zinc.nml --json       exact half-space moduli of the crystals in a file
+  bayesindent predict --surrogate cubic --points points.csv
+  bayesindent build FILE.nml --ask 20 > points.csv   the next 20 crystals, to be simulated elsewhere
+  bayesindent build FILE.nml --tell results.csv      and their moduli back
+
+units: GPa, um, mN, degrees (Bunge-Euler angles phi1, Phi, phi2). An uncertainty is a standard deviation, sd.
+exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 130 interrupted (run again to go on).
+'bayesindent COMMAND --help' tells more, such as the variables of the namelist."""
+
+#: Command: its one line, the groups of the namelist that its help explains, and more words.
+NAMELIST_COMMANDS = {
+    "run": (
+        "all that the groups of a namelist ask for, in order, resuming what is done",
+        None,
+        """&crystals asks for simulate and theory, &design for build, &measurements for extract, &next for next; a report ends it.
+        Nothing that is already in the output folder is simulated again.""",
+    ),
+    "simulate": (
+        "finite element indentation of the crystals in a namelist",
+        ("problem", "crystals", "simulation", "measurements", "execution"),
+        """Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ParaView or
+        the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated again.""",
+    ),
+    "theory": (
+        "exact half-space theory of the same crystals",
+        ("problem", "crystals", "measurements"),
+        """Willis' elliptical contact on the anisotropic half-space. Writes theory.csv.""",
+    ),
+    "build": (
+        "step 1: a surrogate, taught by simulations chosen one after another",
+        ("problem", "simulation", "domain", "surrogate", "design", "execution"),
+        """Writes surrogate.nc. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be interrupted
+        and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes their moduli.""",
+    ),
+    "extract": (
+        "step 2: the constants behind measured moduli",
+        ("problem", "surrogate", "measurements", "prior", "sampler"),
+        """Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: a shipped
+        surrogate ('cubic', 'hexagonal') or one made by build serves.""",
+    ),
+    "next": (
+        "the grain orientations worth measuring next",
+        ("problem", "surrogate", "measurements", "prior", "next"),
+        """Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.""",
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command of these arguments (default: the process's own); return its exit status."""
+    arguments = parser().parse_args(argv)
+    try:
+        return arguments.action(arguments)
+    except KeyboardInterrupt:
+        log.warning("interrupted")
+        tell("interrupted; what is done is kept, and the same command goes on from there")
+        return INTERRUPTED
+    except InputError as error:
+        log.error("%s", error)
+        tell(str(error))
+        return BAD_INPUT
+    except BayesindentError as error:
+        log.error("%s", error)
+        tell(str(error))
+        return FAILED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        log.exception("unexpected")
+        tell(f"{type(error).__name__}: {error}" + ("" if log.handlers else "; BAYESINDENT_TRACE=1 shows where"))
+        if os.environ.get("BAYESINDENT_TRACE"):
+            raise
+        return FAILED
+    finally:
+        close_log()
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose help ends with the variables of the namelist groups that the command reads."""
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs, formatter_class=argparse.RawDescriptionHelpFormatter)
+        self.groups = ()
+
+    def format_help(self) -> str:
+        return super().format_help() + "".join(f"\n{describe_group(name)}" for name in self.groups)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    root = Parser(prog="bayesindent", description=DESCRIPTION, epilog=EXAMPLES)
+    root.add_argument("--version", action="version", version=f"bayesindent {__version__}")
+    commands = root.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    output = argparse.ArgumentParser(add_help=False)
+    output.add_argument("--output", metavar="DIR", type=Path, help="folder of the results (default: runs/<stem of the file>)")
+    output.add_argument("--json", action="store_true", help="print one JSON document on standard output, everything else on standard error")
+
+    def add(name: str, summary: str, action, description: str = "", parents=(output,)) -> Parser:
+        words = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {description}".split()), 100)
+        command = commands.add_parser(name, help=summary, description=words, parents=parents)
+        command.set_defaults(action=action, command=name)
+        return command
+
+    for name, (summary, groups, description) in NAMELIST_COMMANDS.items():
+        command = add(name, summary, run_stage, description)
+        command.groups = groups
+        command.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
+        if name == "run":
+            command.add_argument("--check", action="store_true", help="only validate the file and what it names")
+        if name == "build":
+            either = command.add_mutually_exclusive_group()
+            either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
+            either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
+
+    command = add("predict", "mean and sd of the modulus for each row of a table", predict, "The rows are printed with modulus_gpa, sd_gpa.")
+    command.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.nc")
+    command.add_argument("--points", required=True, type=Path, metavar="points.csv", help="columns: the constants, phi1_deg, Phi_deg, phi2_deg")
+
+    command = add("report", "report.html from what a folder holds", report)
+    command.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
+
+    command = add("bench", "benchmarks against peers, from a source tree", bench, "NAME is simulate, build or extract.", parents=())
+    command.add_argument("name", metavar="NAME")
+    command.add_argument("arguments", nargs=argparse.REMAINDER, help="what the benchmark takes")
+
+    command = add("test", "build and run all tests of a source tree", test, "The last line counts the cases.", parents=())
+    command.add_argument("suite", nargs="*", help="only these suites: unit, python, cli, validation")
+    return root
+
+
+
+
+def describe_group(name: str) -> str:
+    """The variables of one namelist group: type, unit, default, range and meaning, as the core's reader knows them."""
+    from .problem import describe
+
+    return describe(name)
+
+
+def run_stage(arguments: argparse.Namespace) -> int:
+    """Run a command that reads a namelist."""
+    from . import stages
+    from .problem import Problem
+
+    problem = Problem(arguments.file, arguments.command)
+    if getattr(arguments, "check", False):
+        return finish(arguments, {"file": str(arguments.file), "stages": stages.asked(problem), "warnings": list(problem.warnings)})
+    output = output_folder(arguments, arguments.file)
+    output.mkdir(parents=True, exist_ok=True)
+    open_log(output, arguments)
+    (output / "resolved.nml").write_text(problem.resolved)
+    document = stages.STAGES[arguments.command](problem, output, Progress(True))
+    document["warnings"] = [*problem.warnings, *document.get("warnings", [])]
+    status = finish(arguments, document)
+    tell(f"results are in {output}")
+    return status
+
+
+def ask_or_tell(arguments: argparse.Namespace) -> int:
+    """Serve `build --ask` and `build --tell`."""
+    return DONE
+
+
+def predict(arguments: argparse.Namespace) -> int:
+    """Predict the rows of a table."""
+    from . import stages
+
+    document = stages.predict(arguments.surrogate, arguments.points, output_folder(arguments, arguments.points))
+    return finish(arguments, document)
+
+
+def report(arguments: argparse.Namespace) -> int:
+    """Write the report of a folder."""
+    from . import stages
+
+    return finish(arguments, stages.report(arguments.folder, arguments.output or arguments.folder))
+
+
+def bench(arguments: argparse.Namespace) -> int:
+    """Run a benchmark of the source tree."""
+    from .source_tree import run_benchmark
+
+    return run_benchmark(arguments.name, arguments.arguments)
+
+
+def test(arguments: argparse.Namespace) -> int:
+    """Run the tests of the source tree."""
+    from .source_tree import run_tests
+
+    return run_tests(arguments.suite)
+
+
+def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
+    """Where the results go."""
+    return arguments.output or Path("runs") / source.stem
+
+
+def finish(arguments: argparse.Namespace, document: dict) -> int:
+    """Tell the warnings on standard error and the document on standard output, as JSON or in words."""
+    for warning in document["warnings"]:
+        log.warning("%s", warning)
+        tell(f"warning: {warning}")
+    if arguments.json:
+        json.dump(plain(document), sys.stdout, allow_nan=False)
+        print()
+    else:
+        from .tables import print_document
+
+        print_document(arguments.command, document)
+    sys.stdout.flush()
+    return DONE
+
+
+def plain(value):
+    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def tell(text: str) -> None:
+    """One line on standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def open_log(output: Path, arguments: argparse.Namespace) -> None:
+    """Append to run.log from now on."""
+    handler = logging.FileHandler(output / "run.log", encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.info("bayesindent %s: %s %s", __version__, arguments.command, arguments.file)
+
+
+def close_log() -> None:
+    """End run.log."""
+    for handler in list(log.handlers):
+        log.removeHandler(handler)
+        handler.close()
