@@ -129,7 +129,7 @@ def parser() -> argparse.ArgumentParser:
 
     output = argparse.ArgumentParser(add_help=False)
     output.add_argument("--output", metavar="DIR", type=Path, help="folder of the results (default: runs/<stem of the file>)")
-    output.add_argument("--json", action="store_true", help="print one JSON document on standard output, everything else on standard error")
+    output.add_argument("--json", action="store_true", help="one JSON document on standard output, all else on standard error")
 
     def add(name: str, summary: str, action, description: str = "", parents=(output,)) -> Parser:
         words = textwrap.fill(" ".join(f"{summary[0].upper()}{summary[1:]}. {description}".split()), 100)
@@ -148,9 +148,11 @@ def parser() -> argparse.ArgumentParser:
             either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
             either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
-    command = add("predict", "mean and sd of the modulus for each row of a table", predict, "The rows are printed with modulus_gpa, sd_gpa.")
+    command = add("predict", "mean and sd of the modulus for each row of a table", predict, "It prints them with modulus_gpa and sd_gpa.")
     command.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.nc")
-    command.add_argument("--points", required=True, type=Path, metavar="points.csv", help="columns: the constants, phi1_deg, Phi_deg, phi2_deg")
+    command.add_argument(
+        "--points", required=True, type=Path, metavar="points.csv", help="columns: the constants and phi1_deg, Phi_deg, phi2_deg"
+    )
 
     command = add("report", "report.html from what a folder holds", report)
     command.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
@@ -162,8 +164,6 @@ def parser() -> argparse.ArgumentParser:
     command = add("test", "build and run all tests of a source tree", test, "The last line counts the cases.", parents=())
     command.add_argument("suite", nargs="*", help="only these suites: unit, python, cli, validation")
     return root
-
-
 
 
 def describe_group(name: str) -> str:

@@ -30,9 +30,11 @@ def run_tests(suites: list[str]) -> int:
         report.unlink()
     log = build / "meson-logs" / "testlog.json"
     log.unlink(missing_ok=True)
-    meson = Path(sys.executable).with_name("meson")
-    choice = [argument for suite in suites for argument in ("--suite", suite)]
-    status = subprocess.run([meson, "test", "-C", build, "--print-errorlogs", *choice], stdin=subprocess.DEVNULL).returncode
+    tools = Path(sys.executable).parent
+    command = [tools / "meson", "test", "-C", build, "--print-errorlogs"]
+    command += [argument for suite in suites for argument in ("--suite", suite)]
+    environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"}
+    status = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL).returncode
     if not log.exists():
         raise BayesindentError(f"meson could not build or start the tests (status {status})")
     entries = [json.loads(line) for line in log.read_text().splitlines()]

@@ -1,0 +1,27 @@
+"""The command line: what it says, where, and its exit status."""
+
+import pytest
+
+COMMANDS = ("run", "simulate", "theory", "build", "predict", "extract", "next", "report", "bench", "test")
+
+
+def test_help_names_every_command(bayesindent):
+    done = bayesindent("--help")
+    assert done.returncode == 0
+    for command in COMMANDS:
+        assert f"\n    {command} " in done.stdout
+    assert "examples:" in done.stdout
+
+
+def test_version(bayesindent):
+    done = bayesindent("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("bayesindent 0.")
+
+
+@pytest.mark.parametrize("arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "cubic")])
+def test_wrong_usage_exits_2(bayesindent, arguments):
+    done = bayesindent(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "usage:" in done.stderr

@@ -1,0 +1,58 @@
+"""The launcher where something is missing: it says what a person must run, and stops."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from conftest import SOURCE
+
+TOOLS = ("bash", "cat", "date", "dirname", "env", "find", "flock", "grep", "mkdir", "mv", "readlink", "rm", "sed", "sh", "tail", "touch")
+
+
+@pytest.fixture
+def bare_machine(tmp_path):
+    """Run a copy of the launcher on a machine with the programs of TOOLS alone, and those written here."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for tool in TOOLS:
+        (folder / tool).symlink_to(shutil.which(tool))
+    shutil.copy(SOURCE / "bayesindent", tmp_path)
+    shutil.copy(SOURCE / "pyproject.toml", tmp_path)
+
+    def run(**programs: str) -> subprocess.CompletedProcess:
+        for name, script in programs.items():
+            file = folder / name.replace("_", "-")
+            file.write_text(f"#!{folder}/sh\n{script}\n")
+            file.chmod(0o755)
+        launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), "--version"]
+        return subprocess.run(launcher, env={"PATH": str(folder)}, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+
+    return run
+
+
+def test_prints_the_command_where_apt_get_may_not_be_used(bare_machine):
+    done = bare_machine(id="echo 1000", apt_get="exit 1", sudo="exit 1")
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert "\n  sudo sh -c 'apt-get update && apt-get install --yes --no-install-recommends gfortran g++ " in done.stderr
+
+
+def test_names_the_packages_where_there_is_no_apt_get(bare_machine):
+    done = bare_machine(id="echo 0")
+    assert done.returncode == 1
+    assert "gfortran" in done.stderr
+    assert "there is no apt-get here" in done.stderr
+
+
+def test_shows_the_log_of_a_failed_step(bare_machine):
+    done = bare_machine(id="echo 0", apt_get="echo E: no network; exit 100")
+    assert done.returncode == 1
+    assert "E: no network" in done.stderr
+    assert "failed: installing Debian packages: gfortran" in done.stderr
+
+
+def test_is_a_program():
+    assert os.access(Path(SOURCE) / "bayesindent", os.X_OK)
