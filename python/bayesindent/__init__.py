@@ -2,5 +2,6 @@
 
 from .core import BayesindentError, InputError
 from .crystal import anisotropy_index, halfspace_modulus, stiffness
+from .problem import Problem
 
-__all__ = ["BayesindentError", "InputError", "anisotropy_index", "halfspace_modulus", "stiffness"]
+__all__ = ["BayesindentError", "InputError", "Problem", "anisotropy_index", "halfspace_modulus", "stiffness"]

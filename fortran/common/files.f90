@@ -1,0 +1,118 @@
+!> Whole text files in, whole text files out, and the paths between them.
+module files
+   use errors, only: error_type, exit_bad_input, raise
+   use text, only: to_text
+   implicit none
+   private
+   public :: read_text_file, folder_of, resolve_path, file_exists, is_folder, printable
+
+   !> Larger files are refused, bytes: an input that big is no input of ours.
+   integer, parameter :: largest = 1000000000
+
+contains
+
+   !> The bytes of a file, without a UTF-8 byte order mark. The message of a refusal does not name the file.
+   subroutine read_text_file(path, content, error)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable, intent(out) :: content
+      type(error_type), allocatable, intent(out) :: error
+      integer :: unit, bytes, status
+      logical :: here
+
+      if (len_trim(path) == 0) then
+         call raise(error, 'the name of the file is empty', exit_bad_input)
+         return
+      end if
+      if (is_folder(path)) then
+         call raise(error, 'is a folder; a file is needed', exit_bad_input)
+         return
+      end if
+      inquire (file=path, exist=here)
+      if (.not. here) then
+         call raise(error, 'the file does not exist', exit_bad_input)
+         return
+      end if
+      open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=status)
+      if (status /= 0) then
+         call raise(error, 'the file cannot be opened for reading', exit_bad_input)
+         return
+      end if
+      inquire (unit=unit, size=bytes)
+      if (bytes > largest .or. bytes < 0) then
+         close (unit)
+         call raise(error, 'the file is too large; at most '//to_text(largest)//' bytes', exit_bad_input)
+         return
+      end if
+      allocate (character(len=bytes) :: content)
+      if (bytes > 0) read (unit, iostat=status) content
+      close (unit)
+      if (status /= 0) then
+         call raise(error, 'the file cannot be read', exit_bad_input)
+         return
+      end if
+      if (index(content, char(255)//char(254)) == 1 .or. index(content, char(254)//char(255)) == 1 &
+         & .or. index(content, achar(0)) > 0) then
+         call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
+         return
+      end if
+      if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
+      if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) then
+         call raise(error, 'the file is empty', exit_bad_input)
+      end if
+   end subroutine read_text_file
+
+   !> The folder part of a path with its last slash, '' for the current folder.
+   pure function folder_of(path) result(folder)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable :: folder
+
+      folder = path(:index(path, '/', back=.true.))
+   end function folder_of
+
+   !> `name` as it is if absolute, else relative to `folder` (which ends in a slash, or is empty).
+   pure function resolve_path(folder, name) result(path)
+      character(len=*), intent(in) :: folder, name
+      character(len=:), allocatable :: path
+
+      if (index(name, '/') == 1) then
+         path = name
+      else
+         path = folder//name
+      end if
+   end function resolve_path
+
+   logical function file_exists(path)
+      character(len=*), intent(in) :: path
+
+      inquire (file=path, exist=file_exists)
+      if (file_exists) file_exists = .not. is_folder(path)
+   end function file_exists
+
+   logical function is_folder(path)
+      character(len=*), intent(in) :: path
+
+      inquire (file=path//'/.', exist=is_folder)
+   end function is_folder
+
+   !> A user's text fit for one line of a message: control characters shown as '?', long texts cut.
+   pure function printable(string) result(shown)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: shown
+      integer, parameter :: longest = 80
+      integer :: i, last
+
+      last = len(string)
+      if (last > longest) then
+         last = longest
+         ! Never in the middle of a UTF-8 sequence, whose later bytes are 10xxxxxx.
+         do while (last > 1 .and. iand(iachar(string(last + 1:last + 1)), 192) == 128)
+            last = last - 1
+         end do
+      end if
+      shown = string(:last)
+      do i = 1, last
+         if (iachar(shown(i:i)) < 32 .or. iachar(shown(i:i)) == 127) shown(i:i) = '?'
+      end do
+      if (last < len(string)) shown = shown//'...'
+   end function printable
+end module files

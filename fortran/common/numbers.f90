@@ -1,0 +1,98 @@
+!> Text to numbers, strictly: what is read is a whole number or nothing, and never NaN or Infinity.
+module numbers
+   use kinds, only: i8, wp
+   use text, only: lower
+   implicit none
+   private
+   public :: read_integer, read_real, number_ok, number_not_finite, number_malformed
+
+   !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
+   integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
+
+contains
+
+   !> A decimal integer with an optional sign that fits the default kind.
+   pure subroutine read_integer(string, value, outcome)
+      character(len=*), intent(in) :: string
+      integer, intent(out) :: value
+      integer, intent(out) :: outcome
+      integer(i8) :: total
+      integer :: first, i
+
+      value = 0
+      outcome = number_malformed
+      first = 1
+      if (len(string) > 0) then
+         if (scan(string(1:1), '+-') == 1) first = 2
+      end if
+      if (first > len(string)) return
+      if (verify(string(first:), '0123456789') > 0) return
+      outcome = number_not_finite
+      total = 0_i8
+      do i = first, len(string)
+         total = 10_i8*total + (iachar(string(i:i)) - iachar('0'))
+         if (total > int(huge(value), i8)) return
+      end do
+      value = int(total)
+      if (string(1:1) == '-') value = -value
+      outcome = number_ok
+   end subroutine read_integer
+
+   !> A real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0.
+   pure subroutine read_real(string, value, outcome)
+      character(len=*), intent(in) :: string
+      real(wp), intent(out) :: value
+      integer, intent(out) :: outcome
+      character(len=:), allocatable :: rest
+      integer :: digits, status
+
+      value = 0.0_wp
+      outcome = number_malformed
+      rest = lower(string)
+      if (len(rest) > 0) then
+         if (scan(rest(1:1), '+-') == 1) rest = rest(2:)
+      end if
+      if (rest == 'nan' .or. rest == 'inf' .or. rest == 'infinity' .or. index(rest, 'nan(') == 1) then
+         outcome = number_not_finite
+         return
+      end if
+      digits = 0
+      call skip_digits(rest, digits)
+      if (len(rest) > 0) then
+         if (rest(1:1) == '.') then
+            rest = rest(2:)
+            call skip_digits(rest, digits)
+         end if
+      end if
+      if (digits == 0) return
+      if (len(rest) > 0) then
+         if (scan(rest(1:1), 'ed') /= 1) return
+         rest = rest(2:)
+         if (len(rest) > 0) then
+            if (scan(rest(1:1), '+-') == 1) rest = rest(2:)
+         end if
+         digits = 0
+         call skip_digits(rest, digits)
+         if (digits == 0 .or. len(rest) > 0) return
+      end if
+      outcome = number_not_finite
+      read (string, *, iostat=status) value
+      if (status /= 0 .or. .not. abs(value) <= huge(value)) then
+         value = 0.0_wp
+      else
+         outcome = number_ok
+      end if
+   end subroutine read_real
+
+   !> Take the leading digits off `string` and add their number to `count`.
+   pure subroutine skip_digits(string, count)
+      character(len=:), allocatable, intent(inout) :: string
+      integer, intent(inout) :: count
+      integer :: n
+
+      n = verify(string, '0123456789') - 1
+      if (n < 0) n = len(string)
+      count = count + n
+      string = string(n + 1:)
+   end subroutine skip_digits
+end module numbers

@@ -1,0 +1,316 @@
+!> Tables of text cells from CSV: a header row, then rows; lines that start with # are comments.
+!>
+!> Cells may be in double quotes (RFC 4180); blank lines are skipped; CRLF and a byte order mark are accepted.
+module tables
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable, read_text_file
+   use numbers, only: number_malformed, number_ok, read_real
+   use text, only: lower, to_text
+   use kinds, only: wp
+   implicit none
+   private
+   public :: table_type, read_table, parse_table, csv_cell
+
+   type :: table_type
+      !> Rows and columns, the header not counted.
+      integer :: rows = 0, columns = 0
+      !> Line of the file on which each row begins, (rows).
+      integer, allocatable :: line(:)
+      !> Every cell, unquoted, one after the other; cell (j, i) is buffer(first(j, i):last(j, i)); row 0 is the header.
+      character(len=:), allocatable, private :: buffer
+      integer, allocatable, private :: first(:, :), last(:, :)
+   contains
+      procedure :: cell
+      procedure :: name
+      procedure :: find
+      procedure :: number
+   end type table_type
+
+contains
+
+   !> Read the table of a file. The message of a refusal does not name the file, only the line.
+   subroutine read_table(path, table, error)
+      character(len=*), intent(in) :: path
+      type(table_type), intent(out) :: table
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: content
+
+      call read_text_file(path, content, error)
+      if (allocated(error)) return
+      call parse_table(content, table, error)
+   end subroutine read_table
+
+   subroutine parse_table(content, table, error)
+      character(len=*), intent(in) :: content
+      type(table_type), intent(out) :: table
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: first(:), last(:), line(:), counts(:)
+      integer :: cells, rows, i, j
+
+      call split(content, table%buffer, first, last, cells, line, counts, rows, error)
+      if (allocated(error)) return
+      if (rows == 0) then
+         call raise(error, 'the table has no header row', exit_bad_input)
+         return
+      end if
+      table%columns = counts(1)
+      table%rows = rows - 1
+      do i = 2, rows
+         if (counts(i) /= counts(1)) then
+            call raise(error, 'line '//to_text(line(i))//': '//to_text(counts(i))//' cells where the header has ' &
+               & //to_text(counts(1)), exit_bad_input)
+            return
+         end if
+      end do
+      table%line = line(2:rows)
+      allocate (table%first(table%columns, 0:table%rows), table%last(table%columns, 0:table%rows))
+      do i = 0, table%rows
+         do j = 1, table%columns
+            table%first(j, i) = first(i*table%columns + j)
+            table%last(j, i) = last(i*table%columns + j)
+         end do
+      end do
+      call check_header(table, line(1), error)
+      if (allocated(error)) return
+      if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
+   end subroutine parse_table
+
+   !> Names must be names, and each of its own.
+   subroutine check_header(table, line, error)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: line
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: value
+      integer :: i, j, outcome
+      logical :: numeric
+
+      numeric = .true.
+      do j = 1, table%columns
+         call read_real(table%name(j), value, outcome)
+         if (outcome == number_malformed) numeric = .false.
+      end do
+      if (numeric) then
+         call raise(error, 'line '//to_text(line)//': numbers where the header row with the names of the columns must be', &
+            & exit_bad_input)
+         return
+      end if
+      if (table%columns == 1) then
+         if (scan(table%name(1), ';'//achar(9)) > 0) then
+            call raise(error, 'line '//to_text(line)//': the columns are separated by semicolons or tabs; ' &
+               & //'a comma is needed', exit_bad_input)
+            return
+         end if
+      end if
+      do j = 2, table%columns
+         do i = 1, j - 1
+            if (len(table%name(j)) > 0 .and. table%name(i) == table%name(j)) then
+               call raise(error, 'line '//to_text(line)//': the column '//printable(table%name(j)) &
+                  & //' is there twice', exit_bad_input)
+               return
+            end if
+         end do
+      end do
+   end subroutine check_header
+
+   !> Cut the text into cells; quotes are taken off on the way.
+   subroutine split(content, buffer, first, last, cells, line, counts, rows, error)
+      character(len=*), intent(in) :: content
+      character(len=:), allocatable, intent(out) :: buffer
+      integer, allocatable, intent(out) :: first(:), last(:), line(:), counts(:)
+      integer, intent(out) :: cells, rows
+      type(error_type), allocatable, intent(out) :: error
+      character, parameter :: newline = achar(10), return = achar(13)
+      integer :: i, n, number, most_cells, most_rows, filled, row_line
+      logical :: quoted
+
+      n = len(content)
+      most_cells = 1
+      most_rows = 1
+      do i = 1, n
+         if (content(i:i) == ',') most_cells = most_cells + 1
+         if (content(i:i) == newline) most_rows = most_rows + 1
+      end do
+      most_cells = most_cells + most_rows
+      allocate (character(len=n) :: buffer)
+      allocate (first(most_cells), last(most_cells), line(most_rows), counts(most_rows))
+      cells = 0
+      rows = 0
+      filled = 0
+      number = 1
+      i = 1
+      do while (i <= n)
+         ! At the start of a line: skip it if blank or a comment.
+         call end_of_line(content, i, filled)
+         if (is_skipped(content(i:filled))) then
+            i = filled + 2
+            number = number + 1
+            cycle
+         end if
+         filled = 0
+         if (cells > 0) filled = last(cells)
+         rows = rows + 1
+         row_line = number
+         line(rows) = number
+         counts(rows) = 0
+         row: do
+            cells = cells + 1
+            counts(rows) = counts(rows) + 1
+            first(cells) = filled + 1
+            do while (i <= n)
+               if (content(i:i) /= ' ' .and. content(i:i) /= achar(9)) exit
+               i = i + 1
+            end do
+            quoted = .false.
+            if (i <= n) quoted = content(i:i) == '"'
+            if (quoted) then
+               i = i + 1
+               do
+                  if (i > n) then
+                     call raise(error, 'line '//to_text(row_line)//': a double quote is not closed', exit_bad_input)
+                     return
+                  end if
+                  if (content(i:i) == '"') then
+                     if (i == n) exit
+                     if (content(i + 1:i + 1) /= '"') exit
+                     i = i + 1
+                  end if
+                  if (content(i:i) == newline) number = number + 1
+                  filled = filled + 1
+                  buffer(filled:filled) = content(i:i)
+                  i = i + 1
+               end do
+               last(cells) = filled
+               i = i + 1
+               do while (i <= n)
+                  if (scan(content(i:i), ' '//achar(9)//return) == 0) exit
+                  i = i + 1
+               end do
+               if (i <= n) then
+                  if (content(i:i) /= ',' .and. content(i:i) /= newline) then
+                     call raise(error, 'line '//to_text(row_line)//': text follows a closing double quote', exit_bad_input)
+                     return
+                  end if
+               end if
+            else
+               do while (i <= n)
+                  if (content(i:i) == ',' .or. content(i:i) == newline) exit
+                  filled = filled + 1
+                  buffer(filled:filled) = content(i:i)
+                  i = i + 1
+               end do
+               do while (filled >= first(cells))
+                  if (scan(buffer(filled:filled), ' '//achar(9)//return) == 0) exit
+                  filled = filled - 1
+               end do
+               last(cells) = filled
+            end if
+            if (i > n) exit row
+            if (content(i:i) == newline) exit row
+            i = i + 1
+         end do row
+         i = i + 1
+         number = number + 1
+      end do
+   end subroutine split
+
+   !> Position of the last character of the line that holds position `i`, the newline not counted.
+   pure subroutine end_of_line(content, i, last)
+      character(len=*), intent(in) :: content
+      integer, intent(in) :: i
+      integer, intent(out) :: last
+      integer :: length
+
+      length = index(content(i:), achar(10))
+      last = len(content)
+      if (length > 0) last = i + length - 2
+   end subroutine end_of_line
+
+   pure logical function is_skipped(line)
+      character(len=*), intent(in) :: line
+      integer :: i
+
+      i = verify(line, ' '//achar(9)//achar(13))
+      is_skipped = i == 0
+      if (i > 0) is_skipped = line(i:i) == '#'
+   end function is_skipped
+
+   pure function cell(self, column, row) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      !> 0 is the header.
+      integer, intent(in) :: row
+      character(len=:), allocatable :: string
+
+      string = self%buffer(self%first(column, row):self%last(column, row))
+   end function cell
+
+   pure function name(self, column) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      character(len=:), allocatable :: string
+
+      string = self%cell(column, 0)
+   end function name
+
+   !> Number of the column of this name, exactly or else whatever the case; 0 if there is none.
+   pure integer function find(self, name)
+      class(table_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+      integer :: j
+
+      find = 0
+      do j = 1, self%columns
+         if (self%name(j) == name) then
+            find = j
+            return
+         end if
+      end do
+      do j = 1, self%columns
+         if (lower(self%name(j)) == lower(name)) then
+            find = j
+            return
+         end if
+      end do
+   end function find
+
+   !> The finite number in a cell; a refusal names line, column and value.
+   subroutine number(self, column, row, value, error)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column, row
+      real(wp), intent(out) :: value
+      type(error_type), allocatable, intent(out) :: error
+      integer :: outcome
+      character(len=:), allocatable :: string, place
+
+      string = self%cell(column, row)
+      call read_real(string, value, outcome)
+      if (outcome == number_ok) return
+      place = 'line '//to_text(self%line(row))//', column '//printable(self%name(column))//': '
+      if (len(string) == 0) then
+         call raise(error, place//'the cell is empty; a number is needed', exit_bad_input)
+      else if (outcome == number_malformed) then
+         call raise(error, place//''''//printable(string)//''' is not a number', exit_bad_input)
+      else
+         call raise(error, place//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
+      end if
+   end subroutine number
+
+   !> A text as a cell of a CSV file: in double quotes if it must be.
+   pure function csv_cell(string) result(cell)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: cell
+      integer :: i
+
+      if (scan(string, ',"'//achar(10)//achar(13)) == 0 .and. index(string, '#') /= 1 &
+         & .and. string == adjustl(string) .and. len(string) == len_trim(string)) then
+         cell = string
+         return
+      end if
+      cell = '"'
+      do i = 1, len(string)
+         if (string(i:i) == '"') cell = cell//'"'
+         cell = cell//string(i:i)
+      end do
+      cell = cell//'"'
+   end function csv_cell
+end module tables

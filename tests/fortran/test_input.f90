@@ -1,0 +1,125 @@
+!> Text to numbers, CSV tables, the syntax of namelists, and the schema's own consistency.
+program test_input
+   use errors, only: error_type
+   use kinds, only: wp
+   use namelist_file, only: namelist_file_type, parse_namelist
+   use namelist_schema, only: kind_integer, kind_real, new_schema, schema_type
+   use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
+   use tables, only: csv_cell, parse_table, table_type
+   use testing, only: check, check_refused, check_success, finish
+   implicit none
+
+   character, parameter :: newline = achar(10)
+
+   call test_numbers()
+   call test_tables()
+   call test_syntax()
+   call test_schema()
+   call finish()
+
+contains
+
+   subroutine test_numbers()
+      call check_real('1', 1.0_wp, number_ok)
+      call check_real('-1.', -1.0_wp, number_ok)
+      call check_real('+.5', 0.5_wp, number_ok)
+      call check_real('1d-3', 1.0e-3_wp, number_ok)
+      call check_real('1.5E+02', 150.0_wp, number_ok)
+      call check_real('1e-400', 0.0_wp, number_ok)
+      call check_real('1e400', 0.0_wp, number_not_finite)
+      call check_real('-Inf', 0.0_wp, number_not_finite)
+      call check_real('nan', 0.0_wp, number_not_finite)
+      call check_real('', 0.0_wp, number_malformed)
+      call check_real('.', 0.0_wp, number_malformed)
+      call check_real('1e', 0.0_wp, number_malformed)
+      call check_real('1.0.0', 0.0_wp, number_malformed)
+      call check_real('1,5', 0.0_wp, number_malformed)
+      call check_real('2*3', 0.0_wp, number_malformed)
+      call check_real('0x10', 0.0_wp, number_malformed)
+      call check_integer('2147483647', huge(1), number_ok)
+      call check_integer('-7', -7, number_ok)
+      call check_integer('2147483648', 0, number_not_finite)
+      call check_integer('1.0', 0, number_malformed)
+      call check_integer('+', 0, number_malformed)
+   end subroutine test_numbers
+
+   subroutine check_real(string, expected, expected_outcome)
+      character(len=*), intent(in) :: string
+      real(wp), intent(in) :: expected
+      integer, intent(in) :: expected_outcome
+      real(wp) :: value
+      integer :: outcome
+
+      call read_real(string, value, outcome)
+      call check('real '''//string//'''', outcome == expected_outcome .and. .not. abs(value - expected) > 0.0_wp)
+   end subroutine check_real
+
+   subroutine check_integer(string, expected, expected_outcome)
+      character(len=*), intent(in) :: string
+      integer, intent(in) :: expected, expected_outcome
+      integer :: value, outcome
+
+      call read_integer(string, value, outcome)
+      call check('integer '''//string//'''', outcome == expected_outcome .and. value == expected)
+   end subroutine check_integer
+
+   subroutine test_tables()
+      type(table_type) :: table
+      type(error_type), allocatable :: error
+      real(wp) :: value
+
+      call parse_table('# c'//newline//'a, "b ""c"", d",e'//achar(13)//newline//newline//'1,"2'//newline//'3",'//newline &
+         & //' # c'//newline//'4 , 5,"6"', table, error)
+      call check_success('a table with quotes, comments and blank lines', error)
+      call check('its shape', table%rows == 2 .and. table%columns == 3)
+      call check('a quoted name', table%name(2) == 'b "c", d')
+      call check('a cell over two lines', table%cell(2, 1) == '2'//newline//'3')
+      call check('an empty cell', len(table%cell(3, 1)) == 0)
+      call check('the last cell', table%cell(3, 2) == '6')
+      call check('the line of a row', table%line(2) == 7)
+      call check('a name in another case', table%find('E') == 3 .and. table%find('f') == 0)
+      call table%number(1, 2, value, error)
+      call check('a number', .not. allocated(error) .and. nint(value) == 4)
+      call table%number(3, 1, value, error)
+      call check_refused('an empty number', error, 'line 4, column e: the cell is empty')
+      call check('a cell as CSV', csv_cell('a "b", c') == '"a ""b"", c"' .and. csv_cell('a b') == 'a b')
+   end subroutine test_tables
+
+   subroutine test_syntax()
+      type(namelist_file_type) :: file
+      type(error_type), allocatable :: error
+
+      call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. & END &b/', file, error)
+      call check_refused('a blank after &', error, 'f: &a: the / that ends the group is missing')
+      call parse_namelist('f', '&A x = 2*1.5, ''it''''s'' y = .true. &END &b/', file, error)
+      call check_success('two groups on one line', error)
+      call check('names in lower case', file%groups(1)%text == 'a' .and. file%entries(2)%name == 'y')
+      call check('an empty group', size(file%groups) == 2 .and. size(file%entries) == 2)
+      call check('repeated values', size(file%entries(1)%values) == 3 .and. file%entries(1)%values(2)%text == '1.5')
+      call check('a doubled quote', file%entries(1)%values(3)%text == 'it''s' .and. file%entries(1)%values(3)%quoted)
+      call parse_namelist('f', '&a x = 10001*1 /', file, error)
+      call check_refused('too many repetitions', error, 'repeat count')
+      call parse_namelist('f', '&a x = 1 y (2) = 3 /', file, error)
+      call check_refused('a subscript', error, 'f: &a y: line 1: parts of a variable')
+   end subroutine test_syntax
+
+   !> Every row of the table can be used as the reader uses it.
+   subroutine test_schema()
+      type(schema_type) :: s
+      integer :: i, n
+
+      s = new_schema()
+      do i = 1, size(s%variables)
+         associate (v => s%variables(i))
+            call check('row '//v%group//' '//v%name//' has a kind', v%kind > 0)
+            call check('row '//v%group//' '//v%name//' is there once', s%find(v%group, v%name) == i)
+            call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
+            if (v%kind == kind_integer .or. v%kind == kind_real) then
+               n = len(v%allowed)
+               call check('row '//v%group//' '//v%name//' has an interval', n > 4 .and. index(v%allowed, ',') > 0 &
+                  & .and. scan(v%allowed(1:1), '[(') == 1 .and. scan(v%allowed(n:n), '])') == 1)
+            end if
+         end associate
+      end do
+   end subroutine test_schema
+end program test_input
