@@ -3,14 +3,11 @@
 import argparse
 import json
 import logging
-import math
 import os
 import sys
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from .core import BayesindentError, InputError
 from .progress import Progress
@@ -45,19 +42,19 @@ exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 130 in
 NAMELIST_COMMANDS = {
     "run": (
         "all that the groups of a namelist ask for, in order, resuming what is done",
-        None,
+        ("problem", "crystals", "simulation", "domain", "surrogate", "design", "measurements", "prior", "sampler", "next", "execution"),
         """&crystals asks for simulate and theory, &design for build, &measurements for extract, &next for next; a report ends it.
         Nothing that is already in the output folder is simulated again.""",
     ),
     "simulate": (
         "finite element indentation of the crystals in a namelist",
-        ("problem", "crystals", "simulation", "measurements", "execution"),
+        ("problem", "crystals", "simulation", "execution"),
         """Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ParaView or
         the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated again.""",
     ),
     "theory": (
         "exact half-space theory of the same crystals",
-        ("problem", "crystals", "measurements"),
+        ("problem", "crystals"),
         """Willis' elliptical contact on the anisotropic half-space. Writes theory.csv.""",
     ),
     "build": (
@@ -167,10 +164,18 @@ def parser() -> argparse.ArgumentParser:
 
 
 def describe_group(name: str) -> str:
-    """The variables of one namelist group: type, unit, default, range and meaning, as the core's reader knows them."""
-    from .problem import describe
+    """The variables of one namelist group, as the core's reader knows them."""
+    from .problem import schema
 
-    return describe(name)
+    variables = [variable for variable in schema() if variable.group == name]
+    lines = [f"&{name}: {variables[0].group_meaning}"]
+    for variable in variables:
+        default = "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
+        details = ", ".join(
+            filter(None, [variable.unit, f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed, default])
+        )
+        lines += textwrap.wrap(f"{variable.meaning} ({details})", 110, initial_indent=f"  {variable.name:<22}", subsequent_indent=" " * 24)
+    return "\n".join(lines) + "\n"
 
 
 def run_stage(arguments: argparse.Namespace) -> int:
@@ -180,19 +185,19 @@ def run_stage(arguments: argparse.Namespace) -> int:
 
     problem = Problem(arguments.file, arguments.command)
     if getattr(arguments, "check", False):
-        return finish(arguments, {"file": str(arguments.file), "stages": stages.asked(problem), "warnings": list(problem.warnings)})
+        return finish(arguments, {"file": str(arguments.file), "stages": stages.asked(problem), "warnings": problem.warnings})
     output = output_folder(arguments, arguments.file)
     output.mkdir(parents=True, exist_ok=True)
     open_log(output, arguments)
     (output / "resolved.nml").write_text(problem.resolved)
-    document = stages.STAGES[arguments.command](problem, output, Progress(True))
-    document["warnings"] = [*problem.warnings, *document.get("warnings", [])]
-    status = finish(arguments, document)
-    tell(f"results are in {output}")
-    return status
+    if getattr(arguments, "ask", None) is not None or getattr(arguments, "tell", None) is not None:
+        return ask_or_tell(arguments, problem, output)
+    document = stages.perform(arguments.command, problem, output, Progress(True))
+    document["warnings"] = list(dict.fromkeys([*problem.warnings, *document["warnings"]]))
+    return finish(arguments, document, output)
 
 
-def ask_or_tell(arguments: argparse.Namespace) -> int:
+def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
     """Serve `build --ask` and `build --tell`."""
     return DONE
 
@@ -231,35 +236,22 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
     return arguments.output or Path("runs") / source.stem
 
 
-def finish(arguments: argparse.Namespace, document: dict) -> int:
+def finish(arguments: argparse.Namespace, document: dict, output: Path | None = None) -> int:
     """Tell the warnings on standard error and the document on standard output, as JSON or in words."""
+    from .stages import plain
+
     for warning in document["warnings"]:
         log.warning("%s", warning)
         tell(f"warning: {warning}")
     if arguments.json:
-        json.dump(plain(document), sys.stdout, allow_nan=False)
-        print()
+        print(json.dumps(plain(document), allow_nan=False), flush=True)
     else:
-        from .tables import print_document
+        from .console import show
 
-        print_document(arguments.command, document)
-    sys.stdout.flush()
+        show(arguments.command, document)
+    if output is not None:
+        tell(f"results are in {output}")
     return DONE
-
-
-def plain(value):
-    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def tell(text: str) -> None:

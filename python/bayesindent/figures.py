@@ -1,0 +1,419 @@
+"""The figures of the report: each function takes plain data and returns a matplotlib figure."""
+
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+__all__ = [
+    "coefficients",
+    "contraction",
+    "curve_over_declination",
+    "grain_comparison",
+    "house_style",
+    "learning_curve",
+    "load_depth",
+    "marginals",
+    "modulus_against_theory",
+    "modulus_over_declination",
+    "modulus_over_triangle",
+    "next_grains",
+    "pairs",
+    "parity",
+    "stamp_synthetic",
+    "traces",
+]
+
+# The palette of Okabe and Ito, which colour-blind readers can tell apart.
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+)
+CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
+MARKERS = "osD^vP*"
+
+STYLE = {
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.prop_cycle": mpl.cycler(color=CYCLE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "image.cmap": "cividis",
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "savefig.dpi": 160,
+}
+#: Width of a figure in inches.
+WIDTH = 7.0
+
+
+@contextmanager
+def house_style():
+    """Draw in one style, whatever the user's configuration is."""
+    with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", **STYLE}):
+        yield
+
+
+def stamp_synthetic(figure: Figure) -> None:
+    """Mark a figure that rests on made-up data."""
+    figure.get_layout_engine().set(rect=(0, 0, 1, 0.94))
+    figure.text(0.995, 0.985, "SYNTHETIC DATA", ha="right", va="top", color=RED, weight="bold", size=9)
+
+
+def load_depth(results: Sequence[dict], radius_um: float, shown: int = 6) -> Figure:
+    """Force against depth^1.5 of simulated indentations, with the fits through the origin that give the moduli."""
+    figure = Figure(figsize=(WIDTH, 3.8))
+    axes = figure.subplots()
+    chosen = [results[i] for i in np.unique(np.linspace(0, len(results) - 1, min(shown, len(results))).round().astype(int))]
+    for result, colour, marker in zip(chosen, CYCLE, MARKERS, strict=False):
+        x = np.asarray(result["depth_um"]) ** 1.5
+        end = np.array([0.0, x.max()])
+        modulus = result["indentation_modulus_gpa"]
+        axes.plot(end, 4 / 3 * modulus * np.sqrt(radius_um) * end, color=colour, lw=1)
+        label = f"{orientation(result['euler_deg'])}: {modulus:.1f} GPa"
+        axes.plot(x, result["force_mn"], marker, color=colour, ms=4.5, label=label)
+    axes.set(xlabel="depth$^{1.5}$  h$^{1.5}$ (µm$^{1.5}$)", ylabel="force P (mN)", xlim=(0, None), ylim=(0, None))
+    axes.legend(title="(φ₁, Φ, φ₂): modulus", loc="upper left")
+    return figure
+
+
+def modulus_over_declination(declination_deg, simulated, theory) -> Figure:
+    """Simulated moduli of one crystal and the exact theory over the declination Φ, with their ratio."""
+    order = np.argsort(declination_deg)
+    angle, simulated, theory = (np.asarray(values, dtype=float)[order] for values in (declination_deg, simulated, theory))
+    figure = Figure(figsize=(WIDTH, 4.4))
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 1))
+    top.plot(angle, theory, color=BLACK, label="half-space theory")
+    top.plot(angle, simulated, "o", color=BLUE, label="finite elements")
+    top.set_ylabel("indentation modulus (GPa)")
+    top.legend()
+    difference = 100 * (simulated / theory - 1)
+    bottom.axhline(0, color=BLACK, lw=0.8)
+    bottom.plot(angle, difference, "o-", color=BLUE, lw=0.8)
+    bottom.set(xlabel="declination Φ (degrees)", ylabel="difference (%)")
+    room_about_zero(bottom, difference)
+    return figure
+
+
+def modulus_against_theory(simulated, theory) -> Figure:
+    """Simulated moduli of various crystals against the exact theory."""
+    simulated, theory = np.asarray(simulated), np.asarray(theory)
+    figure = Figure(figsize=(WIDTH, 3.4))
+    left, right = figure.subplots(1, 2)
+    diagonal(left, simulated, theory)
+    left.plot(theory, simulated, "o", color=BLUE, ms=4)
+    left.set(xlabel="half-space theory (GPa)", ylabel="finite elements (GPa)")
+    difference = 100 * (simulated / theory - 1)
+    right.axhline(0, color=BLACK, lw=0.8)
+    right.plot(theory, difference, "o", color=BLUE, ms=4)
+    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)")
+    room_about_zero(right, difference)
+    return figure
+
+
+def learning_curve(series: dict[str, tuple[Sequence, Sequence]]) -> Figure:
+    """Error against the number of simulations; `series` maps a label to counts and errors in GPa."""
+    figure = Figure(figsize=(WIDTH, 3.2))
+    axes = figure.subplots()
+    for (label, (count, error)), colour, marker in zip(series.items(), CYCLE, MARKERS, strict=False):
+        axes.plot(count, error, marker=marker, ms=3.5, lw=1, color=colour, label=label)
+    axes.set(xlabel="simulations", ylabel="error (GPa)", yscale="log")
+    plain_log_ticks(axes.yaxis)
+    axes.legend()
+    return figure
+
+
+def parity(simulated, predicted, sd) -> Figure:
+    """Predicted against simulated moduli with one sd, and the residuals in units of the sd."""
+    simulated, predicted, sd = (np.asarray(values, dtype=float) for values in (simulated, predicted, sd))
+    figure = Figure(figsize=(WIDTH, 3.4))
+    left, right = figure.subplots(1, 2)
+    diagonal(left, simulated, predicted)
+    left.errorbar(simulated, predicted, sd, fmt="o", ms=3.5, lw=0.8, color=BLUE)
+    left.set(xlabel="simulated modulus (GPa)", ylabel="predicted modulus (GPa)")
+    right.axhspan(-2, 2, color=SKY, alpha=0.2, lw=0)
+    right.axhspan(-1, 1, color=SKY, alpha=0.3, lw=0)
+    right.axhline(0, color=BLACK, lw=0.8)
+    right.plot(simulated, (predicted - simulated) / sd, "o", ms=3.5, color=BLUE)
+    right.set(xlabel="simulated modulus (GPa)", ylabel="(predicted - simulated) / sd")
+    return figure
+
+
+def coefficients(count, norm, angle_deg) -> Figure:
+    """Norm of the coefficient vector, and the angle through which each update turned it."""
+    figure = Figure(figsize=(WIDTH, 3.0))
+    left, right = figure.subplots(1, 2)
+    left.plot(count, norm, color=BLUE)
+    left.set(xlabel="simulations", ylabel="norm of the coefficients")
+    right.plot(count, angle_deg, color=BLUE)
+    right.set(xlabel="simulations", ylabel="turn since the last update (degrees)")
+    return figure
+
+
+def marginals(samples: dict[str, np.ndarray], most_probable: dict[str, float], bounds: dict[str, tuple[float, float]]) -> Figure:
+    """Marginal distribution of each constant, with mean, sd, most probable value, and the bounds of the prior where near."""
+    names = list(samples)
+    columns = min(3, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(WIDTH, 2.5 * rows))
+    for axes, name in zip(grid(figure, rows, columns, len(names)), names, strict=True):
+        values = samples[name].ravel()
+        mean, sd = values.mean(), values.std()
+        axes.hist(values, bins=48, density=True, color=SKY, alpha=0.7, lw=0)
+        axes.axvline(mean, color=BLUE, label="mean")
+        axes.axvline(most_probable[name], color=RED, ls="--", label="most probable")
+        low, high = axes.get_xlim()
+        for bound in bounds.get(name, ()):
+            if low - 0.1 * (high - low) <= bound <= high + 0.1 * (high - low):
+                axes.axvline(bound, color=BLACK, lw=2.5, label="bound of the prior")
+        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], title=f"{mean:.1f} ± {sd:.1f} GPa")
+        axes.grid(False)
+        axes.spines["left"].set_visible(False)
+    unique_legend(figure)
+    return figure
+
+
+def pairs(samples: dict[str, np.ndarray], points: int = 3000) -> Figure:
+    """Every pair of constants: points of the posterior, which show its ridges, with the correlation in the other half."""
+    names = list(samples)
+    table = np.stack([samples[name].ravel() for name in names])
+    correlation = np.corrcoef(table)
+    table = table[:, :: max(1, table.shape[1] // points)]
+    count = len(names)
+    figure = Figure(figsize=(WIDTH, WIDTH * 0.92))
+    axes = figure.subplots(count, count, squeeze=False)
+    for i, j in np.ndindex(count, count):
+        cell = axes[i, j]
+        cell.grid(False)
+        if i < j:
+            cell.axis("off")
+            cell.text(0.5, 0.5, f"{correlation[i, j]:+.2f}", ha="center", va="center", size=11, color="#555555", transform=cell.transAxes)
+        elif i == j:
+            cell.hist(table[i], bins=36, color=SKY, alpha=0.7, lw=0)
+            cell.set_yticks([])
+        else:
+            cell.plot(table[j], table[i], ".", ms=1.6, alpha=0.35, color=BLUE, rasterized=True, mew=0)
+        if i == count - 1:
+            cell.set_xlabel(f"{subscript(names[j])} (GPa)")
+            cell.tick_params(axis="x", rotation=45)
+        else:
+            cell.set_xticklabels([])
+        if j == 0 and i > 0:
+            cell.set_ylabel(f"{subscript(names[i])} (GPa)")
+        elif j > 0:
+            cell.set_yticklabels([])
+    return figure
+
+
+def grain_comparison(predicted: Sequence[dict], unit: str) -> Figure:
+    """Measured moduli, grain by grain, beside what the posterior predicts."""
+    order = np.argsort([item["mean"] for item in predicted])
+    mean = np.array([predicted[i]["mean"] for i in order])
+    sd = np.array([predicted[i]["sd"] for i in order])
+    measured = np.array([predicted[i]["measured"] for i in order])
+    error = [predicted[i].get("measured_sd") or 0.0 for i in order]
+    place = np.arange(len(order))
+    figure = Figure(figsize=(WIDTH, 3.4))
+    axes = figure.subplots()
+    axes.errorbar(place, mean, 2 * sd, fmt="none", ecolor=SKY, elinewidth=9 if len(order) <= 20 else 4, label="predicted, ± 2 sd")
+    axes.plot(place, mean, "_", color=BLUE, ms=9 if len(order) <= 20 else 4, mew=1.8, label="predicted, mean")
+    axes.errorbar(place, measured, error, fmt="o", ms=4, lw=1, color=BLACK, label="measured, ± sd")
+    axes.set(ylabel=f"{unit} (GPa)", xlabel="grain (row of the measurements)")
+    step = -(-len(order) // 25)
+    axes.set_xticks(place[::step], [str(i + 1) for i in order[::step]])
+    axes.grid(axis="x")
+    axes.legend(loc="upper left", ncols=3, bbox_to_anchor=(0, 1.12))
+    return figure
+
+
+def modulus_over_triangle(predict: Callable, euler_deg, measured, unit: str) -> Figure:
+    """Mean and sd of the modulus over the standard triangle of a cubic crystal, with the grains that were measured.
+
+    `predict(euler_deg (n, 3))` gives mean and sd in GPa.
+    """
+    x, y, triangle, angles = triangle_mesh()
+    mean, sd = predict(angles)
+    px, py = inverse_pole(euler_deg)
+    figure = Figure(figsize=(WIDTH, 3.2))
+    left, right = figure.subplots(1, 2)
+    measured = np.asarray(measured, dtype=float)
+    low, high = min(mean.min(), measured.min()), max(mean.max(), measured.max())
+    for axes, values, limits, title in ((left, mean, (low, high), "mean"), (right, sd, (None, None), "sd")):
+        image = axes.tripcolor(x, y, triangle, values, shading="gouraud", vmin=limits[0], vmax=limits[1], rasterized=True)
+        figure.colorbar(image, ax=axes, label=f"{title} of {unit} (GPa)", shrink=0.85)
+        triangle_frame(axes)
+    left.scatter(px, py, c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
+    right.plot(px, py, "o", color="white", mec=BLACK, ms=4, mew=0.8)
+    return figure
+
+
+def curve_over_declination(predict: Callable, euler_deg, measured, measured_sd, unit: str) -> Figure:
+    """Posterior of the modulus of a hexagonal crystal over the declination of its axis, with the grains that were measured."""
+    angle = np.linspace(0, 90, 46)
+    mean, sd = predict(np.stack([np.zeros_like(angle), angle, np.zeros_like(angle)], axis=1))
+    declination = np.asarray(euler_deg)[:, 1]
+    declination = np.minimum(declination, 180 - declination)
+    figure = Figure(figsize=(WIDTH, 3.4))
+    axes = figure.subplots()
+    axes.fill_between(angle, mean - 2 * sd, mean + 2 * sd, color=SKY, alpha=0.4, lw=0, label="predicted, ± 2 sd")
+    axes.plot(angle, mean, color=BLUE, label="predicted, mean")
+    axes.errorbar(declination, measured, measured_sd, fmt="o", ms=3.5, lw=0.8, color=BLACK, label="measured, ± sd")
+    axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"{unit} (GPa)", xlim=(-2, 92))
+    axes.legend()
+    return figure
+
+
+def traces(samples: dict[str, np.ndarray]) -> Figure:
+    """Chains (chain, sample) of each constant."""
+    figure = Figure(figsize=(WIDTH, 1.25 * len(samples) + 0.4))
+    rows = figure.subplots(len(samples), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, chains) in zip(rows, samples.items(), strict=True):
+        step = max(1, chains.shape[1] // 1500)
+        for chain, colour in zip(chains, np.resize(CYCLE, len(chains)), strict=True):
+            axes.plot(np.arange(0, chain.size, step), chain[::step], lw=0.4, alpha=0.8, color=colour, rasterized=True)
+        axes.set_ylabel(f"{subscript(name)} (GPa)")
+    rows[-1].set_xlabel("sample of the chain")
+    figure.align_ylabels(rows)
+    return figure
+
+
+def contraction(labels: Sequence[str], shares: Sequence[float]) -> Figure:
+    """How much of the prior's sd the data removed, for combinations of the constants: 1 is all, 0 is nothing."""
+    shares = np.clip(np.asarray(shares, dtype=float), 0, 1)
+    place = np.arange(len(labels))[::-1]
+    figure = Figure(figsize=(WIDTH, 0.42 * len(labels) + 1.1))
+    axes = figure.subplots()
+    axes.barh(place, shares, color=BLUE, height=0.62, label="decided by the data")
+    axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.62, alpha=0.55, label="left to the prior")
+    for y, share in zip(place, shares, strict=True):
+        axes.text(1.01, y, f"{100 * share:.0f} %", va="center")
+    axes.set_yticks(place, labels)
+    axes.set(xlim=(0, 1.1), xlabel="share of the prior's sd that the data removed")
+    axes.set_xticks(np.linspace(0, 1, 6))
+    axes.grid(axis="y")
+    figure.legend(loc="outside upper left", ncols=2)
+    return figure
+
+
+def next_grains(suggestions: Sequence[dict], cubic: bool, measured_euler=None) -> Figure:
+    """Orientations worth measuring next: over the standard triangle (cubic) or the declination (hexagonal)."""
+    angles = np.array([item["euler_deg"] for item in suggestions])
+    gain = np.array([item["gain"] for item in suggestions])
+    figure = Figure(figsize=(WIDTH, 3.4 if cubic else 2.8))
+    axes = figure.subplots()
+    if cubic:
+        x, y = inverse_pole(angles)
+        triangle_frame(axes)
+        if measured_euler is not None:
+            axes.plot(*inverse_pole(measured_euler), "x", color="#777777", ms=5, label="measured")
+        points = axes.scatter(x, y, c=gain, s=60, edgecolors=BLACK, linewidths=0.7, zorder=3, label="suggested")
+        figure.colorbar(points, ax=axes, label="expected gain", shrink=0.8)
+        for rank, place in enumerate(zip(x, y, strict=True), start=1):
+            axes.annotate(str(rank), place, xytext=(6, 3), textcoords="offset points", size=8)
+    else:
+        if measured_euler is not None:
+            declination = np.asarray(measured_euler)[:, 1]
+            axes.plot(np.minimum(declination, 180 - declination), np.zeros(len(declination)), "x", color="#777777", label="measured")
+        axes.plot(np.minimum(angles[:, 1], 180 - angles[:, 1]), gain, "o", color=BLUE, label="suggested")
+        axes.set(xlabel="declination of the c axis (degrees)", ylabel="expected gain", xlim=(-2, 92))
+    axes.legend(loc="upper left")
+    return figure
+
+
+def orientation(euler_deg) -> str:
+    """Angles in words."""
+    return "(" + ", ".join(f"{angle:g}" for angle in np.round(euler_deg, 1)) + ")°"
+
+
+def subscript(name: str) -> str:
+    """C11 as C with a subscript."""
+    return f"C$_{{{name[1:]}}}$" if name[:1] == "C" and name[1:].isdigit() else name
+
+
+def inverse_pole(euler_deg) -> tuple[np.ndarray, np.ndarray]:
+    """Stereographic place in the standard triangle of the indentation direction of cubic crystals at Bunge angles (n, 3)."""
+    _, declination, phi2 = np.radians(np.asarray(euler_deg, dtype=float)).T
+    direction = np.stack([np.sin(phi2) * np.sin(declination), np.cos(phi2) * np.sin(declination), np.cos(declination)])
+    least, middle, most = np.sort(np.abs(direction), axis=0)
+    return middle / (1 + most), least / (1 + most)
+
+
+def triangle_mesh(divisions: int = 24):
+    """Places in the standard triangle, their triangulation, and Bunge angles that bring each to the indenter."""
+    corners = np.array([[0, 0, 1], [0, np.sqrt(0.5), np.sqrt(0.5)], np.full(3, np.sqrt(1 / 3))])
+    weights = [(i, j, divisions - i - j) for i in range(divisions + 1) for j in range(divisions + 1 - i)]
+    direction = np.array(weights) @ corners
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    number = {weight: index for index, weight in enumerate(weights)}
+    triangles = []
+    for i, j, k in weights:
+        if k > 0:
+            triangles.append([number[i, j, k], number[i + 1, j, k - 1], number[i, j + 1, k - 1]])
+        if k > 1:
+            triangles.append([number[i + 1, j, k - 1], number[i + 1, j + 1, k - 2], number[i, j + 1, k - 1]])
+    declination = np.degrees(np.arccos(np.clip(direction[:, 2], -1, 1)))
+    phi2 = np.degrees(np.arctan2(direction[:, 0], direction[:, 1]))
+    angles = np.stack([np.zeros_like(phi2), declination, phi2], axis=1)
+    return (*inverse_pole(angles), np.array(triangles), angles)
+
+
+def triangle_frame(axes) -> None:
+    """Edges and corners of the standard triangle."""
+    side = np.linspace(0, 1, 40)[:, None]
+    corners = np.array([[0, 0, 1], [0, 1, 1], [1, 1, 1]])
+    path = np.concatenate([(1 - side) * corners[i] + side * corners[(i + 1) % 3] for i in range(3)])
+    path = path / np.linalg.norm(path, axis=1, keepdims=True)
+    axes.plot(path[:, 1] / (1 + path[:, 2]), path[:, 0] / (1 + path[:, 2]), color=BLACK, lw=1)
+    for label, place, align in (("001", (0, -0.01), "left"), ("101", (0.414, -0.01), "right"), ("111", (0.366, 0.376), "center")):
+        axes.text(*place, label, ha=align, va="bottom" if label == "111" else "top")
+    axes.set(aspect="equal", xlim=(-0.02, 0.44), ylim=(-0.04, 0.41))
+    axes.axis("off")
+
+
+def grid(figure: Figure, rows: int, columns: int, count: int) -> list:
+    """The first `count` axes of a grid; the others are removed."""
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for spare in axes[count:]:
+        spare.remove()
+    return list(axes[:count])
+
+
+def diagonal(axes, x, y) -> None:
+    """The line of equality, over the range of the data."""
+    low, high = min(np.min(x), np.min(y)), max(np.max(x), np.max(y))
+    axes.plot([low, high], [low, high], color=BLACK, lw=0.8)
+
+
+def room_about_zero(axes, values) -> None:
+    """Limits that show zero and all values."""
+    limit = 1.25 * max(np.max(np.abs(values)), 0.1)
+    axes.set_ylim(min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values)))
+
+
+def plain_log_ticks(axis) -> None:
+    """Numbers such as 0.5 on a logarithmic axis, not powers."""
+    axis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(mpl.ticker.FormatStrFormatter("%g"))
+    axis.set_minor_formatter(mpl.ticker.NullFormatter())
+
+
+def unique_legend(figure: Figure) -> None:
+    """One legend above all axes."""
+    entries = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=len(entries))

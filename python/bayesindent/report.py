@@ -1,0 +1,308 @@
+"""The report: one HTML page that needs nothing beside it, made from whatever a folder of results holds."""
+
+import base64
+import hashlib
+import html
+import io
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from importlib import metadata
+from pathlib import Path
+
+import f90nml
+import numpy as np
+import xarray
+
+from . import figures
+from .crystal import CONSTANTS
+from .version import __version__
+
+__all__ = ["write_report"]
+
+STYLE = """
+:root { color-scheme: light; }
+body { font: 16px/1.55 system-ui, sans-serif; color: #1c2024; background: #fff; margin: 0 auto; max-width: 52rem; padding: 2rem 1.2rem 4rem; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .3rem; }
+h2 { font-size: 1.25rem; margin: 2.6rem 0 .6rem; border-bottom: 1px solid #d7dbe0; padding-bottom: .25rem; }
+.lead { color: #50575f; margin-top: 0; }
+.synthetic { background: #fbeee6; border-left: 4px solid #D55E00; padding: .5rem .9rem; }
+.warnings { background: #fff8e1; border-left: 4px solid #E69F00; padding: .5rem .9rem .5rem 2rem; margin: 1rem 0; }
+table { border-collapse: collapse; margin: .8rem 0 1.2rem; font-variant-numeric: tabular-nums; font-size: .92rem; }
+caption { text-align: left; color: #50575f; padding-bottom: .3rem; caption-side: top; }
+th, td { padding: .22rem .8rem .22rem 0; text-align: right; border-bottom: 1px solid #eceef1; }
+th:first-child, td:first-child { text-align: left; }
+thead th { border-bottom: 1px solid #8b949e; font-weight: 600; }
+figure { margin: 1.2rem 0; }
+figure img { max-width: 100%; height: auto; }
+figcaption { color: #50575f; font-size: .92rem; }
+pre { background: #f5f6f8; padding: .8rem; overflow-x: auto; font-size: .85rem; }
+.wide { overflow-x: auto; }
+"""
+
+
+def write_report(folder: Path, output: Path | None = None) -> Path:
+    """Write report.html into `output` (default: the folder itself) from the results in `folder`; return its path."""
+    results = Results(Path(folder))
+    with figures.house_style():
+        sections = [
+            summary_section(results),
+            simulation_section(results),
+            surrogate_section(results),
+            posterior_section(results),
+            identifiability_section(results),
+            next_section(results),
+            provenance_section(results),
+        ]
+    page = "\n".join(
+        [
+            '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{text(results.title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>",
+            *filter(None, sections),
+            "</body>\n</html>\n",
+        ]
+    )
+    file = Path(output or folder) / "report.html"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(page, encoding="utf-8")
+    return file
+
+
+class Results:
+    """What the stages left in a folder; a stage that did not run is an empty document."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        resolved = folder / "resolved.nml"
+        self.namelist = f90nml.read(resolved) if resolved.exists() else f90nml.Namelist()
+        problem = self.namelist.get("problem", {})
+        self.symmetry = problem.get("symmetry", "cubic")
+        self.constants = CONSTANTS[self.symmetry]
+        self.synthetic = bool(problem.get("synthetic", False))
+        self.title = problem.get("title") or f"Indentation of a {self.symmetry} metal"
+        self.simulate, self.theory, self.build, self.extract, self.next = (
+            self.document(name) for name in ("simulate", "theory", "build", "summary", "next")
+        )
+
+    def document(self, name: str) -> dict:
+        file = self.folder / f"{name}.json"
+        return json.loads(file.read_text()) if file.exists() else {}
+
+    def figure(self, drawing, alt: str, caption: str) -> str:
+        """A figure as HTML, with its words for those who cannot see it."""
+        if self.synthetic:
+            figures.stamp_synthetic(drawing)
+        buffer = io.BytesIO()
+        drawing.savefig(buffer, format="png")
+        data = base64.b64encode(buffer.getvalue()).decode()
+        return f'<figure><img src="data:image/png;base64,{data}" alt="{text(alt)}"><figcaption>{text(caption)}</figcaption></figure>'
+
+    def samples(self) -> dict[str, np.ndarray]:
+        """Chains (chain, draw) of each constant."""
+        with xarray.open_dataset(self.folder / "posterior.nc", group="posterior") as posterior:
+            return {name: posterior[name].values for name in self.constants}
+
+
+def text(value) -> str:
+    """Escape for HTML."""
+    return html.escape(str(value), quote=True)
+
+
+def table(caption: str, header: Sequence[str], rows: Iterable[Sequence]) -> str:
+    """A table as HTML."""
+    head = "".join(f"<th scope=col>{text(cell)}</th>" for cell in header)
+    body = "".join("<tr>" + "".join(f"<td>{text(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table><caption>{text(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def number(value, digits: int = 1) -> str:
+    """A number as text; a dash where there is none."""
+    return "–" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
+
+
+def summary_section(results: Results) -> str:
+    """Title, what was estimated, and every warning."""
+    parts = [f"<h1>{text(results.title)}</h1>"]
+    parts.append(
+        '<p class="lead">Elastic constants of single crystals from spherical indentation. Uncertainties are standard deviations (sd).</p>'
+    )
+    if results.synthetic:
+        parts.append(
+            '<p class="synthetic"><strong>Synthetic data.</strong> The measurements are made up, to show or to test the method.</p>'
+        )
+    if results.extract:
+        rows = [
+            [
+                name,
+                number(item["mean"]),
+                number(item["sd"]),
+                number(item["map"]),
+                f"{number(item['hdi_95'][0])} to {number(item['hdi_95'][1])}",
+            ]
+            for name, item in results.extract["parameters"].items()
+        ]
+        parts.append(table("Elastic constants in GPa", ["constant", "mean", "sd", "most probable", "95 % interval"], rows))
+    documents = results.simulate, results.theory, results.build, results.extract, results.next
+    warnings = dict.fromkeys(warning for document in documents for warning in document.get("warnings", []))
+    if warnings:
+        items = "".join(f"<li>{text(warning)}</li>" for warning in warnings)
+        parts.append(f'<ul class="warnings" aria-label="warnings">{items}</ul>')
+    return "\n".join(parts)
+
+
+def simulation_section(results: Results) -> str:
+    """Simulated indentations and the theory."""
+    rows = [row for row in results.simulate.get("results", []) if row.get("indentation_modulus_gpa")]
+    theory = [row["indentation_modulus_gpa"] for row in results.theory.get("results", [])]
+    if not rows:
+        return ""
+    settings = results.namelist.get("simulation", {})
+    radius = settings.get("radius_um", 16.0)
+    parts = [
+        "<h2>Simulated indentations</h2>",
+        results.figure(
+            figures.load_depth(rows, radius),
+            f"Force against depth to the power 1.5 for {len(rows)} simulated indentations; the points lie on straight lines.",
+            f"Force against depth to the power 1.5 under a rigid sphere of radius {radius:g} µm. The slope of the fit through the origin is "
+            "4/3 M √R, with M the indentation modulus.",
+        ),
+    ]
+    if len(theory) == len(rows):
+        simulated = [row["indentation_modulus_gpa"] for row in rows]
+        angles = np.array([row["euler_deg"] for row in rows])
+        one_crystal = all(row["constants"] == rows[0]["constants"] for row in rows) and len(rows) > 1
+        largest = np.max(np.abs(np.divide(simulated, theory) - 1))
+        if one_crystal and np.ptp(angles[:, 1]) > 0 and not np.ptp(angles[:, [0, 2]], axis=0).any():
+            drawing = figures.modulus_over_declination(angles[:, 1], simulated, theory)
+        else:
+            drawing = figures.modulus_against_theory(simulated, theory)
+        words = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * largest:.2f} %."
+        parts.append(results.figure(drawing, words, words + " The simulations use nothing of the theory."))
+    header = [
+        "φ₁, Φ, φ₂ (degrees)",
+        "M (GPa)",
+        *(["theory (GPa)", "difference (%)"] if len(theory) == len(rows) else []),
+        "elements",
+        "seconds",
+    ]
+    body = []
+    for index, row in enumerate(rows):
+        modulus = row["indentation_modulus_gpa"]
+        compared = [number(theory[index], 2), number(100 * (modulus / theory[index] - 1), 2)] if len(theory) == len(rows) else []
+        body.append([figures.orientation(row["euler_deg"]), number(modulus, 2), *compared, row["elements"], number(row["seconds"], 2)])
+    parts.append(table("Indentation moduli" + (", the first 40" if len(body) > 40 else ""), header, body[:40]))
+    return "\n".join(parts)
+
+
+def surrogate_section(results: Results) -> str:
+    """How the surrogate was taught, and how well it knows the simulations."""
+    build = results.build
+    if not build:
+        return ""
+    facts = [
+        ["simulations in all", build["simulations"]],
+        ["of them failed", build["failed"]],
+        ["terms of the basis", build["terms"]],
+        ["leave-one-out error (GPa)", number(build["loocv_gpa"], 3)],
+        ["precision of the coefficients α", f"{build['alpha']:.4g}"],
+        ["precision of the simulations β", f"{build['beta']:.4g}"],
+    ]
+    parts = ["<h2>Step 1: the surrogate</h2>", table("The surrogate of the indentation modulus", ["", "value"], facts)]
+    return "\n".join(parts)
+
+
+def posterior_section(results: Results) -> str:
+    """The posterior of the constants."""
+    document = results.extract
+    if not document:
+        return ""
+    samples = results.samples()
+    prior = results.namelist.get("prior", {})
+    bounds = dict(zip(results.constants, zip(prior.get("c_min", []), prior.get("c_max", []), strict=False), strict=False))
+    parameters = document["parameters"]
+    kind = results.namelist.get("measurements", {}).get("modulus_kind", "indentation_modulus").replace("_", " ")
+    words = ", ".join(f"{name} {item['mean']:.0f} with sd {item['sd']:.0f}" for name, item in parameters.items())
+    parts = [
+        "<h2>Step 2: the elastic constants</h2>",
+        results.figure(
+            figures.marginals(samples, {name: item["map"] for name, item in parameters.items()}, bounds),
+            f"Histograms of the posterior of each constant, in GPa: {words}.",
+            "What the measurements say of each constant by itself; above each, mean ± sd. A thick line is a bound of the prior: where the "
+            "histogram ends at one, the bound decided.",
+        ),
+        results.figure(
+            figures.pairs(samples),
+            "Points of the posterior for each pair of constants, with their correlations.",
+            "Pairs of constants. Long thin clouds are ridges: combinations along which the measurements cannot tell crystals apart. The "
+            "numbers are correlations.",
+        ),
+        results.figure(
+            figures.grain_comparison(document["predicted"], kind),
+            "Measured modulus of each grain beside the prediction of the posterior.",
+            f"The {kind} of each grain, measured and as the posterior predicts it, in order of the prediction.",
+        ),
+    ]
+    parts.append(orientation_figure(results, samples, document, kind))
+    parts.append(
+        results.figure(
+            figures.traces(samples),
+            "The sampled values of each chain in order.",
+            "The chains. Healthy ones overlap and show no trend.",
+        )
+    )
+    rows = [[name, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)] for name, item in parameters.items()]
+    caption = f"Convergence of {document['chains']} chains of {document['samples']} samples; R-hat should be below 1.01"
+    parts.append(table(caption, ["constant", "R-hat", "effective samples, bulk", "tail"], rows))
+    return "\n".join(parts)
+
+
+def orientation_figure(results: Results, samples: dict, document: dict, kind: str) -> str:
+    """Predicted modulus over all orientations; nothing where the surrogate or the angles are not at hand."""
+    return ""
+
+
+def identifiability_section(results: Results) -> str:
+    """What the data decided and what the prior did."""
+    return ""
+
+
+def next_section(results: Results) -> str:
+    """Grains worth measuring next."""
+    suggestions = results.next.get("suggestions", [])
+    if not suggestions:
+        return ""
+    cubic = results.symmetry == "cubic"
+    measured = [item["euler_deg"] for item in results.extract.get("predicted", []) if "euler_deg" in item]
+    rows = [[rank, *(number(angle) for angle in item["euler_deg"]), f"{item['gain']:.3g}"] for rank, item in enumerate(suggestions, 1)]
+    return "\n".join(
+        [
+            "<h2>Which grain to measure next</h2>",
+            results.figure(
+                figures.next_grains(suggestions, cubic, measured or None),
+                f"The {len(suggestions)} orientations that one more measurement would teach most at.",
+                "Orientations that are expected to teach most, ranked"
+                + (", in the standard triangle." if cubic else ", over the declination of the c axis."),
+            ),
+            table("Suggested orientations, each chosen given those above it", ["rank", "φ₁", "Φ", "φ₂ (degrees)", "expected gain"], rows),
+        ]
+    )
+
+
+def provenance_section(results: Results) -> str:
+    """Versions, input and commands that made the results."""
+    resolved = results.folder / "resolved.nml"
+    log = results.folder / "run.log"
+    commands = [line for line in log.read_text().splitlines() if f"INFO bayesindent {__version__[:1]}" in line] if log.exists() else []
+    rows = [
+        ["bayesindent", __version__],
+        ["Python, system", f"{platform.python_version()}, {platform.system()} {platform.machine()}"],
+        ["NumPy, SciPy, ArviZ", ", ".join(metadata.version(name) for name in ("numpy", "scipy", "arviz"))],
+        ["seed", results.namelist.get("problem", {}).get("seed", "–")],
+        ["last command", commands[-1].split(": ", 1)[-1] if commands else "–"],
+        ["SHA-256 of the resolved input", hashlib.sha256(resolved.read_bytes()).hexdigest() if resolved.exists() else "–"],
+    ]
+    parts = ["<h2>Provenance</h2>", table("What made these results", ["", ""], rows)]
+    if resolved.exists():
+        parts.append(f"<details><summary>The resolved input</summary><pre>{text(resolved.read_text())}</pre></details>")
+    return "\n".join(parts)

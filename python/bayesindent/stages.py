@@ -1,0 +1,169 @@
+"""Each command as a function of a problem, an output folder and a progress display; it returns the command's JSON document."""
+
+import csv
+import json
+import logging
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .core import BayesindentError, InputError
+from .crystal import halfspace_modulus
+from .problem import Points, Problem, read_crystals, schema
+from .progress import Progress
+
+__all__ = ["asked", "moduli_of_three_kinds", "perform", "plain", "predict", "report"]
+
+log = logging.getLogger("bayesindent")
+
+#: The file of a stage's document, where it is not the stage's name.
+DOCUMENTS = {"extract": "summary.json"}
+
+Stage = Callable[[Problem, Path, Progress], dict]
+
+
+def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
+    """Finite element indentation of the crystals: moduli.csv, curves.csv, and the document of `simulate`."""
+    raise BayesindentError("not here yet")
+
+
+def theory(problem: Problem, output: Path, progress: Progress) -> dict:
+    """Exact half-space theory of the crystals: theory.csv and the document of `theory`."""
+    points = problem.crystals
+    moduli = halfspace_modulus(points.stiffness, points.euler_deg)
+    write_moduli(output / "theory.csv", problem, points, moduli)
+    return {"results": [identified(points, i) | {"indentation_modulus_gpa": modulus} for i, modulus in enumerate(moduli)]}
+
+
+def build(problem: Problem, output: Path, progress: Progress) -> dict:
+    """Step 1: the surrogate."""
+    from .build import build as build_surrogate
+
+    return build_surrogate(problem, output, progress)
+
+
+def extract(problem: Problem, output: Path, progress: Progress) -> dict:
+    """Step 2: the posterior of the constants."""
+    from .calibration import extract_stage
+
+    return extract_stage(problem, output, progress)
+
+
+def next_grain(problem: Problem, output: Path, progress: Progress) -> dict:
+    """The grains worth measuring next."""
+    from .next_grain import next_stage
+
+    return next_stage(problem, output, progress)
+
+
+#: The stages, in the order in which `run` makes them.
+STAGES: dict[str, Stage] = {"simulate": simulate, "theory": theory, "build": build, "extract": extract, "next": next_grain}
+
+
+def asked(problem: Problem) -> list[str]:
+    """What `run` does with a file, in order: the theory goes with every simulation of crystals."""
+    return [stage for name in problem.stages for stage in ((name, "theory") if name == "simulate" else (name,))]
+
+
+def perform(command: str, problem: Problem, output: Path, progress: Progress) -> dict:
+    """Perform a stage, or all that the file asks for and a report; documents are kept in the output folder for reports."""
+    if command == "run":
+        documents = {name: perform(name, problem, output, progress) for name in asked(problem)}
+        documents["report"] = report(output, output)
+        return documents | {"warnings": list(dict.fromkeys(line for document in documents.values() for line in document["warnings"]))}
+    log.info("%s begins", command)
+    document = STAGES[command](problem, output, progress)
+    document["warnings"] = list(document.get("warnings", []))
+    text = json.dumps(plain(document), indent=1, allow_nan=False)
+    (output / DOCUMENTS.get(command, f"{command}.json")).write_text(text + "\n")
+    log.info("%s ends", command)
+    return document
+
+
+def report(folder: Path, output: Path) -> dict:
+    """The report of what a folder holds."""
+    from .report import write_report
+
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder of results")
+    return {"file": str(write_report(folder, output)), "warnings": []}
+
+
+def predict(surrogate: str, table: Path, output: Path) -> dict:
+    """Mean and sd of the modulus for each row of a table, by a surrogate: predictions.csv and its rows."""
+    from .surrogate import Surrogate
+
+    model = Surrogate.load(surrogate)
+    points = read_crystals(table, model.symmetry)
+    mean, sd = model.predict(points.constants_array(), points.euler_deg)
+    header, rows = joined(points, {"modulus_gpa": mean, "sd_gpa": sd})
+    output.mkdir(parents=True, exist_ok=True)
+    write_csv(output / "predictions.csv", header, rows)
+    results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in range(len(points))]
+    return {"results": results, "file": str(output / "predictions.csv"), "warnings": []}
+
+
+def identified(points: Points, row: int) -> dict:
+    """Constants and orientation of a row."""
+    return {"constants": points.constants[row], "euler_deg": points.euler_deg[row].tolist()}
+
+
+def moduli_of_three_kinds(problem: Problem, modulus: np.ndarray) -> dict[str, np.ndarray]:
+    """The indentation modulus M, and what an instrument reports: 1/E_eff = 1/M + (1-nu_i^2)/E_i, and E_s = (1-nu_s^2) M."""
+    defaults = {v.name: v.default for v in schema() if v.group == "measurements"}
+    settings = problem.get("measurements", {})
+    young, nu_indenter, nu_sample = (
+        float(settings.get(name, defaults[name])) for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
+    )
+    return {
+        "indentation_modulus_gpa": modulus,
+        "effective_modulus_gpa": 1 / (1 / modulus + (1 - nu_indenter**2) / young),
+        "sample_modulus_gpa": (1 - nu_sample**2) * modulus,
+    }
+
+
+def write_moduli(file: Path, problem: Problem, points: Points, modulus, further: dict | None = None) -> None:
+    """The rows of the points with the three kinds of modulus, and further columns."""
+    write_csv(file, *joined(points, moduli_of_three_kinds(problem, np.asarray(modulus, dtype=float)) | (further or {})))
+
+
+def joined(points: Points, columns: dict) -> tuple[list[str], list[list]]:
+    """Header and rows of a table as it was written, with columns added or, where it has them, replaced."""
+    kept_columns = [i for i, name in enumerate(points.columns) if name not in columns]
+    header = [points.columns[i] for i in kept_columns] + list(columns)
+    rows = [
+        [*(row[i] for i in kept_columns), *(cell(values[number]) for values in columns.values())] for number, row in enumerate(points.rows)
+    ]
+    return header, rows
+
+
+def cell(value) -> str:
+    """A value as text for a CSV; nothing where there is none."""
+    if isinstance(value, float | np.floating):
+        return f"{value:.10g}" if math.isfinite(value) else ""
+    return str(value)
+
+
+def write_csv(file: Path, header: list[str], rows: list[list]) -> None:
+    """Write a table."""
+    with open(file, "w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def plain(value):
+    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,44 @@
+"""Every file of inputs/ is right, and what is short runs."""
+
+import csv
+import json
+
+import pytest
+
+from conftest import SOURCE
+
+INPUTS = sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml"))
+REFERENCE = SOURCE / "tests" / "reference" / "halfspace_moduli.csv"
+
+
+@pytest.mark.parametrize("file", INPUTS, ids=lambda file: file.stem)
+def test_check(bayesindent, file, tmp_path):
+    done = bayesindent("run", file, "--check", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["stages"]
+    assert document["warnings"] == []
+    assert list(tmp_path.iterdir()) == [], "a check writes nothing"
+
+
+def test_theory_of_every_reference_row(bayesindent, tmp_path):
+    (tmp_path / "all.nml").write_text(f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{REFERENCE}'\n/\n")
+    done = bayesindent("theory", "all.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(REFERENCE.open()))
+    results = json.loads(done.stdout)["results"]
+    assert len(results) == len(rows)
+    for result, row in zip(results, rows, strict=True):
+        # The reference is the same integral, converged: only rounding is between them.
+        assert result["indentation_modulus_gpa"] == pytest.approx(float(row["M_elliptic"]), rel=1e-8)
+        assert result["constants"]["C11"] == float(row["C11"])
+    assert {path.name for path in (tmp_path / "runs" / "all").iterdir()} == {"resolved.nml", "run.log", "theory.csv", "theory.json"}
+
+
+def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):
+    bayesindent("theory", SOURCE / "inputs" / "zinc.nml", "--output", tmp_path / "here")
+    row = next(csv.DictReader((tmp_path / "here" / "theory.csv").open()))
+    modulus = float(row["indentation_modulus_gpa"])
+    assert float(row["C13"]) == 50.3
+    assert float(row["effective_modulus_gpa"]) == pytest.approx(1 / (1 / modulus + (1 - 0.07**2) / 1140), rel=1e-8)
+    assert float(row["sample_modulus_gpa"]) == pytest.approx((1 - 0.3**2) * modulus, rel=1e-8)
