@@ -1,0 +1,121 @@
+!> bayesindent-batch: the computing stages of a namelist file without Python.
+program batch
+   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+   use errors, only: error_type, exit_bad_input
+   use namelist_schema, only: schema_markdown
+   use problem, only: new_problem, problem_type
+   use system, only: argument, choose_blas_kernels, end_process, make_folder, replace_file
+   use version, only: package_version
+   implicit none
+
+   character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--output DIR] [--check]'
+   character(len=:), allocatable :: path, output
+   logical :: check_only
+
+   call choose_blas_kernels()
+   call read_arguments()
+   call perform()
+
+contains
+
+   subroutine read_arguments()
+      character(len=:), allocatable :: word
+      integer :: i
+
+      path = ''
+      output = ''
+      check_only = .false.
+      i = 1
+      do while (i <= command_argument_count())
+         word = argument(i)
+         i = i + 1
+         select case (word)
+         case ('--help', '-h')
+            call print_help()
+            call end_process(0)
+         case ('--version')
+            write (output_unit, '(2a)') 'bayesindent-batch ', package_version
+            call end_process(0)
+         case ('--schema')
+            write (output_unit, '(a)', advance='no') schema_markdown()
+            call end_process(0)
+         case ('--check')
+            check_only = .true.
+         case ('--output')
+            if (i <= command_argument_count()) output = argument(i)
+            i = i + 1
+            if (len(output) == 0) call refuse_usage('--output needs a folder')
+         case default
+            if (index(word, '-') == 1) call refuse_usage('unknown option '//word)
+            if (len(path) > 0) call refuse_usage('more than one file: '//path//', '//word)
+            path = word
+         end select
+      end do
+      if (len(path) == 0) call refuse_usage('a namelist file is needed')
+      if (len(output) == 0) output = 'runs/'//stem(path)
+   end subroutine read_arguments
+
+   subroutine perform()
+      type(problem_type) :: self
+      type(error_type), allocatable :: error
+      integer :: i
+
+      call new_problem(path, 'run', self, error)
+      call stop_on(error)
+      do i = 1, size(self%warnings)
+         write (error_unit, '(2a)') 'warning: ', self%warnings(i)%text
+      end do
+      if (check_only) then
+         write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
+         return
+      end if
+      call make_folder(output, error)
+      call stop_on(error)
+      call replace_file(output//'/resolved.nml', self%resolved_text(), error)
+      call stop_on(error)
+   end subroutine perform
+
+   !> 'a' of 'folder/a.nml'.
+   function stem(name)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: stem
+      integer :: dot
+
+      stem = name(index(name, '/', back=.true.) + 1:)
+      dot = index(stem, '.', back=.true.)
+      if (dot > 1) stem = stem(:dot - 1)
+   end function stem
+
+   !> End with the error's status and its one line; go on if there is none.
+   subroutine stop_on(error)
+      type(error_type), allocatable, intent(in) :: error
+
+      if (.not. allocated(error)) return
+      write (error_unit, '(a)') error%message
+      call end_process(error%status)
+   end subroutine stop_on
+
+   subroutine refuse_usage(reason)
+      character(len=*), intent(in) :: reason
+
+      write (error_unit, '(2a)') 'bayesindent-batch: ', reason
+      write (error_unit, '(a)') usage
+      call end_process(exit_bad_input)
+   end subroutine refuse_usage
+
+   subroutine print_help()
+      write (output_unit, '(a)') usage, &
+         & '', &
+         & 'The computing stages of a namelist file, without Python:', &
+         & '  &crystals      indents the crystals: simulations.csv', &
+         & '  &surrogate     fits the surrogate to simulations.csv: surrogate.nml', &
+         & '  &measurements  samples the constants: posterior.csv, summary.nml', &
+         & '', &
+         & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
+         & '  --check       only say whether the file is right', &
+         & '  --schema      print the page of all groups and variables', &
+         & '  --version     print the version', &
+         & '', &
+         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else.'
+   end subroutine print_help
+end program batch

@@ -1,0 +1,175 @@
+!> What a program asks of the operating system, through the C library: exit status, folders, files replaced whole.
+module system
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_loc
+   use errors, only: error_type, raise
+   use files, only: is_folder
+   implicit none
+   private
+   public :: argument, end_process, make_folder, replace_file, choose_blas_kernels
+
+   interface
+      subroutine c_exit(status) bind(c, name='exit')
+         import :: c_int
+         integer(c_int), value :: status
+      end subroutine c_exit
+      integer(c_int) function c_rename(from, to) bind(c, name='rename')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: from(*), to(*)
+      end function c_rename
+      integer(c_int) function c_mkdir(path, mode) bind(c, name='mkdir')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+         integer(c_int), value :: mode
+      end function c_mkdir
+      integer(c_int) function c_setenv(name, value, overwrite) bind(c, name='setenv')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: name(*), value(*)
+         integer(c_int), value :: overwrite
+      end function c_setenv
+      integer(c_int) function c_execv(path, arguments) bind(c, name='execv')
+         import :: c_char, c_int, c_ptr
+         character(kind=c_char), intent(in) :: path(*)
+         type(c_ptr), intent(in) :: arguments(*)
+      end function c_execv
+   end interface
+
+   type :: string_type
+      character(kind=c_char, len=:), allocatable :: text
+   end type string_type
+
+contains
+
+   !> Argument number `i` of the command line, whole.
+   function argument(i) result(text)
+      integer, intent(in) :: i
+      character(len=:), allocatable :: text
+      integer :: length
+
+      call get_command_argument(i, length=length)
+      allocate (character(len=length) :: text)
+      if (length > 0) call get_command_argument(i, text)
+   end function argument
+
+   !> End with this status; unlike STOP it prints nothing.
+   subroutine end_process(status)
+      integer, intent(in) :: status
+
+      call c_exit(int(status, c_int))
+   end subroutine end_process
+
+   !> Make a folder and those above it, where they are missing.
+   subroutine make_folder(path, error)
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: all_may = 511
+      integer(c_int) :: status
+      integer :: i
+
+      do i = 2, len(path)
+         if (path(i:i) == '/') status = c_mkdir(path(:i - 1)//c_null_char, int(all_may, c_int))
+      end do
+      status = c_mkdir(path//c_null_char, int(all_may, c_int))
+      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made')
+   end subroutine make_folder
+
+   !> Write a file whole or not at all: beside it first, then in its place.
+   subroutine replace_file(path, content, error)
+      character(len=*), intent(in) :: path, content
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: beside
+      character(len=256) :: reason
+      integer :: unit, status
+
+      beside = path//'.part'
+      open (newunit=unit, file=beside, access='stream', form='unformatted', status='replace', action='write', &
+         & iostat=status, iomsg=reason)
+      if (status == 0) then
+         write (unit, iostat=status, iomsg=reason) content
+         if (status == 0) close (unit, iostat=status, iomsg=reason)
+      end if
+      if (status /= 0) then
+         call raise(error, path//': cannot be written: '//trim(reason))
+      else
+         call rename_file(beside, path, error)
+      end if
+   end subroutine replace_file
+
+   subroutine rename_file(from, to, error)
+      character(len=*), intent(in) :: from, to
+      type(error_type), allocatable, intent(out) :: error
+
+      if (c_rename(from//c_null_char, to//c_null_char) /= 0) call raise(error, to//': cannot be replaced')
+   end subroutine rename_file
+
+   !> Name the vector kernels that OpenBLAS shall use, which it reads before the program starts: so start it once more.
+   !>
+   !> OpenBLAS runs a processor that it does not know with the kernels of 2004. What counts is the instruction set. A user's own
+   !> choice stands. The Python package does the same.
+   subroutine choose_blas_kernels()
+      character(len=:), allocatable :: content
+      integer :: status, first, last
+
+      call get_environment_variable('OPENBLAS_CORETYPE', status=status)
+      if (status /= 1) return
+      call read_stream('/proc/cpuinfo', content)
+      first = index(content, 'flags')
+      if (first == 0) return
+      last = first + index(content(first:), achar(10)) - 2
+      content = content(first:last)//' '
+      if (all_flags(content, 'avx512f avx512dq avx512bw avx512vl')) then
+         call restart('SKYLAKEX')
+      else if (all_flags(content, 'avx2 fma')) then
+         call restart('HASWELL')
+      end if
+   end subroutine choose_blas_kernels
+
+   !> Set the variable and start this program again; return where that is not possible.
+   subroutine restart(kernels)
+      character(len=*), intent(in) :: kernels
+      type(string_type), allocatable, target :: words(:)
+      type(c_ptr), allocatable :: arguments(:)
+      integer(c_int) :: status
+      integer :: i
+
+      status = c_setenv('OPENBLAS_CORETYPE'//c_null_char, kernels//c_null_char, 1_c_int)
+      allocate (words(0:command_argument_count()), arguments(0:command_argument_count() + 1))
+      do i = 0, command_argument_count()
+         words(i)%text = argument(i)//c_null_char
+         arguments(i) = c_loc(words(i)%text)
+      end do
+      arguments(command_argument_count() + 1) = c_null_ptr
+      status = c_execv('/proc/self/exe'//c_null_char, arguments)
+   end subroutine restart
+
+   logical function all_flags(line, flags)
+      character(len=*), intent(in) :: line, flags
+      character(len=:), allocatable :: rest
+      integer :: blank
+
+      all_flags = .true.
+      rest = flags//' '
+      do while (len(rest) > 0)
+         blank = index(rest, ' ')
+         if (index(line, ' '//rest(:blank)) == 0) all_flags = .false.
+         rest = rest(blank + 1:)
+      end do
+   end function all_flags
+
+   !> The beginning of a file that does not know its size; '' if it cannot be read.
+   subroutine read_stream(path, content)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable, intent(out) :: content
+      character(len=8192) :: line
+      integer :: unit, status, lines
+
+      content = ''
+      open (newunit=unit, file=path, status='old', action='read', iostat=status)
+      if (status /= 0) return
+      do lines = 1, 64
+         read (unit, '(a)', iostat=status) line
+         if (status /= 0) exit
+         content = content//trim(line)//achar(10)
+      end do
+      close (unit)
+   end subroutine read_stream
+end module system
