@@ -18,6 +18,8 @@ __all__ = ["main"]
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 log = logging.getLogger("bayesindent")
+# Without a handler of its own the library would print errors, which `tell` does.
+log.addHandler(logging.NullHandler())
 
 DESCRIPTION = """\
 Single-crystal elastic constants, with honest uncertainty, from spherical indentation of grains of known orientation.
@@ -99,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         log.exception("unexpected")
-        tell(f"{type(error).__name__}: {error}" + ("" if log.handlers else "; BAYESINDENT_TRACE=1 shows where"))
+        tell(f"{type(error).__name__}: {error}" + ("" if open_logs() else "; BAYESINDENT_TRACE=1 shows where"))
         if os.environ.get("BAYESINDENT_TRACE"):
             raise
         return FAILED
@@ -268,8 +270,13 @@ def open_log(output: Path, arguments: argparse.Namespace) -> None:
     log.info("bayesindent %s: %s %s", __version__, arguments.command, arguments.file)
 
 
+def open_logs() -> list[logging.Handler]:
+    """Every run.log that is open."""
+    return [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]
+
+
 def close_log() -> None:
     """End run.log."""
-    for handler in list(log.handlers):
+    for handler in open_logs():
         log.removeHandler(handler)
         handler.close()
