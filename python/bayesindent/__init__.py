@@ -2,6 +2,16 @@
 
 from .core import BayesindentError, InputError
 from .crystal import anisotropy_index, halfspace_modulus, stiffness
+from .indentation import Indentation, IndentationResult
 from .problem import Problem
 
-__all__ = ["BayesindentError", "InputError", "Problem", "anisotropy_index", "halfspace_modulus", "stiffness"]
+__all__ = [
+    "BayesindentError",
+    "Indentation",
+    "IndentationResult",
+    "InputError",
+    "Problem",
+    "anisotropy_index",
+    "halfspace_modulus",
+    "stiffness",
+]

@@ -1,0 +1,478 @@
+#include "sparse_cholesky.h"
+
+#include <suitesparse/cholmod.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <stdexcept>
+#include <vector>
+
+extern "C" {
+void dpotrf_(const char *, const int *, double *, const int *, int *);
+void dtrsm_(const char *, const char *, const char *, const char *, const int *, const int *, const double *, const double *,
+            const int *, double *, const int *);
+void dsyrk_(const char *, const char *, const int *, const int *, const double *, const double *, const int *, const double *,
+            double *, const int *);
+void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *, const int *,
+            const double *, const int *, const double *, double *, const int *);
+void openblas_set_num_threads(int) __attribute__((weak));
+}
+
+namespace {
+
+using integer = std::int32_t;
+
+struct refusal {
+  integer status;
+};
+
+// Owns cholmod_common and what CHOLMOD allocates while a pattern is analysed.
+class analyser {
+public:
+  analyser() {
+    cholmod_start(&common);
+    common.print = 0;
+    common.supernodal = CHOLMOD_SUPERNODAL;
+    common.nmethods = 1;
+    common.method[0].ordering = CHOLMOD_GIVEN;
+    common.postorder = 1;
+    // Dense BLAS wants wide supernodes: merge them as long as the explicit zeros stay a modest fraction.
+    common.nrelax[0] = 16;
+    common.nrelax[1] = 48;
+    common.nrelax[2] = 128;
+    common.zrelax[0] = 0.8;
+    common.zrelax[1] = 0.2;
+    common.zrelax[2] = 0.05;
+  }
+  ~analyser() {
+    cholmod_free_factor(&factor, &common);
+    cholmod_finish(&common);
+  }
+  analyser(const analyser &) = delete;
+  analyser &operator=(const analyser &) = delete;
+
+  void check(bool done) const {
+    if (done && common.status >= CHOLMOD_OK)
+      return;
+    throw refusal{common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE ? sparse_cholesky_no_memory
+                                                                                               : sparse_cholesky_internal};
+  }
+
+  cholmod_common common;
+  cholmod_factor *factor = nullptr;
+};
+
+cholmod_sparse pattern(integer n, const integer *start, const integer *row, int stype) {
+  cholmod_sparse a;
+  std::memset(&a, 0, sizeof a);
+  a.nrow = a.ncol = n;
+  a.nzmax = start[n];
+  a.p = const_cast<integer *>(start);
+  a.i = const_cast<integer *>(row);
+  a.stype = stype;
+  a.itype = CHOLMOD_INT;
+  a.xtype = CHOLMOD_PATTERN;
+  a.dtype = CHOLMOD_DOUBLE;
+  a.sorted = 1;
+  a.packed = 1;
+  return a;
+}
+
+// Nested dissection of the graph of the groups.
+std::vector<integer> order_groups(integer n, const integer *start, const integer *row, const integer *group, integer groups,
+                                cholmod_common &common) {
+  std::vector<std::vector<integer>> below(groups);
+  for (integer j = 0; j < n; ++j) {
+    for (integer p = start[j]; p < start[j + 1]; ++p) {
+      const integer a = std::min(group[row[p]], group[j]), b = std::max(group[row[p]], group[j]);
+      if (below[a].empty() || below[a].back() != b)
+        below[a].push_back(b);
+    }
+  }
+  std::vector<integer> group_start(groups + 1, 0), group_row;
+  for (integer a = 0; a < groups; ++a) {
+    std::sort(below[a].begin(), below[a].end());
+    below[a].erase(std::unique(below[a].begin(), below[a].end()), below[a].end());
+    group_row.insert(group_row.end(), below[a].begin(), below[a].end());
+    group_start[a + 1] = static_cast<integer>(group_row.size());
+  }
+  cholmod_sparse graph = pattern(groups, group_start.data(), group_row.data(), -1);
+  std::vector<integer> order(groups);
+  if (!cholmod_metis(&graph, nullptr, 0, 0, order.data(), &common))
+    throw refusal{sparse_cholesky_internal};
+  return order;
+}
+
+class workspace {
+public:
+  std::unique_ptr<double[]> factor, stack, front, scratch;
+  std::size_t scratch_size = 0;
+};
+
+class analysis {
+public:
+  analysis(integer n, const integer *start, const integer *row, const integer *group, integer kept);
+
+  std::unique_ptr<workspace> acquire();
+  void release(std::unique_ptr<workspace> used);
+  integer factor(workspace &work, const double *values, integer *unknown) const;
+  void kept_factor(const workspace &work, double *factor) const;
+  void solve(workspace &work, integer count, double *x) const;
+
+  double entries = 0.0, operations = 0.0, bytes = 0.0;
+
+private:
+  integer columns_of(integer s) const { return first[s + 1] - first[s]; }
+  integer rows_of(integer s) const { return static_cast<integer>(row_start[s + 1] - row_start[s]); }
+  void add_child(const double *update, integer child, integer parent, double *block, double *front, bool columns) const;
+
+  integer n, kept, supernodes;
+  std::vector<integer> position;             // of an unknown in the elimination order
+  std::vector<integer> unknown_at;           // its inverse
+  std::vector<integer> first;                // first column of each supernode
+  std::vector<std::size_t> row_start;      // of each supernode in `rows`
+  std::vector<integer> rows;                 // rows of each supernode, its own columns first
+  std::vector<std::size_t> block_start;    // of each supernode's columns in the factor
+  std::vector<integer> parent;               // -1 at a root
+  std::vector<integer> relative;             // place of each row of `rows` in the parent's rows
+  std::vector<integer> child_start, child;   // children in elimination order
+  std::vector<std::size_t> target;         // place in the factor of each entry of the matrix
+  std::size_t factor_size = 0, stack_size = 0, front_size = 0;
+  std::mutex pool_lock;
+  std::vector<std::unique_ptr<workspace>> pool;
+};
+
+analysis::analysis(integer n_, const integer *start, const integer *row, const integer *group, integer kept_) : n(n_), kept(kept_) {
+  const integer groups = 1 + *std::max_element(group, group + n);
+  analyser tool;
+  std::vector<integer> given;
+  {
+    const std::vector<integer> order = order_groups(n, start, row, group, groups, tool.common);
+    std::vector<integer> place(groups);
+    for (integer k = 0; k < groups; ++k)
+      place[order[k]] = k;
+    std::vector<integer> count(groups + 1, 0);
+    for (integer i = 0; i < n - kept; ++i)
+      ++count[place[group[i]] + 1];
+    for (integer k = 0; k < groups; ++k)
+      count[k + 1] += count[k];
+    given.resize(n);
+    for (integer i = 0; i < n - kept; ++i)
+      given[count[place[group[i]]]++] = i;
+    for (integer i = n - kept; i < n; ++i)
+      given[i] = i;
+  }
+  cholmod_sparse matrix = pattern(n, start, row, -1);
+  tool.factor = cholmod_analyze_p(&matrix, given.data(), nullptr, 0, &tool.common);
+  tool.check(tool.factor != nullptr);
+  const cholmod_factor &symbolic = *tool.factor;
+  if (!symbolic.is_super)
+    throw refusal{sparse_cholesky_internal};
+
+  const integer *permutation = static_cast<const integer *>(symbolic.Perm);
+  const integer *super = static_cast<const integer *>(symbolic.super);
+  const integer *pi = static_cast<const integer *>(symbolic.pi);
+  const integer *s = static_cast<const integer *>(symbolic.s);
+  supernodes = static_cast<integer>(symbolic.nsuper);
+  unknown_at.assign(permutation, permutation + n);
+  position.resize(n);
+  for (integer k = 0; k < n; ++k)
+    position[unknown_at[k]] = k;
+  for (integer i = n - kept; i < n; ++i) {
+    if (position[i] < n - kept)
+      throw refusal{sparse_cholesky_internal};
+  }
+  first.assign(super, super + supernodes + 1);
+  row_start.assign(pi, pi + supernodes + 1);
+  rows.assign(s, s + pi[supernodes]);
+
+  std::vector<integer> owner(n);
+  block_start.resize(supernodes + 1);
+  block_start[0] = 0;
+  for (integer k = 0; k < supernodes; ++k) {
+    std::fill(owner.begin() + first[k], owner.begin() + first[k + 1], k);
+    block_start[k + 1] = block_start[k] + static_cast<std::size_t>(rows_of(k)) * columns_of(k);
+    for (double m = rows_of(k); m > rows_of(k) - columns_of(k); --m) {
+      entries += m;
+      operations += m * m;
+    }
+  }
+  factor_size = block_start[supernodes];
+
+  parent.assign(supernodes, -1);
+  relative.assign(rows.size(), -1);
+  std::vector<integer> local(n, -1);
+  child_start.assign(supernodes + 1, 0);
+  for (integer k = 0; k < supernodes; ++k) {
+    if (rows_of(k) > columns_of(k)) {
+      parent[k] = owner[rows[row_start[k] + columns_of(k)]];
+      ++child_start[parent[k] + 1];
+    }
+  }
+  for (integer k = 0; k < supernodes; ++k)
+    child_start[k + 1] += child_start[k];
+  child.resize(child_start[supernodes]);
+  {
+    std::vector<integer> next(child_start.begin(), child_start.end() - 1);
+    for (integer k = 0; k < supernodes; ++k)
+      if (parent[k] >= 0)
+        child[next[parent[k]]++] = k;
+  }
+  // Depth of the stack of update matrices: a parent's is written where its children's were.
+  std::size_t depth = 0;
+  for (integer k = 0; k < supernodes; ++k) {
+    for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
+      local[rows[p]] = static_cast<integer>(p - row_start[k]);
+    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
+      const integer d = child[c];
+      for (std::size_t p = row_start[d] + columns_of(d); p < row_start[d + 1]; ++p) {
+        relative[p] = local[rows[p]];
+        if (relative[p] < 0)
+          throw refusal{sparse_cholesky_internal};
+      }
+      const std::size_t m = rows_of(d) - columns_of(d);
+      depth -= m * m;
+    }
+    const std::size_t m = rows_of(k) - columns_of(k);
+    front_size = std::max(front_size, m * m);
+    depth += m * m;
+    stack_size = std::max(stack_size, depth);
+    for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
+      local[rows[p]] = -1;
+  }
+
+  target.resize(start[n]);
+  std::vector<std::vector<std::pair<integer, integer>>> by_column(n);
+  for (integer j = 0; j < n; ++j) {
+    for (integer p = start[j]; p < start[j + 1]; ++p) {
+      const integer a = position[j], b = position[row[p]];
+      by_column[std::min(a, b)].emplace_back(std::max(a, b), p);
+    }
+  }
+  for (integer k = 0; k < supernodes; ++k) {
+    for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
+      local[rows[p]] = static_cast<integer>(p - row_start[k]);
+    for (integer j = first[k]; j < first[k + 1]; ++j)
+      for (const auto &[r, p] : by_column[j])
+        target[p] = block_start[k] + static_cast<std::size_t>(j - first[k]) * rows_of(k) + local[r];
+    for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
+      local[rows[p]] = -1;
+  }
+  bytes = 8.0 * static_cast<double>(factor_size + stack_size + front_size);
+}
+
+std::unique_ptr<workspace> analysis::acquire() {
+  {
+    const std::lock_guard<std::mutex> guard(pool_lock);
+    if (!pool.empty()) {
+      std::unique_ptr<workspace> work = std::move(pool.back());
+      pool.pop_back();
+      return work;
+    }
+  }
+  auto work = std::make_unique<workspace>();
+  work->factor.reset(new double[factor_size]);
+  work->stack.reset(new double[stack_size]);
+  work->front.reset(new double[front_size]);
+  return work;
+}
+
+void analysis::release(std::unique_ptr<workspace> used) {
+  const std::lock_guard<std::mutex> guard(pool_lock);
+  pool.push_back(std::move(used));
+}
+
+// Add a child's update matrix to its parent: to the parent's own columns, or to its update matrix.
+void analysis::add_child(const double *update, integer d, integer k, double *block, double *front, bool columns) const {
+  const integer m = rows_of(d) - columns_of(d), own = columns_of(k), height = rows_of(k), rest = height - own;
+  const integer *place = relative.data() + row_start[d] + columns_of(d);
+  const integer split = static_cast<integer>(std::lower_bound(place, place + m, own) - place);
+  const integer from = columns ? 0 : split, to = columns ? split : m;
+  for (integer j = from; j < to; ++j) {
+    const double *source = update + static_cast<std::size_t>(j) * m;
+    double *column = columns ? block + static_cast<std::size_t>(place[j]) * height
+                             : front + static_cast<std::size_t>(place[j] - own) * rest - own;
+    integer i = j;
+    while (i < m) {
+      // Rows come in runs: add a run at a time.
+      const integer shift = place[i] - i;
+      integer end = i + 1;
+      while (end < m && place[end] - end == shift)
+        ++end;
+      double *run = column + shift;
+      for (; i < end; ++i)
+        run[i] += source[i];
+    }
+  }
+}
+
+// Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
+integer analysis::factor(workspace &work, const double *values, integer *unknown) const {
+  double *const l = work.factor.get();
+  std::fill(l, l + factor_size, 0.0);
+  for (std::size_t p = 0; p < target.size(); ++p)
+    l[target[p]] = values[p];
+  const double one = 1.0, minus = -1.0, zero = 0.0;
+  std::size_t depth = 0;
+  for (integer k = 0; k < supernodes; ++k) {
+    const integer own = columns_of(k), height = rows_of(k), rest = height - own;
+    double *const block = l + block_start[k];
+    double *const front = work.front.get();
+    std::size_t base = depth;
+    for (integer c = child_start[k + 1] - 1; c >= child_start[k]; --c) {
+      const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
+      base -= m * m;
+    }
+    std::size_t at = base;
+    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
+      const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
+      add_child(work.stack.get() + at, child[c], k, block, front, true);
+      at += m * m;
+    }
+    int info = 0;
+    dpotrf_("L", &own, block, &height, &info);
+    for (integer j = 0; info == 0 && j < own; ++j) {
+      if (!std::isfinite(block[static_cast<std::size_t>(j) * height + j]))
+        info = j + 1;
+    }
+    if (info != 0) {
+      *unknown = info > 0 ? unknown_at[first[k] + info - 1] : -1;
+      return sparse_cholesky_indefinite;
+    }
+    if (rest > 0) {
+      dtrsm_("R", "L", "T", "N", &rest, &own, &one, block, &height, block + own, &height);
+      dsyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
+      at = base;
+      for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
+        const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
+        add_child(work.stack.get() + at, child[c], k, block, front, false);
+        at += m * m;
+      }
+      double *const store = work.stack.get() + base;
+      for (integer j = 0; j < rest; ++j) {
+        const std::size_t offset = static_cast<std::size_t>(j) * rest + j;
+        std::copy(front + offset, front + offset + (rest - j), store + offset);
+      }
+    }
+    depth = base + static_cast<std::size_t>(rest) * rest;
+  }
+  return sparse_cholesky_ok;
+}
+
+void analysis::kept_factor(const workspace &work, double *factor) const {
+  const integer offset = n - kept;
+  std::fill(factor, factor + static_cast<std::size_t>(kept) * kept, 0.0);
+  for (integer k = supernodes - 1; k >= 0 && first[k + 1] > offset; --k) {
+    const integer height = rows_of(k);
+    for (integer j = std::max(first[k], offset); j < first[k + 1]; ++j) {
+      const double *column = work.factor.get() + block_start[k] + static_cast<std::size_t>(j - first[k]) * height;
+      for (integer i = j - first[k]; i < height; ++i)
+        factor[static_cast<std::size_t>(j - offset) * kept + rows[row_start[k] + i] - offset] = column[i];
+    }
+  }
+}
+
+void analysis::solve(workspace &work, integer count, double *x) const {
+  const std::size_t size = static_cast<std::size_t>(n) * count;
+  integer tallest = 0;
+  for (integer k = 0; k < supernodes; ++k)
+    tallest = std::max(tallest, rows_of(k));
+  const std::size_t needed = size + static_cast<std::size_t>(tallest) * count;
+  if (work.scratch_size < needed) {
+    work.scratch.reset(new double[needed]);
+    work.scratch_size = needed;
+  }
+  double *const y = work.scratch.get(), *const part = y + size;
+  const double one = 1.0, minus = -1.0, zero = 0.0;
+  for (integer c = 0; c < count; ++c)
+    for (integer k = 0; k < n; ++k)
+      y[static_cast<std::size_t>(c) * n + k] = x[static_cast<std::size_t>(c) * n + unknown_at[k]];
+  for (integer k = 0; k < supernodes; ++k) {
+    const integer own = columns_of(k), height = rows_of(k), rest = height - own;
+    const double *block = work.factor.get() + block_start[k];
+    const integer *below = rows.data() + row_start[k] + own;
+    dtrsm_("L", "L", "N", "N", &own, &count, &one, block, &height, y + first[k], &n);
+    if (rest == 0)
+      continue;
+    dgemm_("N", "N", &rest, &count, &own, &one, block + own, &height, y + first[k], &n, &zero, part, &rest);
+    for (integer c = 0; c < count; ++c)
+      for (integer i = 0; i < rest; ++i)
+        y[static_cast<std::size_t>(c) * n + below[i]] -= part[static_cast<std::size_t>(c) * rest + i];
+  }
+  for (integer k = supernodes - 1; k >= 0; --k) {
+    const integer own = columns_of(k), height = rows_of(k), rest = height - own;
+    const double *block = work.factor.get() + block_start[k];
+    const integer *below = rows.data() + row_start[k] + own;
+    if (rest > 0) {
+      for (integer c = 0; c < count; ++c)
+        for (integer i = 0; i < rest; ++i)
+          part[static_cast<std::size_t>(c) * rest + i] = y[static_cast<std::size_t>(c) * n + below[i]];
+      dgemm_("T", "N", &own, &count, &rest, &minus, block + own, &height, part, &rest, &one, y + first[k], &n);
+    }
+    dtrsm_("L", "L", "T", "N", &own, &count, &one, block, &height, y + first[k], &n);
+  }
+  for (integer c = 0; c < count; ++c)
+    for (integer k = 0; k < n; ++k)
+      x[static_cast<std::size_t>(c) * n + unknown_at[k]] = y[static_cast<std::size_t>(c) * n + k];
+}
+
+} // namespace
+
+extern "C" {
+
+void *sparse_cholesky_new(integer n, const integer *column_start, const integer *row, const integer *group, integer kept, integer *status) {
+  *status = sparse_cholesky_ok;
+  if (n < 1 || kept < 0 || kept > n) {
+    *status = sparse_cholesky_bad_input;
+    return nullptr;
+  }
+  // Threads of BLAS under threads of ours oversubscribe the machine.
+  if (openblas_set_num_threads != nullptr)
+    openblas_set_num_threads(1);
+  try {
+    return new analysis(n, column_start, row, group, kept);
+  } catch (const refusal &reason) {
+    *status = reason.status;
+  } catch (const std::bad_alloc &) {
+    *status = sparse_cholesky_no_memory;
+  }
+  return nullptr;
+}
+
+void sparse_cholesky_delete(void *handle) { delete static_cast<analysis *>(handle); }
+
+void sparse_cholesky_size(const void *handle, double *entries, double *operations, double *bytes) {
+  const auto *self = static_cast<const analysis *>(handle);
+  *entries = self->entries;
+  *operations = self->operations;
+  *bytes = self->bytes;
+}
+
+void *sparse_cholesky_acquire(void *handle) {
+  try {
+    return static_cast<analysis *>(handle)->acquire().release();
+  } catch (const std::bad_alloc &) {
+    return nullptr;
+  }
+}
+
+void sparse_cholesky_release(void *handle, void *work) {
+  static_cast<analysis *>(handle)->release(std::unique_ptr<workspace>(static_cast<workspace *>(work)));
+}
+
+integer sparse_cholesky_factor(const void *handle, void *work, const double *values, integer *unknown) {
+  return static_cast<const analysis *>(handle)->factor(*static_cast<workspace *>(work), values, unknown);
+}
+
+void sparse_cholesky_kept_factor(const void *handle, const void *work, double *factor) {
+  static_cast<const analysis *>(handle)->kept_factor(*static_cast<const workspace *>(work), factor);
+}
+
+void sparse_cholesky_solve(const void *handle, void *work, integer count, double *x) {
+  static_cast<const analysis *>(handle)->solve(*static_cast<workspace *>(work), count, x);
+}
+}

@@ -1,0 +1,131 @@
+! Indentation simulations for f2py. A model is kept under a 64-bit handle that a Python object owns and frees.
+! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
+
+!> Make a model. `counts`: elements of all meshes, depths, meshes, then of the finest mesh: nodes, bricks, infinite
+!> elements, contact nodes, unknowns. `costs`, summed over the meshes: entries of the factor, operations of one
+!> factorisation, bytes of workspace of one simulation.
+subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, handle, counts, costs, status, &
+   & message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
+   use errors, only: error_type
+   use fe_indentation, only: indentation_model_type, indentation_options_type, new_indentation_model
+   implicit none
+   !f2py threadsafe
+   character(len=16), intent(in) :: mesh, element, integration
+   real(c_double), intent(in) :: refine, radius_um
+   integer(c_int), intent(in) :: extrapolate, depths
+   integer(c_int64_t), intent(out) :: handle
+   integer(c_int), intent(out) :: counts(8)
+   real(c_double), intent(out) :: costs(3)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(indentation_options_type) :: options
+   type(indentation_model_type), pointer :: model
+   type(error_type), allocatable :: error
+
+   status = 0
+   message = ''
+   handle = 0
+   counts = 0
+   costs = 0.0_c_double
+   options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths)
+   allocate (model)
+   call new_indentation_model(options, model, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      deallocate (model)
+      return
+   end if
+   handle = transfer(c_loc(model), handle)
+   associate (grid => model%grid(1))
+      counts = [model%elements, size(model%depth), size(model%grid), size(grid%mesh%x, 2), size(grid%mesh%brick, 2), &
+         & size(grid%mesh%facet, 2), size(grid%mesh%contact), grid%assembly%unknowns]
+   end associate
+   costs = [sum(model%grid%cholesky%entries), sum(model%grid%cholesky%operations), sum(model%grid%cholesky%bytes)]
+end subroutine indentation_new
+
+!> Free a model.
+subroutine indentation_free(handle)
+   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_null_ptr, c_ptr
+   use fe_indentation, only: free_indentation_model, indentation_model_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   type(indentation_model_type), pointer :: model
+   type(c_ptr) :: address
+
+   address = transfer(handle, c_null_ptr)
+   call c_f_pointer(address, model)
+   call free_indentation_model(model)
+   deallocate (model)
+end subroutine indentation_free
+
+!> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `moduli` (GPa): estimate, slope
+!> with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds, seconds of factorisation, contact residual,
+!> equilibrium residual.
+subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn, contact_radius_um, moduli, diagnostics, status, &
+   & message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
+   use errors, only: error_type
+   use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: depths
+   real(c_double), intent(in) :: stiffness(6, 6), euler(3)
+   real(c_double), intent(out) :: depth_um(depths), force_mn(depths), contact_radius_um(depths), moduli(5), diagnostics(4)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(indentation_model_type), pointer :: model
+   type(indentation_result_type) :: result
+   type(error_type), allocatable :: error
+   type(c_ptr) :: address
+   integer :: n
+
+   status = 0
+   message = ''
+   depth_um = 0.0_c_double
+   force_mn = 0.0_c_double
+   contact_radius_um = 0.0_c_double
+   moduli = 0.0_c_double
+   diagnostics = 0.0_c_double
+   address = transfer(handle, c_null_ptr)
+   call c_f_pointer(address, model)
+   call simulate_indentation(model, stiffness, euler, result, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      return
+   end if
+   depth_um = result%depth
+   force_mn = result%force
+   contact_radius_um = result%contact_radius
+   n = size(result%modulus_of_mesh)
+   moduli(:3) = [result%modulus, result%modulus_slope, result%modulus_last]
+   moduli(4:3 + n) = result%modulus_of_mesh
+   diagnostics = [result%seconds, result%seconds_factor, result%contact_residual, result%equilibrium_residual]
+end subroutine indentation_run
+
+!> Nodes (um), bricks, infinite elements (nodes, 0-based) and contact nodes of the finest mesh.
+subroutine indentation_mesh(handle, nodes, bricks, facets, contacts, x, brick, facet, contact)
+   use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
+   use fe_indentation, only: indentation_model_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: nodes, bricks, facets, contacts
+   real(c_double), intent(out) :: x(3, nodes)
+   integer(c_int), intent(out) :: brick(8, bricks), facet(4, facets), contact(contacts)
+   type(indentation_model_type), pointer :: model
+   type(c_ptr) :: address
+
+   address = transfer(handle, c_null_ptr)
+   call c_f_pointer(address, model)
+   associate (mesh => model%grid(1)%mesh)
+      x = mesh%x
+      brick = mesh%brick - 1
+      facet = mesh%facet - 1
+      contact = mesh%contact - 1
+   end associate
+end subroutine indentation_mesh

@@ -1,0 +1,199 @@
+!> Element kernels: eight-node bricks and the infinite element that closes a half-space.
+!>
+!> Lengths in um, stiffness in GPa, so that forces are in mN. Voigt order 11,22,33,23,13,12 with engineering shear strains.
+!> Nodes of a brick: 1-4 counterclockwise seen from face 5-8, then 5-8 above them (Abaqus' order).
+module fe_element
+   use kinds, only: wp
+   implicit none
+   private
+   public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, infinite_stiffness
+   public :: brick_volumes
+
+   !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged over the element
+   !> (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with Taylor's correction of 1976 that makes it
+   !> pass the patch test).
+   integer, parameter :: brick_full = 1, brick_selective = 2, brick_incompatible = 3
+
+   !> Corners of the reference cube.
+   real(wp), parameter :: corner(3, 8) = reshape([ &
+      & -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, &
+      & -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp], [3, 8])
+   real(wp), parameter :: gauss = 0.577350269189625764509148780502_wp
+
+contains
+
+   !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
+   pure subroutine brick_stiffness(x, c, formulation, k, valid)
+      real(wp), intent(in) :: x(3, 8), c(6, 6)
+      integer, intent(in) :: formulation
+      real(wp), intent(out) :: k(24, 24)
+      !> The Jacobian is positive at all integration points.
+      logical, intent(out) :: valid
+      real(wp) :: b(6, 33, 8), volume(8), cb(48, 33), bb(48, 33), total(33, 33)
+      integer :: n, q
+
+      n = merge(33, 24, formulation == brick_incompatible)
+      call brick_strain(x, formulation, b, volume)
+      valid = all(volume > 0.0_wp)
+      k = 0.0_wp
+      if (.not. valid) return
+      do q = 1, 8
+         bb(6*q - 5:6*q, :n) = b(:, :n, q)
+         cb(6*q - 5:6*q, :n) = volume(q)*matmul(c, b(:, :n, q))
+      end do
+      total(:n, :n) = matmul(transpose(bb(:, :n)), cb(:, :n))
+      if (formulation == brick_incompatible) call eliminate_modes(total)
+      k = 0.5_wp*(total(:24, :24) + transpose(total(:24, :24)))
+   end subroutine brick_stiffness
+
+   !> Strain at the eight integration points per unit degree of freedom, and the volumes of the points (um3).
+   !>
+   !> Columns 1-24: three displacements a node; 25-33: the incompatible modes, if any.
+   pure subroutine brick_strain(x, formulation, b, volume)
+      real(wp), intent(in) :: x(3, 8)
+      integer, intent(in) :: formulation
+      real(wp), intent(out) :: b(6, 33, 8), volume(8)
+      real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
+      real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3)
+      integer :: a, i, q
+
+      b = 0.0_wp
+      do q = 1, 8
+         natural = natural_gradient(gauss*corner(:, q))
+         jacobian = matmul(x, transpose(natural))
+         call invert(jacobian, inverse, determinant)
+         volume(q) = determinant
+         gradient(:, :, q) = matmul(transpose(inverse), natural)
+         do a = 1, 8
+            b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))
+         end do
+      end do
+      if (formulation == brick_selective) then
+         do a = 1, 8
+            do i = 1, 3
+               mean(i, a) = sum(gradient(i, a, :)*volume)/sum(volume)
+            end do
+         end do
+         do q = 1, 8
+            do a = 1, 8
+               do i = 1, 3
+                  b(1:3, 3*a - 3 + i, q) = b(1:3, 3*a - 3 + i, q) + (mean(i, a) - gradient(i, a, q))/3.0_wp
+               end do
+            end do
+         end do
+      else if (formulation == brick_incompatible) then
+         natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp])
+         jacobian = matmul(x, transpose(natural))
+         call invert(jacobian, centre_inverse, centre_determinant)
+         do q = 1, 8
+            do i = 1, 3
+               ! Mode 1 - xi_i^2, its gradient mapped by the Jacobian of the centre, scaled to do no work on constant stress.
+               mode = -2.0_wp*gauss*corner(i, q)*centre_inverse(i, :)*(centre_determinant/volume(q))
+               b(:, 22 + 3*i:24 + 3*i, q) = strain_of(mode)
+            end do
+         end do
+      end if
+   end subroutine brick_strain
+
+   !> Volumes (um3) that integration assigns to the eight nodes' corners: their sum is the element's volume.
+   pure function brick_volumes(x) result(volume)
+      real(wp), intent(in) :: x(3, 8)
+      real(wp) :: volume(8)
+      real(wp) :: inverse(3, 3)
+      integer :: q
+
+      do q = 1, 8
+         call invert(matmul(x, transpose(natural_gradient(gauss*corner(:, q)))), inverse, volume(q))
+      end do
+   end function brick_volumes
+
+   !> Stiffness (mN/um) of the infinite element over a facet with nodes `x` (um).
+   !>
+   !> The facet is swept along rays from the origin to infinity, x = rho X with rho ≥ 1; displacements decay as
+   !> u = N_a u_a / rho, which is how the displacements of a point load decay. The energy is integrated in closed form in rho.
+   pure subroutine infinite_stiffness(x, c, k)
+      real(wp), intent(in) :: x(3, 4), c(6, 6)
+      real(wp), intent(out) :: k(12, 12)
+      real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
+      real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, b(6, 12), natural(3, 4)
+      real(wp) :: s, t, gradient(3, 4)
+      integer :: a, q
+
+      k = 0.0_wp
+      do q = 1, 4
+         s = gauss*sign_s(q)
+         t = gauss*sign_t(q)
+         shape = 0.25_wp*(1.0_wp + s*sign_s)*(1.0_wp + t*sign_t)
+         along_s = 0.25_wp*sign_s*(1.0_wp + t*sign_t)
+         along_t = 0.25_wp*sign_t*(1.0_wp + s*sign_s)
+         jacobian(:, 1) = matmul(x, shape)
+         jacobian(:, 2) = matmul(x, along_s)
+         jacobian(:, 3) = matmul(x, along_t)
+         call invert(jacobian, inverse, determinant)
+         natural(1, :) = -shape
+         natural(2, :) = along_s
+         natural(3, :) = along_t
+         gradient = matmul(transpose(inverse), natural)
+         do a = 1, 4
+            b(:, 3*a - 2:3*a) = strain_of(gradient(:, a))
+         end do
+         k = k + abs(determinant)*matmul(transpose(b), matmul(c, b))
+      end do
+      k = 0.5_wp*(k + transpose(k))
+   end subroutine infinite_stiffness
+
+   !> Statically condense the nine incompatible modes (unknowns 25-33) out of `k`.
+   pure subroutine eliminate_modes(k)
+      real(wp), intent(inout) :: k(33, 33)
+      integer :: p, j
+
+      do p = 33, 25, -1
+         do j = 1, p - 1
+            k(:p - 1, j) = k(:p - 1, j) - k(:p - 1, p)*(k(p, j)/k(p, p))
+         end do
+      end do
+   end subroutine eliminate_modes
+
+   !> Derivatives of the eight shape functions with respect to the natural coordinates.
+   pure function natural_gradient(xi) result(g)
+      real(wp), intent(in) :: xi(3)
+      real(wp) :: g(3, 8)
+      real(wp) :: f(3)
+      integer :: a
+
+      do a = 1, 8
+         f = 1.0_wp + xi*corner(:, a)
+         g(1, a) = 0.125_wp*corner(1, a)*f(2)*f(3)
+         g(2, a) = 0.125_wp*corner(2, a)*f(1)*f(3)
+         g(3, a) = 0.125_wp*corner(3, a)*f(1)*f(2)
+      end do
+   end function natural_gradient
+
+   !> Strain of the three displacement components whose common gradient is `g`.
+   pure function strain_of(g) result(b)
+      real(wp), intent(in) :: g(3)
+      real(wp) :: b(6, 3)
+
+      b(:, 1) = [g(1), 0.0_wp, 0.0_wp, 0.0_wp, g(3), g(2)]
+      b(:, 2) = [0.0_wp, g(2), 0.0_wp, g(3), 0.0_wp, g(1)]
+      b(:, 3) = [0.0_wp, 0.0_wp, g(3), g(2), g(1), 0.0_wp]
+   end function strain_of
+
+   !> Inverse of J(i, j) = dx_i/dxi_j.
+   pure subroutine invert(j, inverse, determinant)
+      real(wp), intent(in) :: j(3, 3)
+      real(wp), intent(out) :: inverse(3, 3), determinant
+
+      inverse(1, 1) = j(2, 2)*j(3, 3) - j(2, 3)*j(3, 2)
+      inverse(1, 2) = j(1, 3)*j(3, 2) - j(1, 2)*j(3, 3)
+      inverse(1, 3) = j(1, 2)*j(2, 3) - j(1, 3)*j(2, 2)
+      inverse(2, 1) = j(2, 3)*j(3, 1) - j(2, 1)*j(3, 3)
+      inverse(2, 2) = j(1, 1)*j(3, 3) - j(1, 3)*j(3, 1)
+      inverse(2, 3) = j(1, 3)*j(2, 1) - j(1, 1)*j(2, 3)
+      inverse(3, 1) = j(2, 1)*j(3, 2) - j(2, 2)*j(3, 1)
+      inverse(3, 2) = j(1, 2)*j(3, 1) - j(1, 1)*j(3, 2)
+      inverse(3, 3) = j(1, 1)*j(2, 2) - j(1, 2)*j(2, 1)
+      determinant = j(1, 1)*inverse(1, 1) + j(1, 2)*inverse(2, 1) + j(1, 3)*inverse(3, 1)
+      if (abs(determinant) > 0.0_wp) inverse = inverse/determinant
+   end subroutine invert
+end module fe_element

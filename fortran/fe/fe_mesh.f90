@@ -1,0 +1,313 @@
+!> One generator for both meshes: a uniform box of bricks under the indenter, wrapped in homothetic layers.
+!>
+!> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. Each layer lies between two copies of the box's surface
+!> (without its top) scaled about the contact centre, the origin, so that all elements of a box are equal and those of a
+!> block of layers with one growth factor repeat from layer to layer up to scale. Between two blocks the surface may be
+!> coarsened 2:1; the nodes that then hang take the mean of their neighbours. Around it all comes either a layer of
+!> infinite elements, swept along rays from the origin, or a clamped bottom and free sides.
+module fe_mesh
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: wp
+   use text, only: to_text
+   implicit none
+   private
+   public :: mesh_plan_type, mesh_type, new_mesh
+
+   !> What the generator builds.
+   type :: mesh_plan_type
+      !> Cells of the box per half-width and over its depth.
+      integer :: half_cells = 0, depth_cells = 0
+      !> Half-width and depth of the box, um.
+      real(wp) :: half_width = 0.0_wp, depth = 0.0_wp
+      !> Blocks of layers from the inside out: number of layers, growth factor from layer to layer (> 1), and whether the
+      !> surface is coarsened 2:1 before the block.
+      integer, allocatable :: layers(:)
+      real(wp), allocatable :: growth(:)
+      logical, allocatable :: coarsen(:)
+      !> Infinite elements outside; else the bottom is clamped and the sides are free.
+      logical :: infinite = .true.
+   end type mesh_plan_type
+
+   type :: mesh_type
+      !> Coordinates of the nodes, um.
+      real(wp), allocatable :: x(:, :)
+      !> Nodes of each brick, Abaqus' order.
+      integer, allocatable :: brick(:, :)
+      !> Bricks of a class are equal up to translation and scale: class of each brick, its scale (stiffness is proportional to
+      !> it), and a brick of scale 1 for each class.
+      integer, allocatable :: class(:), representative(:)
+      real(wp), allocatable :: scale(:)
+      !> Facets that carry infinite elements.
+      integer, allocatable :: facet(:, :)
+      !> Clamped nodes.
+      integer, allocatable :: clamped(:)
+      !> Hanging nodes: the mean of the first `masters(j)` of `master(:, j)`.
+      integer, allocatable :: hanging(:), masters(:), master(:, :)
+      !> Surface nodes that may touch the indenter.
+      integer, allocatable :: contact(:)
+      !> Contact may reach this far from the centre, and edge of an element there, um.
+      real(wp) :: contact_reach = 0.0_wp, element_size = 0.0_wp
+      !> Distance of the outer boundary from the centre, um.
+      real(wp) :: outer_radius = 0.0_wp
+   end type mesh_type
+
+contains
+
+   !> Build the mesh of a plan.
+   subroutine new_mesh(plan, mesh, error)
+      type(mesh_plan_type), intent(in) :: plan
+      type(mesh_type), intent(out) :: mesh
+      type(error_type), allocatable, intent(out) :: error
+      !> Node of each lattice point of the current surface; 0 inside and where the surface is coarser.
+      integer, allocatable :: at(:, :, :)
+      integer, allocatable :: quad(:, :, :)
+      real(wp), allocatable :: box(:, :, :, :)
+      integer :: n, nx, nz, step, nodes, bricks, hanging, classes, base, block, layer, i, j, k, f, facets
+      real(wp) :: scale, block_scale
+
+      n = plan%half_cells
+      nx = 2*n
+      nz = plan%depth_cells
+      call check_plan(plan, error)
+      if (allocated(error)) return
+
+      call count_items(plan, nodes, bricks, hanging, classes)
+      allocate (mesh%x(3, nodes), mesh%brick(8, bricks), mesh%class(bricks), mesh%scale(bricks))
+      allocate (mesh%representative(classes), mesh%hanging(hanging), mesh%masters(hanging), mesh%master(4, hanging))
+      allocate (at(0:nx, 0:nx, 0:nz), box(3, 0:nx, 0:nx, 0:nz))
+      nodes = 0
+      do k = 0, nz
+         do j = 0, nx
+            do i = 0, nx
+               nodes = nodes + 1
+               at(i, j, k) = nodes
+               box(:, i, j, k) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
+                  & (real(k - nz, wp)/nz)*plan%depth]
+               mesh%x(:, nodes) = box(:, i, j, k)
+            end do
+         end do
+      end do
+      bricks = 0
+      do k = 0, nz - 1
+         do j = 0, nx - 1
+            do i = 0, nx - 1
+               bricks = bricks + 1
+               mesh%brick(:, bricks) = [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k), &
+                  & at(i, j, k + 1), at(i + 1, j, k + 1), at(i + 1, j + 1, k + 1), at(i, j + 1, k + 1)]
+            end do
+         end do
+      end do
+      mesh%class(:bricks) = 1
+      mesh%scale(:bricks) = 1.0_wp
+      mesh%representative(1) = 1
+      mesh%element_size = plan%half_width/n
+      mesh%contact_reach = plan%half_width
+      ! A hanging node has no displacement of its own.
+      if (plan%coarsen(1)) mesh%contact_reach = plan%half_width - mesh%element_size
+      call find_contact(at(:, :, nz), mesh)
+      at(1:nx - 1, 1:nx - 1, 1:nz) = 0
+
+      hanging = 0
+      classes = 1
+      step = 1
+      scale = 1.0_wp
+      do block = 1, size(plan%layers)
+         if (plan%coarsen(block)) call coarsen(at, step, mesh, hanging)
+         call surface_quads(nx, nz, step, quad)
+         facets = size(quad, 3)
+         base = classes
+         classes = classes + facets
+         block_scale = scale
+         do layer = 1, plan%layers(block)
+            do f = 1, facets
+               mesh%brick(1:4, bricks + f) = nodes_of(quad(:, :, f))
+            end do
+            scale = scale*plan%growth(block)
+            do k = 0, nz, step
+               do j = 0, nx, step
+                  do i = 0, nx, step
+                     if (at(i, j, k) == 0) cycle
+                     nodes = nodes + 1
+                     at(i, j, k) = nodes
+                     mesh%x(:, nodes) = scale*box(:, i, j, k)
+                  end do
+               end do
+            end do
+            do f = 1, facets
+               mesh%brick(5:8, bricks + f) = nodes_of(quad(:, :, f))
+               mesh%class(bricks + f) = base + f
+               if (layer == 1) mesh%representative(base + f) = bricks + f
+               mesh%scale(bricks + f) = scale/(plan%growth(block)*block_scale)
+            end do
+            bricks = bricks + facets
+         end do
+      end do
+      mesh%outer_radius = scale*min(plan%half_width, plan%depth)
+      if (plan%infinite) then
+         call surface_quads(nx, nz, step, quad)
+         allocate (mesh%facet(4, size(quad, 3)), mesh%clamped(0))
+         do f = 1, size(quad, 3)
+            mesh%facet(:, f) = nodes_of(quad(:, :, f))
+         end do
+      else
+         allocate (mesh%facet(4, 0))
+         mesh%clamped = pack(at(:, :, 0), at(:, :, 0) > 0)
+      end if
+
+   contains
+
+      pure function nodes_of(lattice) result(node)
+         integer, intent(in) :: lattice(3, 4)
+         integer :: node(4)
+         integer :: a
+
+         do a = 1, 4
+            node(a) = at(lattice(1, a), lattice(2, a), lattice(3, a))
+         end do
+      end function nodes_of
+   end subroutine new_mesh
+
+   subroutine check_plan(plan, error)
+      type(mesh_plan_type), intent(in) :: plan
+      type(error_type), allocatable, intent(out) :: error
+      integer :: block, step
+
+      if (plan%half_cells < 2 .or. plan%depth_cells < 2 .or. plan%half_cells > 200 .or. plan%depth_cells > 400) then
+         call raise(error, 'a mesh of '//to_text(plan%half_cells)//' elements per half-width and '// &
+            & to_text(plan%depth_cells)//' over the depth of its core cannot be made; allowed: 2 to 200, and 2 to 400', &
+            & exit_bad_input)
+         return
+      end if
+      if (.not. (plan%half_width > 0.0_wp .and. plan%depth > 0.0_wp .and. plan%half_width <= huge(1.0_wp) &
+         & .and. plan%depth <= huge(1.0_wp))) then
+         call raise(error, 'the core of the mesh has half-width '//to_text(plan%half_width)//' um and depth '// &
+            & to_text(plan%depth)//' um; both must be positive', exit_bad_input)
+         return
+      end if
+      step = 1
+      do block = 1, size(plan%layers)
+         if (plan%coarsen(block)) step = 2*step
+         if (plan%layers(block) < 1 .or. .not. plan%growth(block) > 1.0_wp .or. .not. plan%growth(block) < 10.0_wp) then
+            call raise(error, 'a block of '//to_text(plan%layers(block))//' layers growing by ' &
+               & //to_text(plan%growth(block))//' cannot be made; allowed: at least 1, and 1 to 10', exit_bad_input)
+            return
+         end if
+      end do
+      if (mod(plan%depth_cells, step) /= 0 .or. mod(2*plan%half_cells, step) /= 0) call raise(error, &
+         & 'the core of the mesh has '//to_text(2*plan%half_cells)//' x '//to_text(plan%depth_cells) &
+         & //' elements, not multiples of '//to_text(step), exit_bad_input)
+   end subroutine check_plan
+
+   !> How many items the mesh of a plan will have.
+   pure subroutine count_items(plan, nodes, bricks, hanging, classes)
+      type(mesh_plan_type), intent(in) :: plan
+      integer, intent(out) :: nodes, bricks, hanging, classes
+      integer :: block, step, nx, nz, facets, surface
+
+      nx = 2*plan%half_cells
+      nz = plan%depth_cells
+      nodes = (nx + 1)**2*(nz + 1)
+      bricks = nx**2*nz
+      hanging = 0
+      classes = 1
+      step = 1
+      do block = 1, size(plan%layers)
+         if (plan%coarsen(block)) then
+            hanging = hanging + surface_nodes(nx/step, nz/step) - surface_nodes(nx/(2*step), nz/(2*step))
+            step = 2*step
+         end if
+         surface = surface_nodes(nx/step, nz/step)
+         facets = (nx/step)**2 + 4*(nx/step)*(nz/step)
+         nodes = nodes + plan%layers(block)*surface
+         bricks = bricks + plan%layers(block)*facets
+         classes = classes + facets
+      end do
+   end subroutine count_items
+
+   pure integer function surface_nodes(nx, nz)
+      integer, intent(in) :: nx, nz
+
+      surface_nodes = (nx + 1)**2 + 4*nx*nz
+   end function surface_nodes
+
+   !> Nodes of the top of the box inside the circle of contact.
+   subroutine find_contact(top, mesh)
+      integer, intent(in) :: top(0:, 0:)
+      type(mesh_type), intent(inout) :: mesh
+      integer, allocatable :: found(:)
+      integer :: i, j, count
+
+      allocate (found(size(top)))
+      count = 0
+      do j = 0, ubound(top, 2)
+         do i = 0, ubound(top, 1)
+            if (hypot(mesh%x(1, top(i, j)), mesh%x(2, top(i, j))) > mesh%contact_reach*(1.0_wp + 1.0e-9_wp)) cycle
+            count = count + 1
+            found(count) = top(i, j)
+         end do
+      end do
+      mesh%contact = found(:count)
+   end subroutine find_contact
+
+   !> Keep every other lattice point of the surface; the others hang on their neighbours.
+   subroutine coarsen(at, step, mesh, hanging)
+      integer, intent(inout) :: at(0:, 0:, 0:)
+      integer, intent(inout) :: step, hanging
+      type(mesh_type), intent(inout) :: mesh
+      integer :: i, j, k, odd(3), corner(3), offset(3), m, p
+      integer, allocatable :: fine(:, :, :)
+
+      allocate (fine(0:ubound(at, 1), 0:ubound(at, 2), 0:ubound(at, 3)), source=at)
+      do k = 0, ubound(at, 3), step
+         do j = 0, ubound(at, 2), step
+            do i = 0, ubound(at, 1), step
+               if (fine(i, j, k) == 0) cycle
+               odd = merge(step, 0, mod([i, j, k], 2*step) /= 0)
+               if (all(odd == 0)) cycle
+               hanging = hanging + 1
+               mesh%hanging(hanging) = at(i, j, k)
+               m = 0
+               do p = 0, 7
+                  offset = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
+                  if (any(odd == 0 .and. offset > 0)) cycle
+                  corner = [i, j, k] + offset*odd
+                  m = m + 1
+                  mesh%master(m, hanging) = fine(corner(1), corner(2), corner(3))
+               end do
+               mesh%masters(hanging) = m
+               at(i, j, k) = 0
+            end do
+         end do
+      end do
+      step = 2*step
+   end subroutine coarsen
+
+   !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from outside.
+   pure subroutine surface_quads(nx, nz, step, quad)
+      integer, intent(in) :: nx, nz, step
+      integer, allocatable, intent(out) :: quad(:, :, :)
+      integer :: i, j, k, f, ip, jp, kp
+
+      allocate (quad(3, 4, (nx/step)**2 + 4*(nx/step)*(nz/step)))
+      f = 0
+      do j = 0, nx - step, step
+         do i = 0, nx - step, step
+            ip = i + step
+            jp = j + step
+            f = f + 1
+            quad(:, :, f) = reshape([i, j, 0, i, jp, 0, ip, jp, 0, ip, j, 0], [3, 4])
+         end do
+      end do
+      do k = 0, nz - step, step
+         do i = 0, nx - step, step
+            ip = i + step
+            kp = k + step
+            quad(:, :, f + 1) = reshape([i, 0, k, ip, 0, k, ip, 0, kp, i, 0, kp], [3, 4])
+            quad(:, :, f + 2) = reshape([i, nx, k, i, nx, kp, ip, nx, kp, ip, nx, k], [3, 4])
+            quad(:, :, f + 3) = reshape([0, i, k, 0, i, kp, 0, ip, kp, 0, ip, k], [3, 4])
+            quad(:, :, f + 4) = reshape([nx, i, k, nx, ip, k, nx, ip, kp, nx, i, kp], [3, 4])
+            f = f + 4
+         end do
+      end do
+   end subroutine surface_quads
+end module fe_mesh

@@ -1,0 +1,157 @@
+!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern (cpp/sparse_cholesky.h).
+module sparse_cholesky
+   use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
+   use errors, only: error_type, raise
+   use kinds, only: wp
+   use text, only: to_text
+   implicit none
+   private
+   public :: cholesky_type, factor_type, analyse_pattern, free_analysis, acquire_factor, release_factor
+   public :: factorise, kept_factor, solve_factored
+
+   !> The symbolic analysis of a pattern; read-only once made, so that threads share it.
+   type :: cholesky_type
+      type(c_ptr) :: handle = c_null_ptr
+      integer :: n = 0
+      !> The last `kept` unknowns are eliminated last.
+      integer :: kept = 0
+      !> Entries of the factor, operations of one factorisation, and bytes of one workspace.
+      real(wp) :: entries = 0.0_wp, operations = 0.0_wp, bytes = 0.0_wp
+   end type cholesky_type
+
+   !> The numeric factor of one matrix: owned by one thread between acquire and release.
+   type :: factor_type
+      type(c_ptr) :: handle = c_null_ptr
+   end type factor_type
+
+   integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
+
+   interface
+      function c_new(n, column_start, row, group, kept, status) bind(c, name='sparse_cholesky_new') result(handle)
+         import :: c_int32_t, c_ptr
+         integer(c_int32_t), value :: n, kept
+         integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
+         integer(c_int32_t), intent(out) :: status
+         type(c_ptr) :: handle
+      end function c_new
+      subroutine c_delete(analysis) bind(c, name='sparse_cholesky_delete')
+         import :: c_ptr
+         type(c_ptr), value :: analysis
+      end subroutine c_delete
+      subroutine c_size(analysis, entries, operations, bytes) bind(c, name='sparse_cholesky_size')
+         import :: c_double, c_ptr
+         type(c_ptr), value :: analysis
+         real(c_double), intent(out) :: entries, operations, bytes
+      end subroutine c_size
+      function c_acquire(analysis) bind(c, name='sparse_cholesky_acquire') result(handle)
+         import :: c_ptr
+         type(c_ptr), value :: analysis
+         type(c_ptr) :: handle
+      end function c_acquire
+      subroutine c_release(analysis, workspace) bind(c, name='sparse_cholesky_release')
+         import :: c_ptr
+         type(c_ptr), value :: analysis, workspace
+      end subroutine c_release
+      function c_factor(analysis, workspace, values, unknown) bind(c, name='sparse_cholesky_factor') result(status)
+         import :: c_double, c_int32_t, c_ptr
+         type(c_ptr), value :: analysis, workspace
+         real(c_double), intent(in) :: values(*)
+         integer(c_int32_t), intent(out) :: unknown
+         integer(c_int32_t) :: status
+      end function c_factor
+      subroutine c_kept_factor(analysis, workspace, factor) bind(c, name='sparse_cholesky_kept_factor')
+         import :: c_double, c_ptr
+         type(c_ptr), value :: analysis, workspace
+         real(c_double), intent(out) :: factor(*)
+      end subroutine c_kept_factor
+      subroutine c_solve(analysis, workspace, count, x) bind(c, name='sparse_cholesky_solve')
+         import :: c_double, c_int32_t, c_ptr
+         type(c_ptr), value :: analysis, workspace
+         integer(c_int32_t), value :: count
+         real(c_double), intent(inout) :: x(*)
+      end subroutine c_solve
+   end interface
+
+contains
+
+   !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
+   subroutine analyse_pattern(column_start, row, group, kept, cholesky, error)
+      integer, intent(in) :: column_start(:), row(:)
+      !> Number of the mesh node of each unknown: unknowns of a node share their neighbours.
+      integer, intent(in) :: group(:)
+      integer, intent(in) :: kept
+      type(cholesky_type), intent(out) :: cholesky
+      type(error_type), allocatable, intent(out) :: error
+      integer(c_int32_t) :: status
+
+      cholesky%n = size(group)
+      cholesky%kept = kept
+      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, kept, status)
+      if (status == status_no_memory) then
+         call raise(error, 'too little memory to factor a system of '//to_text(cholesky%n)//' unknowns')
+      else if (status /= status_ok) then
+         call raise(error, 'the sparsity pattern of '//to_text(cholesky%n)//' unknowns could not be analysed (status ' &
+            & //to_text(int(status))//')')
+      end if
+      if (allocated(error)) return
+      call c_size(cholesky%handle, cholesky%entries, cholesky%operations, cholesky%bytes)
+   end subroutine analyse_pattern
+
+   subroutine free_analysis(cholesky)
+      type(cholesky_type), intent(inout) :: cholesky
+
+      if (c_associated(cholesky%handle)) call c_delete(cholesky%handle)
+      cholesky%handle = c_null_ptr
+   end subroutine free_analysis
+
+   !> A workspace for one factor; give it back with `release_factor`.
+   subroutine acquire_factor(cholesky, factor, error)
+      type(cholesky_type), intent(in) :: cholesky
+      type(factor_type), intent(out) :: factor
+      type(error_type), allocatable, intent(out) :: error
+
+      factor%handle = c_acquire(cholesky%handle)
+      if (.not. c_associated(factor%handle)) call raise(error, 'too little memory for a factor of ' &
+         & //to_text(1.0e-6_wp*cholesky%bytes)//' MB')
+   end subroutine acquire_factor
+
+   subroutine release_factor(cholesky, factor)
+      type(cholesky_type), intent(in) :: cholesky
+      type(factor_type), intent(inout) :: factor
+
+      if (c_associated(factor%handle)) call c_release(cholesky%handle, factor%handle)
+      factor%handle = c_null_ptr
+   end subroutine release_factor
+
+   !> Factor the matrix with these values; refuse one that is not positive definite.
+   subroutine factorise(cholesky, factor, values, error)
+      type(cholesky_type), intent(in) :: cholesky
+      type(factor_type), intent(inout) :: factor
+      !> In the order of the rows of the pattern.
+      real(wp), intent(in), contiguous :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer(c_int32_t) :: status, unknown
+
+      status = c_factor(cholesky%handle, factor%handle, values, unknown)
+      if (status == status_indefinite) call raise(error, 'the stiffness matrix is not positive definite (unknown ' &
+         & //to_text(int(unknown) + 1)//' of '//to_text(cholesky%n)//')')
+   end subroutine factorise
+
+   !> Lower Cholesky factor of the Schur complement of the kept unknowns, zeros above the diagonal.
+   subroutine kept_factor(cholesky, factor, lower)
+      type(cholesky_type), intent(in) :: cholesky
+      type(factor_type), intent(in) :: factor
+      real(wp), intent(out), contiguous :: lower(:, :)
+
+      call c_kept_factor(cholesky%handle, factor%handle, lower)
+   end subroutine kept_factor
+
+   !> Overwrite the columns of `x` with the solutions.
+   subroutine solve_factored(cholesky, factor, x)
+      type(cholesky_type), intent(in) :: cholesky
+      type(factor_type), intent(inout) :: factor
+      real(wp), intent(inout), contiguous :: x(:, :)
+
+      call c_solve(cholesky%handle, factor%handle, size(x, 2), x)
+   end subroutine solve_factored
+end module sparse_cholesky

@@ -1,0 +1,129 @@
+"""Finite element simulations of spherical indentation of one crystal."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+import os
+
+import numpy as np
+
+from .core import BayesindentError, check, native
+
+__all__ = ["Indentation", "IndentationResult"]
+
+
+@dataclass(frozen=True)
+class IndentationResult:
+    """One simulated indentation. Lengths in um, forces in mN, moduli in GPa."""
+
+    #: M of P = 4/3 M sqrt(R) h^1.5: least squares through the origin over the depths whose contact is resolved.
+    indentation_modulus_gpa: float
+    depth_um: np.ndarray
+    force_mn: np.ndarray
+    #: All elements of all solves behind the number, infinite ones included.
+    elements: int
+    seconds: float
+    #: Diagnostics: slope of a line with intercept, last point alone, estimate on each mesh (the finest first).
+    modulus_slope_gpa: float
+    modulus_last_gpa: float
+    modulus_of_mesh_gpa: np.ndarray
+    #: Radius of a circle as large as the area of the touching nodes.
+    contact_radius_um: np.ndarray
+    seconds_factor: float
+    #: Largest violation of the contact conditions, and of equilibrium with the reactions, relative.
+    contact_residual: float
+    equilibrium_residual: float
+
+
+@dataclass
+class Indentation:
+    """A mesh with its solver, ready to indent any crystal; threads may share it.
+
+    mesh: 'halfspace' (infinite elements outside) or 'paper' (block of 9.6 x 9.6 x 4.8 um, bottom clamped);
+    radius_um: of the rigid sphere; element: 'c3d8', 'c3d8i' or '' for the default of the mesh; integration of c3d8:
+    'selective' (Abaqus) or 'full' (CalculiX); refine: elements per contact radius relative to the default;
+    extrapolate: in mesh size, from a second, coarser mesh; depths: points of the curve, equally spaced in contact radius.
+    Raises `InputError` for what cannot be meant.
+    """
+
+    mesh: str = "halfspace"
+    radius_um: float = 16.0
+    element: str = ""
+    integration: str = "selective"
+    refine: float = 1.0
+    extrapolate: bool = False
+    depths: int = 10
+    _handle: int = field(default=0, init=False, repr=False)
+
+    def __post_init__(self):
+        handle, counts, costs, status, message = native.indentation_new(
+            self.mesh[:16].ljust(16), self.element[:16].ljust(16), self.integration[:16].ljust(16),
+            self.refine, self.extrapolate, self.radius_um, self.depths,
+        )  # fmt: skip
+        check(status, message)
+        self._handle = int(handle)
+        (self.elements, _, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
+         self.unknowns) = (int(count) for count in counts)  # fmt: skip
+        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
+        self.factor_entries, self.factor_operations, self.workspace_bytes = (float(cost) for cost in costs)
+
+    def __del__(self):
+        if getattr(self, "_handle", 0):
+            native.indentation_free(self._handle)
+            self._handle = 0
+
+    def run(self, stiffness, euler_deg) -> IndentationResult:
+        """Indent one crystal: stiffness (6, 6) in GPa, crystal frame; Bunge-Euler angles (3,) in degrees.
+
+        Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
+        """
+        depth, force, radius, moduli, diagnostics, status, message = native.indentation_run(
+            self._handle, self.depths, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
+        )
+        check(status, message)
+        return IndentationResult(
+            indentation_modulus_gpa=float(moduli[0]),
+            depth_um=depth,
+            force_mn=force,
+            elements=self.elements,
+            seconds=float(diagnostics[0]),
+            modulus_slope_gpa=float(moduli[1]),
+            modulus_last_gpa=float(moduli[2]),
+            modulus_of_mesh_gpa=moduli[3 : 3 + self.meshes],
+            contact_radius_um=radius,
+            seconds_factor=float(diagnostics[1]),
+            contact_residual=float(diagnostics[2]),
+            equilibrium_residual=float(diagnostics[3]),
+        )
+
+    def run_many(
+        self, stiffness, euler_deg, workers: int = 0, *, errors: str = "raise", done: Callable[[int], None] | None = None
+    ) -> list[IndentationResult | BayesindentError]:
+        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores).
+
+        The numbers do not depend on `workers`. errors: 'raise' the first, or 'return' each in the place of its result.
+        done(1) is called, from any thread, after each simulation.
+        """
+
+        def one(item):
+            try:
+                result = self.run(*item)
+            except BayesindentError as error:
+                if errors == "raise":
+                    raise
+                result = error
+            if done is not None:
+                done(1)
+            return result
+
+        matrices = np.asarray(stiffness, dtype=float).reshape(-1, 6, 6)
+        angles = np.asarray(euler_deg, dtype=float).reshape(-1, 3)
+        with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+            return list(pool.map(one, zip(matrices, angles, strict=True)))
+
+    def mesh_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes (n, 3) in um, bricks (e, 8), facets with infinite elements (f, 4) and contact nodes of the finest mesh."""
+        x, brick, facet, contact = native.indentation_mesh(
+            self._handle, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes
+        )
+        return x.T, brick.T, facet.T, contact
