@@ -5,7 +5,7 @@ module linear_algebra
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply
 
    interface
       subroutine dpotrf(uplo, n, a, lda, info)
@@ -38,6 +38,20 @@ module linear_algebra
          real(wp), intent(out) :: w(*), work(*)
          integer, intent(out) :: iwork(*), info
       end subroutine dsyevd
+      subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
+         import :: wp
+         character(len=1), intent(in) :: uplo, trans
+         integer, intent(in) :: n, k, lda, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dsyrk
+      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+         import :: wp
+         character(len=1), intent(in) :: transa, transb
+         integer, intent(in) :: m, n, k, lda, ldb, ldc
+         real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+         real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dgemm
    end interface
 
 contains
@@ -94,4 +108,28 @@ contains
       if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info ' &
          & //to_text(info)//')')
    end subroutine symmetric_eigen
+
+   !> gram + factor a aᵀ, or gram + factor aᵀ a if `transposed`; the full symmetric matrix.
+   subroutine add_gram(a, factor, gram, transposed)
+      real(wp), intent(in), contiguous :: a(:, :)
+      real(wp), intent(in) :: factor
+      real(wp), intent(inout), contiguous :: gram(:, :)
+      logical, intent(in) :: transposed
+      integer :: j
+
+      call dsyrk('L', merge('T', 'N', transposed), size(gram, 2), size(a, merge(1, 2, transposed)), factor, a, &
+         & max(1, size(a, 1)), 1.0_wp, gram, max(1, size(gram, 1)))
+      do j = 2, size(gram, 2)
+         gram(:j - 1, j) = gram(j, :j - 1)
+      end do
+   end subroutine add_gram
+
+   !> product = a b.
+   subroutine multiply(a, b, product)
+      real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+      real(wp), intent(out), contiguous :: product(:, :)
+
+      call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
+         & 0.0_wp, product, max(1, size(product, 1)))
+   end subroutine multiply
 end module linear_algebra

@@ -1,0 +1,420 @@
+!> Bayesian linear regression with maximised evidence (paper's Eq. 3-11).
+!>
+!> y = Φ A + noise of variance 1/beta; A ~ N(m, (alpha W)^-1), W diagonal. With W = 1 and m = 0 the prior is the paper's Eq. 6.
+!> All is done for the whitened coefficients z = W^(1/2) (A - m), whose prior is N(0, 1/alpha).
+module evidence_regression
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: pi, wp
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
+   use text, only: to_text
+   implicit none
+   private
+   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior, update_posterior
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, whiten, symmetric_product, subtract_outer
+   public :: spectrum_type, compute_spectrum
+
+   type :: regression_type
+      integer :: n_terms = 0, n_data = 0
+      !> m, and W^(-1/2).
+      real(wp), allocatable :: prior_mean(:), prior_width(:)
+      !> Whitened terms (n_terms, capacity), and y - Φ m.
+      real(wp), allocatable :: terms(:, :), targets(:)
+      !> Smallest standard deviation of the noise that is believed, in units of y.
+      real(wp) :: least_noise = 0.0_wp
+      real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
+      !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal equations.
+      real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
+      !> Rank-one updates since the covariance was last computed from the data.
+      integer :: n_updates = 0
+   end type regression_type
+
+   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta elsewhere.
+   type :: spectrum_type
+      integer :: n_data = 0
+      real(wp), allocatable :: values(:), squares(:)
+      !> Squared length of y outside those directions.
+      real(wp) :: rest = 0.0_wp
+   end type spectrum_type
+
+   !> Rank-one updates after which the covariance is recomputed, so that rounding does not build up.
+   integer, parameter, public :: refresh_interval = 200
+
+contains
+
+   !> A regression without data. `weights` is the diagonal of W.
+   subroutine new_regression(weights, prior_mean, least_noise, regression, error)
+      real(wp), intent(in) :: weights(:), prior_mean(:), least_noise
+      type(regression_type), intent(out) :: regression
+      type(error_type), allocatable, intent(out) :: error
+
+      if (size(weights) /= size(prior_mean)) then
+         call raise(error, 'the prior has '//to_text(size(weights))//' weights but '//to_text(size(prior_mean))//' means')
+      else if (.not. (all(weights > 0.0_wp) .and. all(weights < huge(1.0_wp)))) then
+         call raise(error, 'a weight of the prior is not positive and finite', exit_bad_input)
+      else if (.not. (least_noise > 0.0_wp .and. least_noise < huge(1.0_wp))) then
+         call raise(error, 'the least sd of the noise is '//to_text(least_noise)//'; it must be positive', exit_bad_input)
+      end if
+      if (allocated(error)) return
+      regression%n_terms = size(weights)
+      regression%prior_mean = prior_mean
+      regression%prior_width = 1.0_wp/sqrt(weights)
+      regression%least_noise = least_noise
+      allocate (regression%terms(size(weights), 64), regression%targets(64))
+      allocate (regression%mean(size(weights)), regression%moment(size(weights)))
+      allocate (regression%covariance(size(weights), size(weights)))
+      regression%moment = 0.0_wp
+      call set_precisions(regression, 1.0_wp, 1.0_wp/least_noise**2, error)
+   end subroutine new_regression
+
+   !> Multiply each column of terms by the prior's width.
+   pure subroutine whiten(regression, terms, whitened)
+      type(regression_type), intent(in) :: regression
+      real(wp), intent(in) :: terms(:, :)
+      real(wp), intent(out) :: whitened(:, :)
+      integer :: j
+
+      do j = 1, size(terms, 2)
+         whitened(:, j) = regression%prior_width*terms(:, j)
+      end do
+   end subroutine whiten
+
+   !> Append observations: terms (n_terms, m) and y (m). The posterior is that of the earlier data until it is computed.
+   subroutine add_data(regression, terms, y)
+      type(regression_type), intent(inout) :: regression
+      real(wp), intent(in) :: terms(:, :), y(:)
+      real(wp), allocatable :: larger(:, :), longer(:)
+      integer :: j, capacity, n
+
+      n = regression%n_data
+      if (n + size(y) > size(regression%targets)) then
+         capacity = max(n + size(y), 2*size(regression%targets))
+         allocate (larger(regression%n_terms, capacity), longer(capacity))
+         larger(:, :n) = regression%terms(:, :n)
+         longer(:n) = regression%targets(:n)
+         call move_alloc(larger, regression%terms)
+         call move_alloc(longer, regression%targets)
+      end if
+      do j = 1, size(y)
+         regression%terms(:, n + j) = regression%prior_width*terms(:, j)
+         regression%targets(n + j) = y(j) - dot_product(terms(:, j), regression%prior_mean)
+         regression%moment = regression%moment + regression%targets(n + j)*regression%terms(:, n + j)
+      end do
+      regression%n_data = n + size(y)
+   end subroutine add_data
+
+   !> Eigenvalues of the Gram matrix of the data, over data or over terms, whichever are fewer.
+   subroutine compute_spectrum(regression, spectrum, error)
+      type(regression_type), intent(in) :: regression
+      type(spectrum_type), intent(out) :: spectrum
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: gram(:, :), projection(:), residual(:)
+      real(wp) :: threshold
+      integer :: n, m, i
+
+      n = regression%n_data
+      m = regression%n_terms
+      spectrum%n_data = n
+      allocate (spectrum%values(min(n, m)), spectrum%squares(min(n, m)))
+      if (n == 0) return
+      allocate (gram(min(n, m), min(n, m)), projection(min(n, m)))
+      gram = 0.0_wp
+      if (n <= m) then
+         call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=.true.)
+         call symmetric_eigen(gram, spectrum%values, error)
+         if (allocated(error)) return
+         do i = 1, n
+            projection(i) = dot_product(gram(:, i), regression%targets(:n))
+         end do
+         spectrum%values = max(0.0_wp, spectrum%values)
+         spectrum%squares = projection**2
+         return
+      end if
+      call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=.false.)
+      call symmetric_eigen(gram, spectrum%values, error)
+      if (allocated(error)) return
+      ! What is left after projection is computed as a vector: the difference of squares would cancel for a good fit.
+      threshold = m*epsilon(1.0_wp)*maxval(spectrum%values)
+      do i = 1, m
+         projection(i) = 0.0_wp
+         if (spectrum%values(i) > threshold) then
+            projection(i) = dot_product(gram(:, i), regression%moment)/spectrum%values(i)
+         else
+            spectrum%values(i) = 0.0_wp
+         end if
+      end do
+      spectrum%squares = projection**2*spectrum%values
+      projection = matmul(gram, projection)
+      allocate (residual(n))
+      do i = 1, n
+         residual(i) = regression%targets(i) - dot_product(regression%terms(:, i), projection)
+      end do
+      spectrum%rest = sum(residual**2)
+   end subroutine compute_spectrum
+
+   !> ln p(y | alpha, beta) of Eq. 8.
+   pure real(wp) function log_evidence(spectrum, alpha, beta) result(value)
+      type(spectrum_type), intent(in) :: spectrum
+      real(wp), intent(in) :: alpha, beta
+
+      value = -0.5_wp*(spectrum%n_data*log(2.0_wp*pi/beta) + sum(log(1.0_wp + spectrum%values*(beta/alpha))) &
+         & + beta*(sum(spectrum%squares/(1.0_wp + spectrum%values*(beta/alpha))) + spectrum%rest))
+   end function log_evidence
+
+   !> Noise precision of largest evidence at a given ratio alpha/beta.
+   pure real(wp) function best_beta(spectrum, ratio, least_noise) result(beta)
+      type(spectrum_type), intent(in) :: spectrum
+      real(wp), intent(in) :: ratio, least_noise
+      real(wp) :: variance
+
+      variance = (sum(spectrum%squares/(1.0_wp + spectrum%values/ratio)) + spectrum%rest)/spectrum%n_data
+      beta = 1.0_wp/max(variance, least_noise**2)
+   end function best_beta
+
+   !> The alpha and beta of largest evidence, 1/beta >= least_noise^2. For a given ratio of the two the best beta is known in
+   !> closed form: one search along ln(alpha/beta), each step O(terms), finds the global maximum.
+   subroutine maximise_evidence(regression, error)
+      type(regression_type), intent(inout) :: regression
+      type(error_type), allocatable, intent(out) :: error
+      type(spectrum_type) :: spectrum
+      integer, parameter :: n_grid = 240
+      real(wp), parameter :: golden = 0.6180339887498949_wp
+      real(wp) :: scale, low, high, x(n_grid), value(n_grid), a, b, c, d, fc, fd
+      integer :: i, best
+
+      call compute_spectrum(regression, spectrum, error)
+      if (allocated(error) .or. spectrum%n_data == 0) return
+      scale = max(maxval(spectrum%values), tiny(1.0_wp))
+      ! From a prior that only reins in what the data leave open to one that the data cannot move.
+      low = log(scale) + log(1.0e-15_wp)
+      high = log(scale) + log(1.0e5_wp)
+      do i = 1, n_grid
+         x(i) = low + (high - low)*(i - 1)/(n_grid - 1)
+         value(i) = profile(x(i))
+      end do
+      best = maxloc(value, 1)
+      a = x(max(1, best - 1))
+      b = x(min(n_grid, best + 1))
+      c = b - golden*(b - a)
+      d = a + golden*(b - a)
+      fc = profile(c)
+      fd = profile(d)
+      do while (b - a > 1.0e-9_wp)
+         if (fc >= fd) then
+            b = d
+            d = c
+            fd = fc
+            c = b - golden*(b - a)
+            fc = profile(c)
+         else
+            a = c
+            c = d
+            fc = fd
+            d = a + golden*(b - a)
+            fd = profile(d)
+         end if
+      end do
+      a = exp(0.5_wp*(a + b))
+      b = best_beta(spectrum, a, regression%least_noise)
+      call set_precisions(regression, a*b, b, error)
+
+   contains
+
+      real(wp) function profile(log_ratio)
+         real(wp), intent(in) :: log_ratio
+         real(wp) :: beta
+
+         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
+         profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
+      end function profile
+   end subroutine maximise_evidence
+
+   !> Set alpha and beta, and compute the posterior.
+   subroutine set_precisions(regression, alpha, beta, error)
+      type(regression_type), intent(inout) :: regression
+      real(wp), intent(in) :: alpha, beta
+      type(error_type), allocatable, intent(out) :: error
+
+      if (.not. (alpha > 0.0_wp .and. alpha < huge(1.0_wp) .and. beta > 0.0_wp .and. beta < huge(1.0_wp))) then
+         call raise(error, 'alpha = '//to_text(alpha)//' and beta = '//to_text(beta)//' must be positive and finite', &
+            & exit_bad_input)
+         return
+      end if
+      regression%alpha = alpha
+      regression%beta = beta
+      call compute_posterior(regression, error)
+   end subroutine set_precisions
+
+   !> Mean and covariance from all data at the present alpha, beta (Eq. 7).
+   subroutine compute_posterior(regression, error)
+      type(regression_type), intent(inout) :: regression
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      regression%covariance = 0.0_wp
+      if (regression%n_data > 0) then
+         call add_gram(regression%terms(:, :regression%n_data), regression%beta, regression%covariance, transposed=.false.)
+      end if
+      do i = 1, regression%n_terms
+         regression%covariance(i, i) = regression%covariance(i, i) + regression%alpha
+      end do
+      call cholesky_factor(regression%covariance, error)
+      if (allocated(error)) return
+      block
+         real(wp), allocatable :: solution(:, :)
+
+         solution = reshape(regression%beta*regression%moment, [regression%n_terms, 1])
+         call cholesky_solve(regression%covariance, solution)
+         regression%mean = solution(:, 1)
+      end block
+      call cholesky_inverse(regression%covariance)
+      regression%n_updates = 0
+   end subroutine compute_posterior
+
+   !> One observation more at frozen alpha, beta (Eq. 11): a rank-one change of mean and covariance, O(n_terms^2); every
+   !> `refresh_interval` updates the posterior is computed afresh.
+   subroutine update_posterior(regression, term, y, error)
+      type(regression_type), intent(inout) :: regression
+      !> The terms of the observation, not whitened.
+      real(wp), intent(in) :: term(:), y
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: gain(regression%n_terms), variance
+      integer :: n
+
+      call add_data(regression, reshape(term, [size(term), 1]), [y])
+      if (regression%n_updates + 1 >= refresh_interval) then
+         call compute_posterior(regression, error)
+         return
+      end if
+      n = regression%n_data
+      call symmetric_product(regression%covariance, regression%terms(:, n), gain)
+      variance = 1.0_wp/regression%beta + dot_product(regression%terms(:, n), gain)
+      regression%mean = regression%mean + gain*((regression%targets(n) - dot_product(regression%terms(:, n), regression%mean)) &
+         & /variance)
+      call subtract_outer(regression%covariance, gain, 1.0_wp/variance)
+      regression%n_updates = regression%n_updates + 1
+   end subroutine update_posterior
+
+   !> product = matrix vector.
+   pure subroutine symmetric_product(matrix, vector, product)
+      real(wp), intent(in), contiguous :: matrix(:, :), vector(:)
+      real(wp), intent(out), contiguous :: product(:)
+      integer :: j
+
+      product = 0.0_wp
+      do j = 1, size(vector)
+         product = product + matrix(:, j)*vector(j)
+      end do
+   end subroutine symmetric_product
+
+   !> matrix - factor v vᵀ.
+   pure subroutine subtract_outer(matrix, v, factor)
+      real(wp), intent(inout), contiguous :: matrix(:, :)
+      real(wp), intent(in), contiguous :: v(:)
+      real(wp), intent(in) :: factor
+      integer :: j
+
+      do j = 1, size(v)
+         matrix(:, j) = matrix(:, j) - (factor*v(j))*v
+      end do
+   end subroutine subtract_outer
+
+   !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
+   !> present alpha, beta. Without the group B: residuals (I - H)^-1 r_B and covariance (I - H)^-1/beta, H = beta Φ_B S Φ_Bᵀ.
+   subroutine leave_groups_out(regression, groups, residual, sd, error)
+      type(regression_type), intent(in) :: regression
+      !> Group number of each observation, in any order.
+      integer, intent(in) :: groups(:)
+      real(wp), intent(out) :: residual(:), sd(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: projected(:, :), system(:, :), solution(:, :), identity(:, :)
+      integer, allocatable :: order(:), members(:)
+      integer :: n, m, first, last, i, j
+
+      n = regression%n_data
+      allocate (projected(regression%n_terms, n), order(n))
+      call multiply(regression%covariance, regression%terms(:, :n), projected)
+      call sort_by_group(groups, order)
+      first = 1
+      do while (first <= n)
+         last = first
+         do while (last < n)
+            if (groups(order(last + 1)) /= groups(order(first))) exit
+            last = last + 1
+         end do
+         members = order(first:last)
+         m = size(members)
+         allocate (system(m, m), solution(m, 1), identity(m, m))
+         do j = 1, m
+            solution(j, 1) = regression%targets(members(j)) - dot_product(regression%terms(:, members(j)), regression%mean)
+            do i = 1, m
+               system(i, j) = -regression%beta*dot_product(regression%terms(:, members(i)), projected(:, members(j)))
+            end do
+            system(j, j) = system(j, j) + 1.0_wp
+         end do
+         call cholesky_factor(system, error)
+         if (allocated(error)) return
+         call cholesky_solve(system, solution)
+         residual(members) = solution(:, 1)
+         identity = system
+         call cholesky_inverse(identity)
+         do j = 1, m
+            sd(members(j)) = sqrt(identity(j, j)/regression%beta)
+         end do
+         deallocate (system, solution, identity)
+         first = last + 1
+      end do
+   end subroutine leave_groups_out
+
+   !> Stable order of the groups (merge sort).
+   pure recursive subroutine sort_by_group(groups, order)
+      integer, intent(in) :: groups(:)
+      integer, intent(out) :: order(:)
+      integer :: left(size(groups)/2), right(size(groups) - size(groups)/2), n, half, i, j, k
+
+      n = size(groups)
+      if (n <= 1) then
+         order = 1
+         return
+      end if
+      half = n/2
+      call sort_by_group(groups(:half), left)
+      call sort_by_group(groups(half + 1:), right)
+      right = right + half
+      i = 1
+      j = 1
+      do k = 1, n
+         if (j > size(right)) then
+            order(k) = left(i)
+            i = i + 1
+         else if (i > size(left)) then
+            order(k) = right(j)
+            j = j + 1
+         else if (groups(left(i)) <= groups(right(j))) then
+            order(k) = left(i)
+            i = i + 1
+         else
+            order(k) = right(j)
+            j = j + 1
+         end if
+      end do
+   end subroutine sort_by_group
+
+   !> Posterior mean of A.
+   pure function coefficient_mean(regression) result(mean)
+      type(regression_type), intent(in) :: regression
+      real(wp) :: mean(regression%n_terms)
+
+      mean = regression%prior_mean + regression%prior_width*regression%mean
+   end function coefficient_mean
+
+   !> Posterior covariance of A.
+   pure subroutine coefficient_covariance(regression, covariance)
+      type(regression_type), intent(in) :: regression
+      real(wp), intent(out) :: covariance(:, :)
+      integer :: j
+
+      do j = 1, regression%n_terms
+         covariance(:, j) = regression%prior_width(j)*regression%prior_width*regression%covariance(:, j)
+      end do
+   end subroutine coefficient_covariance
+end module evidence_regression

@@ -1,0 +1,113 @@
+"""Which crystals a surrogate covers, and points spread over them."""
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import qmc
+
+from .core import InputError
+from .crystal import CONSTANTS, anisotropy_index
+
+__all__ = ["DEFAULT_BOUNDS", "Domain", "directions"]
+
+#: Bounds of the constants (GPa) of the paper's two studies, and the largest anisotropy index that it met.
+DEFAULT_BOUNDS = {
+    "cubic": ((50.0, 40.0, 15.0), (250.0, 150.0, 120.0), 7.2),
+    "hexagonal": ((80.0, 40.0, 30.0, 70.0, 40.0), (240.0, 120.0, 90.0, 210.0, 90.0), 66.2),
+}
+
+#: Points from which the ranges of ratios are taken, and by how much these are widened, relative to the range.
+RANGE_POINTS, RANGE_MARGIN = 2**15, 0.02
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Born-stable crystals within bounds (GPa, order of `CONSTANTS`) whose anisotropy index (Eq. 14) does not exceed a cap."""
+
+    symmetry: str
+    c_min: tuple
+    c_max: tuple
+    anisotropy_cap: float
+
+    def __post_init__(self):
+        k = len(CONSTANTS[self.symmetry])
+        if len(self.c_min) != k or len(self.c_max) != k:
+            raise InputError(f"a {self.symmetry} domain has {k} bounds, not {len(self.c_min)} and {len(self.c_max)}")
+        for name, low, high in zip(CONSTANTS[self.symmetry], self.c_min, self.c_max, strict=True):
+            if not low < high:
+                raise InputError(f"the bounds of {name} are {low} and {high} GPa; the lower must be below the upper")
+
+    @classmethod
+    def default(cls, symmetry: str) -> "Domain":
+        return cls(symmetry, *DEFAULT_BOUNDS[symmetry])
+
+    def contains(self, constants) -> np.ndarray:
+        """Whether each row of constants (n, k) is within bounds, stable, and below the cap."""
+        values = np.atleast_2d(np.asarray(constants, dtype=float))
+        index, stable = anisotropy_index(self.symmetry, values)
+        inside = np.all((values >= self.c_min) & (values <= self.c_max), axis=1)
+        return inside & stable & (np.where(stable, index, np.inf) <= self.anisotropy_cap)
+
+    def latin(self, n: int, seed: int, n_angles: int = 0) -> np.ndarray:
+        """The first n admissible points (n, k + n_angles) of a Latin hypercube; the last columns are in [0, 1)."""
+        k = len(self.c_min)
+        size = n
+        for _ in range(40):
+            unit = qmc.LatinHypercube(k + n_angles, rng=np.random.default_rng(seed)).random(size)
+            points = np.column_stack([qmc.scale(unit[:, :k], self.c_min, self.c_max), unit[:, k:]])
+            points = points[self.contains(points[:, :k])]
+            if len(points) >= n:
+                return points[:n]
+            share = len(points) / size
+            size = int(np.ceil(1.02 * n / share)) + 8 if share > 0 else 4 * size
+            if size > 20_000_000:
+                break
+        raise InputError("the domain holds (almost) no stable crystal below the anisotropy cap")
+
+    def crystals(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """n admissible crystals (n, k) and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
+        points = self.latin(n, seed, n_angles=3)
+        u = points[:, -3:]
+        # Phi within 0..90: a direction and its opposite are the same indentation.
+        angles = np.column_stack([360 * u[:, 0], np.degrees(np.arccos(1 - u[:, 1])), 360 * u[:, 2]])
+        return points[:, :-3], angles
+
+    @cached_property
+    def ratio_ranges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges of the dimensionless coordinates over the domain, slightly widened."""
+        from .surrogate import raw_coordinates
+
+        corners = np.array(list(itertools.product(*zip(self.c_min, self.c_max, strict=True))))
+        points = np.vstack([self.latin(RANGE_POINTS, seed=0), corners[self.contains(corners)]])
+        raw = raw_coordinates(self.symmetry, "dimensionless", points)
+        margin = RANGE_MARGIN * np.ptp(raw, axis=0)
+        return raw.min(axis=0) - margin, raw.max(axis=0) + margin
+
+    def ranges(self, coordinates: str) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges of the raw coordinates of a basis."""
+        if coordinates == "dimensionless":
+            return self.ratio_ranges
+        return np.array(self.c_min, dtype=float), np.array(self.c_max, dtype=float)
+
+
+def directions(symmetry: str, n: int) -> np.ndarray:
+    """n angles (n, 3) in degrees whose indentation directions spread over what the symmetry distinguishes.
+
+    Hexagonal: equal steps of Phi from 0 to 90. Cubic: the corners [001], [011], [111] of the standard triangle, then always the
+    direction of a fine grid that is farthest from those before.
+    """
+    if symmetry == "hexagonal":
+        return np.column_stack([np.zeros(n), np.linspace(0, 90, n), np.zeros(n)])
+    steps = 60
+    weights = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]) / steps
+    corners = np.array([[0, 0, 1], [0, 1, 1] / np.sqrt(2), [1, 1, 1] / np.sqrt(3)])
+    grid = weights @ corners
+    grid /= np.linalg.norm(grid, axis=1)[:, None]
+    chosen = list(corners[:n])
+    while len(chosen) < n:
+        nearest = np.max(grid @ np.array(chosen).T, axis=1)
+        chosen.append(grid[np.argmin(np.round(nearest, 12))])
+    x = np.array(chosen)
+    return np.column_stack([np.zeros(n), np.degrees(np.arccos(np.clip(x[:, 2], -1, 1))), np.degrees(np.arctan2(x[:, 0], x[:, 1]))])
