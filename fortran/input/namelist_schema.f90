@@ -61,7 +61,8 @@ contains
       call add(s, 'points', 'file', '', '*', '', 'CSV of elastic constants (GPa) and Bunge-Euler angles, one indentation a row')
 
       call add_group(s, 'simulation', 'The indentation simulation.')
-      call add(s, 'simulator', 'choice', '', 'fe', 'fe, theory', 'finite elements, or the exact half-space theory in their place')
+      call add(s, 'simulator', 'choice', '', 'fe', 'fe, theory, import', &
+         & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
       call add(s, 'mesh', 'choice', '', 'halfspace', 'halfspace, paper', &
          & 'a dome that stands for the half-space, or the block of the paper')
       call add(s, 'element', 'choice', '', '', 'c3d8, c3d8i', 'the brick element; empty: the one the mesh was made for')
@@ -92,15 +93,31 @@ contains
       call add(s, 'bandlimit', 'integer', '', '6', '[0, 20]', 'highest degree of the surface harmonics in the orientation (L)')
       call add(s, 'prior', 'choice', '', 'theory', 'zero, theory', &
          & 'centre of the prior of the coefficients: zero (Eq. 6), or those of the half-space theory')
+      call add(s, 'scan', 'text', '', '', '', &
+         & 'other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
 
       call add_group(s, 'design', 'Which simulations are made, and how many.')
       call add(s, 'candidates', 'source', '', 'latin', 'latin, factorial', &
          & 'the points to choose from: a Latin hypercube, constants x orientations, or a CSV')
       call add(s, 'n_candidates', 'integer', '', '2000', '[1, 1000000]', 'how many candidates are made')
       call add(s, 'initial', 'integer', '', '0', '[0, 100000]', 'simulations before the variance chooses; 0: as the basis needs')
+      call add(s, 'initial_set', 'choice', '', 'variance', 'variance, latin, boundary', &
+         & 'these first: of largest variance too, a Latin hypercube of their own, or of largest coordinate')
+      call add(s, 'orientations', 'choice', '', 'sphere', 'sphere, declination', &
+         & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
+      call add(s, 'n_directions', 'integer', '', '9', '[1, 10000]', 'directions of each crystal of factorial candidates')
+      call add(s, 'variance_of', 'choice', '', 'log_modulus', 'log_modulus, modulus', &
+         & 'whose variance chooses with dimensionless coordinates (a box: always the modulus)')
       call add(s, 'budget', 'integer', '', '40', '[1, 1000000]', 'simulations in all, those already done included')
       call add(s, 'batch', 'integer', '', '1', '[1, 10000]', 'simulations chosen at a time')
+      call add(s, 'refit', 'integer', '', '1', '[1, 100000]', 'simulations between two maximisations of the evidence')
       call add(s, 'target_gpa', 'real', 'GPa', '0.0', '[0, 1000]', 'stop at this error on unseen crystals; 0: at the budget')
+      call add(s, 'patience', 'integer', '', '0', '[0, 1000000]', &
+         & 'stop if the error does not fall by 2 % over so many simulations; 0: at the budget')
+      call add(s, 'validation', 'integer', '', '0', '[0, 1000000]', &
+         & 'simulations chosen and made after the last one, to compare with the surrogate that has not seen them')
+      call add(s, 'reuse', 'choice', '', 'all', 'all, chosen', &
+         & 'which rows of the campaign are data: all, or only those that this file would choose (and imported ones)')
 
       call add_group(s, 'measurements', 'The measured moduli (Step 2).')
       call add(s, 'file', 'file', '', '*', '', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')

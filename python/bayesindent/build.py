@@ -149,6 +149,7 @@ class Loop:
         self.design.set_candidates(self.terms)
         sd_prior, sd_noise = FIRST_SD[self.prior, coordinates]
         self.evidence = None
+        self.last_mean = self.design.mean()
         self.alpha, self.beta, _ = self.design.fit(sd_prior**-2, sd_noise**-2)
         self.numbers = {(tuple(c), tuple(e)): i for i, (c, e) in reversed(
             list(enumerate(zip(self.constants.tolist(), self.euler_deg.tolist(), strict=True))))}
@@ -288,11 +289,14 @@ class Loop:
         first, every = self.n_first, self.of_design("refit")
         due = self.n >= first and (before < first or self.n - before >= every or self.n >= self.budget)
         if due and self.n > before:
-            previous = self.design.mean()
-            self.alpha, self.beta, self.evidence = self.design.fit()
-            self.record(previous)
+            self.refit()
         else:
             self.design.settle(exactly)
+        self.last_mean = self.design.mean()
+
+    def refit(self) -> None:
+        self.alpha, self.beta, self.evidence = self.design.fit()
+        self.record()
 
     def errors(self) -> dict:
         """Leave-one-out and leave-one-crystal-out errors in GPa, and z-scores of the latter."""
@@ -306,8 +310,9 @@ class Loop:
         loco = np.mean(np.abs(self.basis.to_modulus(y - residual, scale) - modulus))
         return {"loocv_gpa": float(loocv), "leave_crystal_out_gpa": float(loco), "z": residual / sd}
 
-    def record(self, previous) -> None:
-        errors, mean = self.errors(), self.design.mean()
+    def record(self) -> None:
+        """An entry of the history; the angle is that between the coefficients now and at the end of the batch before."""
+        errors, mean, previous = self.errors(), self.design.mean(), self.last_mean
         norm = float(np.linalg.norm(mean))
         cosine = mean @ previous / max(norm * np.linalg.norm(previous), 1e-300)
         self.history.append({
@@ -352,8 +357,8 @@ class Loop:
             done = [row for row, out in zip(done, outside, strict=True) if not out]
         return done
 
-    def replay(self, rows) -> None:
-        """Learn from stored rows as they were learnt from when they were made."""
+    def replay(self, rows) -> list:
+        """Learn from stored rows as they were learnt from when they were made; gives those that are too many."""
         start = 0
         while start < len(rows) and self.n < self.budget and not self.finished():
             end = self.boundary()
@@ -363,6 +368,7 @@ class Loop:
             if self.n == end:
                 self.close_batch()
         self.design.settle(exactly=True)
+        return rows[start:]
 
     def choose(self, count: int) -> tuple[np.ndarray, bool]:
         """Numbers of the next candidates, and whether the variance chose them: the rest of the initial set comes first."""
@@ -451,7 +457,7 @@ class Loop:
         """Until the target, the budget, or no candidate is left; then the surrogate, its errors, and the validation set."""
         rows = self.stored_rows()
         self.pending = set(range(len(self.constants))) - self.excluded()
-        self.replay(rows)
+        self.unused = self.replay(rows)
         stopped = self.finished()
         with self.bar("simulations", max(0, self.budget - self.n)) as advance:
             while not stopped and self.n < self.budget and self.pending:
@@ -463,9 +469,7 @@ class Loop:
         if self.n < 2:
             raise BayesindentError("there are fewer than two simulations to learn from")
         if not self.history or self.history[-1]["simulations"] < self.n:
-            previous = self.design.mean()
-            self.alpha, self.beta, self.evidence = self.design.fit()
-            self.record(previous)
+            self.refit()
         return self.conclude(stopped)
 
     def step(self, advance) -> bool:
@@ -542,14 +546,27 @@ class Loop:
 
     def validate(self, surrogate: Surrogate) -> dict:
         """The next points by variance, which the surrogate has not seen."""
-        count = min(self.of_design("validation"), len(self.pending))
-        with self.bar("validation", count) as advance:
-            numbers, _ = self.choose(count)
-            modulus, failed = self.perform(numbers, advance)
-        numbers, modulus = numbers[~failed], modulus[~failed]
-        mean, sd = surrogate.predict(self.constants[numbers], self.euler_deg[numbers])
+        count = self.of_design("validation")
+        stored = self.unused[:count]
+        constants, euler_deg = [row.constants for row in stored], [row.euler_deg for row in stored]
+        modulus = [row.modulus_gpa for row in stored]
+        left = min(count - len(stored), len(self.pending))
+        if left:
+            if stored:
+                # The variance is that with the stored points known; their values do not matter.
+                for term in self.basis.terms(constants, euler_deg)[0].T:
+                    self.design.update(term, 0.0)
+                self.design.settle(exactly=True)
+            with self.bar("validation", left) as advance:
+                numbers, _ = self.choose(left)
+                new, failed = self.perform(numbers, advance)
+            constants += self.constants[numbers[~failed]].tolist()
+            euler_deg += self.euler_deg[numbers[~failed]].tolist()
+            modulus += new[~failed].tolist()
+        modulus = np.array(modulus)
+        mean, sd = surrogate.predict(constants, euler_deg)
         z = np.abs(mean - modulus) / sd
-        return {"points": len(numbers), "mean_absolute_gpa": float(np.mean(np.abs(mean - modulus))),
+        return {"points": len(modulus), "mean_absolute_gpa": float(np.mean(np.abs(mean - modulus))),
                 "within_1_sd": float(np.mean(z <= 1)), "within_2_sd": float(np.mean(z <= 2)),
                 "simulated": modulus.tolist(), "predicted": mean.tolist(), "sd": sd.tolist()}
 

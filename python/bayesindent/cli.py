@@ -201,7 +201,15 @@ def run_stage(arguments: argparse.Namespace) -> int:
 
 def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
     """Serve `build --ask` and `build --tell`."""
-    return DONE
+    from .build import ask
+    from .build import tell as tell_results
+    from .problem import read_crystals
+
+    if arguments.ask is not None:
+        print(ask(problem, output, arguments.ask), end="", flush=True)
+        return DONE
+    points = read_crystals(arguments.tell, problem.symmetry)
+    return finish(arguments, tell_results(problem, output, points), output)
 
 
 def predict(arguments: argparse.Namespace) -> int:

@@ -62,7 +62,7 @@ class Domain:
                 return points[:n]
             share = len(points) / size
             size = int(np.ceil(1.02 * n / share)) + 8 if share > 0 else 4 * size
-            if size > 20_000_000:
+            if size > 4_000_000:
                 break
         raise InputError("the domain holds (almost) no stable crystal below the anisotropy cap")
 

@@ -1,0 +1,170 @@
+"""The loop of Step 1 with the half-space theory in place of simulations: resuming, stopping, importing, refusing."""
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent import build as build_module
+from bayesindent.build import ask, build, tell
+from bayesindent.problem import Problem, read_crystals
+from bayesindent.surrogate import Surrogate, stiffness_rows
+
+
+def make_problem(folder: Path, **groups) -> Problem:
+    groups = {
+        "problem": {"symmetry": "'cubic'"}, "simulation": {"simulator": "'theory'"}, "surrogate": {"degree": 2, "bandlimit": 4},
+        "design": {"n_candidates": 200, "budget": 16}, "execution": {"workers": 1}, **groups,
+    }
+    lines = [f"&{group}\n" + "".join(f"  {name} = {value}\n" for name, value in values.items()) + "/\n" for group, values in groups.items()]
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "problem.nml"
+    path.write_text("".join(lines))
+    return Problem(path, "build")
+
+
+def stored(output: Path) -> list:
+    return sqlite3.connect(output / "campaign.sqlite").execute(
+        "SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation ORDER BY position").fetchall()
+
+
+def test_build_writes_what_it_promises(tmp_path):
+    document = build(make_problem(tmp_path), tmp_path / "out")
+    assert {"simulations", "new_simulations", "failed", "terms", "loocv_gpa", "alpha", "beta", "history"} <= set(document)
+    assert (document["simulations"], document["new_simulations"], document["failed"], document["terms"]) == (16, 16, 0, 12)
+    assert document["history"][-1]["simulations"] == 16
+    surrogate = Surrogate.load(tmp_path / "out" / "surrogate.nc")
+    data = surrogate.data
+    assert len(data["modulus_gpa"]) == 16
+    assert surrogate.provenance["physics"] == '{"simulator": "theory"}'
+    assert np.mean(np.abs(surrogate.predict(data["constants"], data["euler_deg"])[0] - data["modulus_gpa"])) < 2.0
+
+
+@pytest.mark.parametrize("workers, batch", [(1, 1), (2, 4)])
+def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, workers, batch):
+    def problem(folder, budget):
+        return make_problem(folder, design={"n_candidates": 200, "budget": budget, "batch": batch}, execution={"workers": workers})
+
+    whole = build(problem(tmp_path / "a", 24), tmp_path / "a")
+    # Killed after eleven simulations, in the middle of a batch.
+    made, real = [], build_module.halfspace_modulus
+
+    def dying(stiffness, euler_deg, **options):
+        if np.ndim(stiffness) == 2:
+            if len(made) == 11:
+                raise KeyboardInterrupt
+            made.append(1)
+        return real(stiffness, euler_deg, **options)
+
+    monkeypatch.setattr(build_module, "halfspace_modulus", dying)
+    with pytest.raises(KeyboardInterrupt):
+        build(problem(tmp_path / "b", 24), tmp_path / "b")
+    monkeypatch.setattr(build_module, "halfspace_modulus", real)
+    assert 10 <= len(stored(tmp_path / "b")) <= 11
+    resumed = build(problem(tmp_path / "b", 24), tmp_path / "b")
+    assert resumed["new_simulations"] + len(made) in (24, 25)
+    assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "a")}
+    assert resumed["loocv_gpa"] == pytest.approx(whole["loocv_gpa"], rel=1e-5)
+    # Once more: nothing new; then more points for a finished campaign, the same as with the larger budget at once.
+    assert build(problem(tmp_path / "b", 24), tmp_path / "b")["new_simulations"] == 0
+    assert build(problem(tmp_path / "b", 32), tmp_path / "b")["new_simulations"] == 8
+    build(problem(tmp_path / "c", 32), tmp_path / "c")
+    assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "c")}
+
+
+def test_workers_do_not_change_the_numbers(tmp_path):
+    results = []
+    for workers in (1, 3):
+        problem = make_problem(tmp_path / str(workers), design={"n_candidates": 200, "budget": 20, "batch": 4},
+                               execution={"workers": workers})
+        build(problem, tmp_path / str(workers))
+        results.append(stored(tmp_path / str(workers)))
+    assert results[0] == results[1]
+
+
+def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
+    real, calls = build_module.halfspace_modulus, []
+
+    def failing(stiffness, euler_deg, **options):
+        if np.ndim(stiffness) == 2:
+            calls.append(1)
+            if len(calls) in (3, 10):
+                raise bi.BayesindentError("the contact did not converge")
+        return real(stiffness, euler_deg, **options)
+
+    monkeypatch.setattr(build_module, "halfspace_modulus", failing)
+    document = build(make_problem(tmp_path), tmp_path)
+    assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
+    assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
+
+
+def test_surrogates_share_a_campaign(tmp_path):
+    build(make_problem(tmp_path), tmp_path)
+    document = build(make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 4, "file": "'other.nc'"}), tmp_path)
+    assert document["new_simulations"] == 0
+    assert (tmp_path / "other.nc").exists()
+    theory = build(make_problem(tmp_path, design={"n_candidates": 200, "budget": 8, "reuse": "'chosen'"}), tmp_path)
+    assert theory["simulations"] == 8
+    assert theory["new_simulations"] == 0
+
+
+@pytest.mark.parametrize("initial_set", ["latin", "boundary", "variance"])
+@pytest.mark.parametrize("candidates", ["latin", "factorial"])
+def test_designs(tmp_path, initial_set, candidates):
+    problem = make_problem(tmp_path, surrogate={"degree": 1, "bandlimit": 4, "truncation": "'tensor'", "coordinates": "'box'", "prior": "'zero'"},
+                           design={"candidates": f"'{candidates}'", "n_candidates": 120, "n_directions": 4, "initial": 20,
+                                   "initial_set": f"'{initial_set}'", "budget": 26, "refit": 3, "validation": 5})
+    document = build(problem, tmp_path)
+    assert document["simulations"] == 26
+    assert document["terms"] == 16
+    assert document["history"][0]["simulations"] == 20
+    assert document["validation"]["points"] == 5
+    again = build(problem, tmp_path)
+    assert again["new_simulations"] == 0
+    assert again["validation"]["simulated"] == document["validation"]["simulated"]
+
+
+def test_stopping_at_a_target(tmp_path):
+    problem = make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 6}, design={"n_candidates": 200, "budget": 100, "target_gpa": 2.0})
+    document = build(problem, tmp_path)
+    assert document["simulations"] < 100
+    assert "reached 2 GPa" in document["stopped"]
+    # Never with fewer points than terms under a flat prior.
+    problem = make_problem(tmp_path / "flat", surrogate={"degree": 2, "bandlimit": 4, "prior": "'zero'"},
+                           design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0})
+    assert build(problem, tmp_path / "flat")["simulations"] == 12
+
+
+def test_more_terms_than_points_under_a_flat_prior_is_refused(tmp_path):
+    with pytest.raises(bi.InputError, match="&design budget: 16 simulations are fewer than the 30 terms"):
+        build(make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 6, "prior": "'zero'"}), tmp_path)
+
+
+def test_scan_compares_truncations(tmp_path):
+    document = build(make_problem(tmp_path, surrogate={"degree": 2, "bandlimit": 4, "scan": "'1, 2 x 0, 4'"}), tmp_path)
+    assert [(row["degree"], row["bandlimit"], row["terms"]) for row in document["scan"]] == [(1, 0, 3), (1, 4, 6), (2, 0, 6), (2, 4, 12)]
+    assert document["scan"][3]["log_evidence"] == pytest.approx(document["log_evidence"], rel=1e-9)
+
+
+def test_ask_and_tell(tmp_path):
+    problem = make_problem(tmp_path, simulation={"simulator": "'import'"}, design={"n_candidates": 200, "budget": 12})
+    text = ask(problem, tmp_path, 12)
+    rows = np.array([[float(v) for v in line.split(",")] for line in text.splitlines()[1:]])
+    assert text.splitlines()[0] == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
+    assert len(np.unique(rows, axis=0)) == 12
+    modulus = bi.halfspace_modulus(stiffness_rows("cubic", rows[:, :3]), rows[:, 3:])
+    table = tmp_path / "results.csv"
+    table.write_text("\n".join([text.splitlines()[0] + ",modulus_gpa",
+                                *(f"{line},{m!r}" for line, m in zip(text.splitlines()[1:], modulus.tolist(), strict=True))]) + "\n")
+    points = read_crystals(table, "cubic")
+    assert tell(problem, tmp_path, points)["new"] == 12
+    assert tell(problem, tmp_path, points)["new"] == 0
+    document = build(problem, tmp_path)
+    assert (document["simulations"], document["new_simulations"]) == (12, 0)
+    with pytest.raises(bi.InputError, match="imported results cannot simulate"):
+        build(make_problem(tmp_path, simulation={"simulator": "'import'"}, design={"n_candidates": 200, "budget": 13}), tmp_path)
+    (tmp_path / "bare.csv").write_text(text)
+    with pytest.raises(bi.InputError, match="modulus_gpa"):
+        tell(problem, tmp_path, read_crystals(tmp_path / "bare.csv", "cubic"))
