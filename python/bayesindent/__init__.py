@@ -2,15 +2,19 @@
 
 from .core import BayesindentError, InputError
 from .crystal import anisotropy_index, halfspace_modulus, stiffness
+from .domain import Domain
 from .indentation import Indentation, IndentationResult
 from .problem import Problem
+from .surrogate import Surrogate
 
 __all__ = [
     "BayesindentError",
+    "Domain",
     "Indentation",
     "IndentationResult",
     "InputError",
     "Problem",
+    "Surrogate",
     "anisotropy_index",
     "halfspace_modulus",
     "stiffness",

@@ -26,14 +26,42 @@ __all__ = ["ask", "build", "tell"]
 #: Values of variables that a problem does not have.
 DEFAULTS = {
     "problem": {"seed": 1},
-    "simulation": {"simulator": "fe", "mesh": "halfspace", "element": "", "integration": "selective", "refine": 1.0,
-                   "extrapolate": False, "radius_um": 16.0, "depths": 10},
+    "simulation": {
+        "simulator": "fe",
+        "mesh": "halfspace",
+        "element": "",
+        "integration": "selective",
+        "refine": 1.0,
+        "extrapolate": False,
+        "radius_um": 16.0,
+        "depths": 10,
+    },
     "domain": {},
-    "surrogate": {"file": "surrogate.nc", "coordinates": "dimensionless", "truncation": "total", "degree": 3, "bandlimit": 6,
-                  "prior": "theory", "scan": ""},
-    "design": {"candidates": "latin", "n_candidates": 2000, "initial": 0, "initial_set": "variance", "orientations": "sphere",
-               "n_directions": 9, "variance_of": "log_modulus", "budget": 40, "batch": 1, "refit": 1, "target_gpa": 0.0,
-               "patience": 0, "validation": 0, "reuse": "all"},
+    "surrogate": {
+        "file": "surrogate.nc",
+        "coordinates": "dimensionless",
+        "truncation": "total",
+        "degree": 3,
+        "bandlimit": 6,
+        "prior": "theory",
+        "scan": "",
+    },
+    "design": {
+        "candidates": "latin",
+        "n_candidates": 2000,
+        "initial": 0,
+        "initial_set": "variance",
+        "orientations": "sphere",
+        "n_directions": 9,
+        "variance_of": "log_modulus",
+        "budget": 40,
+        "batch": 1,
+        "refit": 1,
+        "target_gpa": 0.0,
+        "patience": 0,
+        "validation": 0,
+        "reuse": "all",
+    },
     "execution": {"workers": 0},
 }
 
@@ -41,8 +69,12 @@ DEFAULTS = {
 FEW = 8
 
 #: alpha and beta until then, by prior and coordinates: sd of a coefficient of weight 1 and of the noise, in units of y.
-FIRST_SD = {("zero", "box"): (100.0, 1.0), ("zero", "dimensionless"): (1.0, 0.01),
-            ("theory", "box"): (30.0, 0.5), ("theory", "dimensionless"): (0.1, 0.003)}
+FIRST_SD = {
+    ("zero", "box"): (100.0, 1.0),
+    ("zero", "dimensionless"): (1.0, 0.01),
+    ("theory", "box"): (30.0, 0.5),
+    ("theory", "dimensionless"): (0.1, 0.003),
+}
 
 #: Range of the factor on every sd that is learnt from crystals left out.
 INFLATION = (0.8, 3.0)
@@ -96,8 +128,7 @@ def physics_identity(problem) -> dict:
 
     names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
     identity = {"simulator": simulator, **{name: setting(problem, "simulation", name) for name in names}}
-    return identity | {"estimator": "least squares through the origin",
-                       "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
+    return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
 
 
 def simulator_of(problem) -> Callable:
@@ -106,9 +137,13 @@ def simulator_of(problem) -> Callable:
     if kind == "theory":
         return lambda stiffness, euler_deg: {"modulus_gpa": float(halfspace_modulus(stiffness, euler_deg))}
     if kind == "import":
+
         def missing(stiffness, euler_deg):
-            raise InputError("a campaign of imported results cannot simulate: print the next points with 'build --ask', import their "
-                             "moduli with 'build --tell', or lower &design budget")
+            raise InputError(
+                "a campaign of imported results cannot simulate: print the next points with 'build --ask', import their "
+                "moduli with 'build --tell', or lower &design budget"
+            )
+
         return missing
     from .indentation import Indentation
 
@@ -119,8 +154,13 @@ def simulator_of(problem) -> Callable:
 
     def simulate(stiffness, euler_deg):
         result = indentation.run(stiffness, euler_deg)
-        return {"modulus_gpa": result.indentation_modulus_gpa, "elements": int(result.elements), "depth_um": result.depth_um,
-                "force_mn": result.force_mn}
+        return {
+            "modulus_gpa": result.indentation_modulus_gpa,
+            "elements": int(result.elements),
+            "depth_um": result.depth_um,
+            "force_mn": result.force_mn,
+        }
+
     return simulate
 
 
@@ -136,8 +176,14 @@ class Loop:
         c_min, c_max, cap = (default if value is None else value for value, default in zip(bounds, (low, high, cap), strict=True))
         self.domain = Domain(self.symmetry, tuple(map(float, c_min)), tuple(map(float, c_max)), float(cap))
         coordinates = self.of_surrogate("coordinates")
-        self.basis = Basis(self.symmetry, coordinates, self.of_surrogate("truncation"), self.of_surrogate("degree"),
-                           self.of_surrogate("bandlimit"), *self.domain.ranges(coordinates))
+        self.basis = Basis(
+            self.symmetry,
+            coordinates,
+            self.of_surrogate("truncation"),
+            self.of_surrogate("degree"),
+            self.of_surrogate("bandlimit"),
+            *self.domain.ranges(coordinates),
+        )
         self.prior = self.of_surrogate("prior")
         self.budget = self.of_design("budget")
         self.check()
@@ -151,8 +197,10 @@ class Loop:
         self.evidence = None
         self.last_mean = self.design.mean()
         self.alpha, self.beta, _ = self.design.fit(sd_prior**-2, sd_noise**-2)
-        self.numbers = {(tuple(c), tuple(e)): i for i, (c, e) in reversed(
-            list(enumerate(zip(self.constants.tolist(), self.euler_deg.tolist(), strict=True))))}
+        self.numbers = {
+            (tuple(c), tuple(e)): i
+            for i, (c, e) in reversed(list(enumerate(zip(self.constants.tolist(), self.euler_deg.tolist(), strict=True))))
+        }
         self.data = {"constants": [], "euler_deg": [], "modulus_gpa": []}
         self.next_errors, self.history = [], []
         self.n_failed = self.n_new = self.n_told = 0
@@ -185,12 +233,20 @@ class Loop:
     def check(self) -> None:
         """Refuse what cannot be meant."""
         if self.prior == "zero" and self.budget < self.basis.n_terms:
-            self.refuse("design", "budget", f"{self.budget} simulations are fewer than the {self.basis.n_terms} terms of the surrogate, which "
-                        f"a flat prior cannot make up for; allowed: {self.basis.n_terms} or more, or a lower degree or bandlimit, or "
-                        "prior = 'theory'")
+            self.refuse(
+                "design",
+                "budget",
+                f"{self.budget} simulations are fewer than the {self.basis.n_terms} terms of the surrogate, which "
+                f"a flat prior cannot make up for; allowed: {self.basis.n_terms} or more, or a lower degree or bandlimit, or "
+                "prior = 'theory'",
+            )
         if self.of_surrogate("file") in SHIPPED:
-            self.refuse("surrogate", "file", f"'{self.of_surrogate('file')}' is a surrogate that comes with the package; build writes its "
-                        "own file, for example surrogate.nc")
+            self.refuse(
+                "surrogate",
+                "file",
+                f"'{self.of_surrogate('file')}' is a surrogate that comes with the package; build writes its "
+                "own file, for example surrogate.nc",
+            )
 
     # Candidates.
 
@@ -301,7 +357,7 @@ class Loop:
     def errors(self) -> dict:
         """Leave-one-out and leave-one-crystal-out errors in GPa, and z-scores of the latter."""
         constants, modulus = np.array(self.data["constants"]), np.array(self.data["modulus_gpa"])
-        terms, scale = self.basis.terms(constants, self.data["euler_deg"])
+        _, scale = self.basis.terms(constants, self.data["euler_deg"])
         y = self.basis.to_y(modulus, scale)
         crystals = np.unique(constants, axis=0, return_inverse=True)[1].ravel()
         residual, _ = self.design.leave_out(np.arange(self.n))
@@ -315,12 +371,19 @@ class Loop:
         errors, mean, previous = self.errors(), self.design.mean(), self.last_mean
         norm = float(np.linalg.norm(mean))
         cosine = mean @ previous / max(norm * np.linalg.norm(previous), 1e-300)
-        self.history.append({
-            "simulations": self.n, "loocv_gpa": errors["loocv_gpa"], "leave_crystal_out_gpa": errors["leave_crystal_out_gpa"],
-            "next_gpa": float(np.mean(self.next_errors[-WINDOW:])) if self.next_errors else None, "alpha": self.alpha,
-            "beta": self.beta, "log_evidence": self.evidence, "norm": norm,
-            "angle_deg": float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
-        })
+        self.history.append(
+            {
+                "simulations": self.n,
+                "loocv_gpa": errors["loocv_gpa"],
+                "leave_crystal_out_gpa": errors["leave_crystal_out_gpa"],
+                "next_gpa": float(np.mean(self.next_errors[-WINDOW:])) if self.next_errors else None,
+                "alpha": self.alpha,
+                "beta": self.beta,
+                "log_evidence": self.evidence,
+                "norm": norm,
+                "angle_deg": float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
+            }
+        )
 
     def finished(self) -> str:
         """Why to stop before the budget, or nothing."""
@@ -329,7 +392,9 @@ class Loop:
         target, patience = self.of_design("target_gpa"), self.of_design("patience")
         last = self.history[-1]
         if target > 0 and last["leave_crystal_out_gpa"] <= target and last["next_gpa"] is not None and last["next_gpa"] <= target:
-            return f"the errors of unseen crystals ({last['leave_crystal_out_gpa']:.3g} and {last['next_gpa']:.3g} GPa) reached {target:g} GPa"
+            return (
+                f"the errors of unseen crystals ({last['leave_crystal_out_gpa']:.3g} and {last['next_gpa']:.3g} GPa) reached {target:g} GPa"
+            )
         if patience > 0:
             early = [h["leave_crystal_out_gpa"] for h in self.history if h["simulations"] <= self.n - patience]
             late = [h["leave_crystal_out_gpa"] for h in self.history if h["simulations"] > self.n - patience]
@@ -362,7 +427,7 @@ class Loop:
         start = 0
         while start < len(rows) and self.n < self.budget and not self.finished():
             end = self.boundary()
-            part = rows[start:start + end - self.n]
+            part = rows[start : start + end - self.n]
             start += len(part)
             self.learn([r.constants for r in part], [r.euler_deg for r in part], [r.modulus_gpa for r in part], chosen=False)
             if self.n == end:
@@ -506,15 +571,32 @@ class Loop:
         inflation = float(np.clip(np.sqrt(np.mean(errors["z"] ** 2)), *INFLATION)) if self.n >= FEW else 1.0
         data = {name: np.array(values) for name, values in self.data.items()}
         document = {
-            "simulations": self.n, "new_simulations": self.n_new, "failed": self.n_failed, "terms": self.basis.n_terms,
-            "loocv_gpa": errors["loocv_gpa"], "alpha": self.alpha, "beta": self.beta, "log_evidence": self.evidence,
-            "leave_crystal_out_gpa": errors["leave_crystal_out_gpa"], "next_gpa": self.history[-1]["next_gpa"],
-            "sd_inflation": inflation, "stopped": stopped or "the budget is used",
-            "baselines": self.baselines(data), "history": self.history,
+            "simulations": self.n,
+            "new_simulations": self.n_new,
+            "failed": self.n_failed,
+            "terms": self.basis.n_terms,
+            "loocv_gpa": errors["loocv_gpa"],
+            "alpha": self.alpha,
+            "beta": self.beta,
+            "log_evidence": self.evidence,
+            "leave_crystal_out_gpa": errors["leave_crystal_out_gpa"],
+            "next_gpa": self.history[-1]["next_gpa"],
+            "sd_inflation": inflation,
+            "stopped": stopped or "the budget is used",
+            "baselines": self.baselines(data),
+            "history": self.history,
         }
         surrogate = Surrogate(
-            self.basis, self.design.mean(), self.design.covariance(), anisotropy_cap=self.domain.anisotropy_cap, alpha=self.alpha,
-            beta=self.beta, sd_inflation=inflation, data=data, provenance=self.provenance(document))
+            self.basis,
+            self.design.mean(),
+            self.design.covariance(),
+            anisotropy_cap=self.domain.anisotropy_cap,
+            alpha=self.alpha,
+            beta=self.beta,
+            sd_inflation=inflation,
+            data=data,
+            provenance=self.provenance(document),
+        )
         path = self.output / self.of_surrogate("file")
         surrogate.save(path)
         document["file"] = str(path)
@@ -531,15 +613,22 @@ class Loop:
         theory = halfspace_modulus(stiffness_rows(self.symmetry, data["constants"]), data["euler_deg"])
         modulus = data["modulus_gpa"]
         ratio = np.exp(np.mean(np.log(modulus / theory)))
-        return {"theory_gpa": float(np.mean(np.abs(theory - modulus))), "ratio": float(ratio),
-                "theory_times_ratio_gpa": float(np.mean(np.abs(ratio * theory - modulus)))}
+        return {
+            "theory_gpa": float(np.mean(np.abs(theory - modulus))),
+            "ratio": float(ratio),
+            "theory_times_ratio_gpa": float(np.mean(np.abs(ratio * theory - modulus))),
+        }
 
     def provenance(self, document) -> dict:
         return {
             "title": f"surrogate of the indentation modulus of {self.symmetry} crystals",
-            "physics": json.dumps(physics_identity(self.problem), sort_keys=True), "prior": self.prior,
-            "c_min": list(self.domain.c_min), "c_max": list(self.domain.c_max), "simulations": self.n,
-            "seed": setting(self.problem, "problem", "seed"), "loocv_gpa": document["loocv_gpa"],
+            "physics": json.dumps(physics_identity(self.problem), sort_keys=True),
+            "prior": self.prior,
+            "c_min": list(self.domain.c_min),
+            "c_max": list(self.domain.c_max),
+            "simulations": self.n,
+            "seed": setting(self.problem, "problem", "seed"),
+            "loocv_gpa": document["loocv_gpa"],
             "leave_crystal_out_gpa": document["leave_crystal_out_gpa"],
             "namelist": getattr(self.problem, "resolved", "") or "",
         }
@@ -566,16 +655,23 @@ class Loop:
         modulus = np.array(modulus)
         mean, sd = surrogate.predict(constants, euler_deg)
         z = np.abs(mean - modulus) / sd
-        return {"points": len(modulus), "mean_absolute_gpa": float(np.mean(np.abs(mean - modulus))),
-                "within_1_sd": float(np.mean(z <= 1)), "within_2_sd": float(np.mean(z <= 2)),
-                "simulated": modulus.tolist(), "predicted": mean.tolist(), "sd": sd.tolist()}
+        return {
+            "points": len(modulus),
+            "mean_absolute_gpa": float(np.mean(np.abs(mean - modulus))),
+            "within_1_sd": float(np.mean(z <= 1)),
+            "within_2_sd": float(np.mean(z <= 2)),
+            "simulated": modulus.tolist(),
+            "predicted": mean.tolist(),
+            "sd": sd.tolist(),
+        }
 
     def scan(self, data) -> list[dict]:
         """Evidence and leave-one-out errors of other truncations on the same simulations (Figs. 1 and 6)."""
         result = []
         for degree, bandlimit in scan_pairs(self.of_surrogate("scan")):
-            other = Basis(self.symmetry, self.basis.coordinates, self.basis.truncation, degree, bandlimit, self.basis.lower,
-                          self.basis.upper)
+            other = Basis(
+                self.symmetry, self.basis.coordinates, self.basis.truncation, degree, bandlimit, self.basis.lower, self.basis.upper
+            )
             design = new_design(other, self.domain, self.prior)
             terms, scale = other.terms(data["constants"], data["euler_deg"])
             y = other.to_y(data["modulus_gpa"], scale)
@@ -583,8 +679,17 @@ class Loop:
             alpha, beta, evidence = design.fit()
             residual, _ = design.leave_out(np.arange(self.n))
             error = np.mean(np.abs(other.to_modulus(y - residual, scale) - data["modulus_gpa"]))
-            result.append({"degree": degree, "bandlimit": bandlimit, "terms": other.n_terms, "log_evidence": evidence,
-                           "loocv_gpa": float(error), "alpha": alpha, "beta": beta})
+            result.append(
+                {
+                    "degree": degree,
+                    "bandlimit": bandlimit,
+                    "terms": other.n_terms,
+                    "log_evidence": evidence,
+                    "loocv_gpa": float(error),
+                    "alpha": alpha,
+                    "beta": beta,
+                }
+            )
         return result
 
     def table(self, numbers) -> str:

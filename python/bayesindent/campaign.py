@@ -92,8 +92,9 @@ class Campaign:
             self._open(fresh)
             self.physics_id = self._physics(json.dumps(identity, sort_keys=True))
         except sqlite3.DatabaseError as error:
-            raise InputError(f"{self.path}: is not a campaign, or is damaged ({error}); restore a copy, or move it away to start "
-                             "a new one") from error
+            raise InputError(
+                f"{self.path}: is not a campaign, or is damaged ({error}); restore a copy, or move it away to start a new one"
+            ) from error
 
     def _open(self, fresh: bool) -> None:
         if fresh:
@@ -116,6 +117,7 @@ class Campaign:
         return self._file.execute("SELECT id FROM physics WHERE identity = ?", (identity,)).fetchone()[0]
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     def __enter__(self) -> "Campaign":
@@ -128,7 +130,9 @@ class Campaign:
         """All rows of this physics and symmetry, in order of choice."""
         cursor = self._file.execute(
             "SELECT position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds "
-            "FROM simulation WHERE physics_id = ? AND symmetry = ? ORDER BY position, id", (self.physics_id, symmetry))
+            "FROM simulation WHERE physics_id = ? AND symmetry = ? ORDER BY position, id",
+            (self.physics_id, symmetry),
+        )
         return [Row(p, s, tuple(json.loads(c)), tuple(json.loads(e)), *rest) for p, s, c, e, *rest in cursor]
 
     def find(self, symmetry: str, constants, euler_deg) -> Row | None:
@@ -136,21 +140,40 @@ class Campaign:
         row = self._file.execute(
             "SELECT position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds "
             "FROM simulation WHERE physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?",
-            (self.physics_id, *_key(symmetry, constants, euler_deg))).fetchone()
+            (self.physics_id, *_key(symmetry, constants, euler_deg)),
+        ).fetchone()
         return None if row is None else Row(row[0], row[1], tuple(json.loads(row[2])), tuple(json.loads(row[3])), *row[4:])
 
     def other_physics(self) -> list[str]:
         """Identities of the other physics in the file that have rows."""
-        return [row[0] for row in self._file.execute(
-            "SELECT identity FROM physics WHERE id <> ? AND id IN (SELECT physics_id FROM simulation)", (self.physics_id,))]
+        return [
+            row[0]
+            for row in self._file.execute(
+                "SELECT identity FROM physics WHERE id <> ? AND id IN (SELECT physics_id FROM simulation)", (self.physics_id,)
+            )
+        ]
 
     def next_position(self) -> int:
-        return self._file.execute("SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?",
-                                  (self.physics_id,)).fetchone()[0]
+        """The position of a row to come."""
+        return self._file.execute(
+            "SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?", (self.physics_id,)
+        ).fetchone()[0]
 
-    def add(self, symmetry: str, constants, euler_deg, *, modulus_gpa: float | None = None, message: str = "",
-            position: int | None = None, elements: int | None = None, seconds: float | None = None, depth_um=None,
-            force_mn=None, origin: str = "simulated") -> None:
+    def add(
+        self,
+        symmetry: str,
+        constants,
+        euler_deg,
+        *,
+        modulus_gpa: float | None = None,
+        message: str = "",
+        position: int | None = None,
+        elements: int | None = None,
+        seconds: float | None = None,
+        depth_um=None,
+        force_mn=None,
+        origin: str = "simulated",
+    ) -> None:
         """Store one result; without a modulus it failed, and `message` says why. Committed on return."""
         if modulus_gpa is not None and not (np.isfinite(modulus_gpa) and modulus_gpa > 0):
             modulus_gpa, message = None, f"the modulus is {modulus_gpa} GPa"
@@ -160,9 +183,20 @@ class Campaign:
             self._file.execute(
                 "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
                 "indentation_modulus_gpa, elements, seconds, depth_um, force_mn, created) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
-                (self.physics_id, where, *_key(symmetry, constants, euler_deg), origin,
-                 "failed" if modulus_gpa is None else "done", message, None if modulus_gpa is None else float(modulus_gpa),
-                 elements, seconds, *curves, datetime.now(timezone.utc).isoformat(timespec="seconds")))
+                (
+                    self.physics_id,
+                    where,
+                    *_key(symmetry, constants, euler_deg),
+                    origin,
+                    "failed" if modulus_gpa is None else "done",
+                    message,
+                    None if modulus_gpa is None else float(modulus_gpa),
+                    elements,
+                    seconds,
+                    *curves,
+                    datetime.now(timezone.utc).isoformat(timespec="seconds"),
+                ),
+            )
 
     def tell(self, symmetry: str, constants, euler_deg, modulus_gpa) -> int:
         """Import results of others: constants (n, k), angles (n, 3), moduli (n,). Gives how many were new.
@@ -179,12 +213,16 @@ class Campaign:
             earlier = stored.modulus_gpa if stored is not None else new.get(key)
             what = ", ".join(f"{name} {value:g}" for name, value in zip(CONSTANTS[symmetry], c, strict=True))
             if stored is not None and earlier is None:
-                raise InputError(f"row {i} ({what}): the campaign has this point as failed ({stored.message}); a stored row is never "
-                                 "changed: leave the row out, or import into a new campaign")
+                raise InputError(
+                    f"row {i} ({what}): the campaign has this point as failed ({stored.message}); a stored row is never "
+                    "changed: leave the row out, or import into a new campaign"
+                )
             if earlier is not None and abs(earlier - m) > SAME * abs(m):
-                raise InputError(f"row {i} ({what}): modulus_gpa is {m:g}, but the same point has {earlier:g} GPa "
-                                 f"{'in the campaign' if stored is not None else 'in an earlier row'}; one of them is wrong or of another "
-                                 "physics: leave one out, or import into a new campaign")
+                raise InputError(
+                    f"row {i} ({what}): modulus_gpa is {m:g}, but the same point has {earlier:g} GPa "
+                    f"{'in the campaign' if stored is not None else 'in an earlier row'}; one of them is wrong or of another "
+                    "physics: leave one out, or import into a new campaign"
+                )
             if earlier is None:
                 new[key] = float(m)
         position, now = self.next_position(), datetime.now(timezone.utc).isoformat(timespec="seconds")
@@ -192,5 +230,6 @@ class Campaign:
             self._file.executemany(
                 "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
                 "indentation_modulus_gpa, created) VALUES (?,?,?,?,?,'told','done','',?,?)",
-                [(self.physics_id, position + i, *key, m, now) for i, (key, m) in enumerate(new.items())])
+                [(self.physics_id, position + i, *key, m, now) for i, (key, m) in enumerate(new.items())],
+            )
         return len(new)

@@ -41,6 +41,7 @@ class Domain:
 
     @classmethod
     def default(cls, symmetry: str) -> "Domain":
+        """The domain of the paper."""
         return cls(symmetry, *DEFAULT_BOUNDS[symmetry])
 
     def contains(self, constants) -> np.ndarray:

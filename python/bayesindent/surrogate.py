@@ -41,8 +41,9 @@ def _columns(constants, euler_deg, symmetry: str) -> tuple[np.ndarray, np.ndarra
     values = np.atleast_2d(np.asarray(constants, dtype=float))
     angles = np.atleast_2d(np.asarray(euler_deg, dtype=float))
     if values.shape[-1] != k or angles.shape[-1] != 3 or values.ndim != 2 or angles.ndim != 2:
-        raise InputError(f"a {symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, "
-                         f"not {values.shape} and {angles.shape}")
+        raise InputError(
+            f"a {symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, not {values.shape} and {angles.shape}"
+        )
     n = np.broadcast_shapes(values.shape[:1], angles.shape[:1])[0]
     values, angles = np.broadcast_to(values, (n, k)), np.broadcast_to(angles, (n, 3))
     if not (np.isfinite(values).all() and np.isfinite(angles).all()):
@@ -57,9 +58,13 @@ class Basis:
         self.symmetry, self.coordinates, self.truncation = symmetry, coordinates, truncation
         self.degree, self.bandlimit = int(degree), int(bandlimit)
         self.lower, self.upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
-        self._key = (_number({name: SYMMETRIES[name] for name in SHIPPED}, symmetry, "symmetry"),
-                     _number(COORDINATES, coordinates, "coordinates"), _number(TRUNCATIONS, truncation, "truncation"),
-                     self.degree, self.bandlimit)
+        self._key = (
+            _number({name: SYMMETRIES[name] for name in SHIPPED}, symmetry, "symmetry"),
+            _number(COORDINATES, coordinates, "coordinates"),
+            _number(TRUNCATIONS, truncation, "truncation"),
+            self.degree,
+            self.bandlimit,
+        )
         harmonics, polynomials, self.n_coordinates = native.basis_counts(*self._key)
         self.n_harmonics, self.n_polynomials = int(harmonics), int(polynomials)
         self.n_terms = self.n_harmonics * self.n_polynomials
@@ -81,6 +86,7 @@ class Basis:
         return np.log(modulus / scale) if self.coordinates == "dimensionless" else modulus
 
     def to_modulus(self, y, scale) -> np.ndarray:
+        """The modulus (GPa) of a y."""
         return scale * np.exp(y) if self.coordinates == "dimensionless" else np.asarray(y)
 
 
@@ -109,6 +115,7 @@ class Design:
             native.design_free(self._handle)
 
     def set_candidates(self, terms) -> None:
+        """Terms (n_terms, n) of the candidates, all of them available."""
         self.n_candidates = np.shape(terms)[1]
         native.design_candidates(self._handle, terms)
 
@@ -131,6 +138,7 @@ class Design:
         return alpha, beta, evidence
 
     def evidence(self, alpha, beta) -> np.ndarray:
+        """Log evidence of the data at pairs of alpha and beta."""
         values, status, message = native.design_evidence(self._handle, alpha, beta)
         check(status, message)
         return values
@@ -155,12 +163,15 @@ class Design:
         check(*native.design_settle(self._handle, int(exactly)))
 
     def mean(self) -> np.ndarray:
+        """Posterior mean of the coefficients."""
         return native.design_mean(self._handle, self.n_terms)
 
     def covariance(self) -> np.ndarray:
+        """Posterior covariance of the coefficients."""
         return native.design_covariance(self._handle, self.n_terms)
 
     def variances(self) -> np.ndarray:
+        """Variance of y at each candidate, noise not included."""
         return native.design_variances(self._handle, self.n_candidates)
 
     def leave_out(self, groups) -> tuple[np.ndarray, np.ndarray]:
@@ -205,8 +216,19 @@ def stiffness_rows(symmetry: str, constants) -> np.ndarray:
 class Surrogate:
     """Indentation modulus of every crystal of a class, with its uncertainty."""
 
-    def __init__(self, basis: Basis, coefficients, covariance, *, anisotropy_cap: float, alpha: float, beta: float,
-                 sd_inflation: float = 1.0, provenance: dict | None = None, data: dict | None = None):
+    def __init__(
+        self,
+        basis: Basis,
+        coefficients,
+        covariance,
+        *,
+        anisotropy_cap: float,
+        alpha: float,
+        beta: float,
+        sd_inflation: float = 1.0,
+        provenance: dict | None = None,
+        data: dict | None = None,
+    ):
         self._handle = 0
         self.basis = basis
         self.symmetry = basis.symmetry
@@ -216,7 +238,8 @@ class Surrogate:
         #: What it was made from: text attributes of the file, and the simulations behind it.
         self.provenance, self.data = dict(provenance or {}), dict(data or {})
         self._handle, status, message = native.surrogate_new(
-            *basis._key, basis.lower, basis.upper, self.coefficients, self.covariance, anisotropy_cap, alpha, beta, sd_inflation)
+            *basis._key, basis.lower, basis.upper, self.coefficients, self.covariance, anisotropy_cap, alpha, beta, sd_inflation
+        )
         check(status, message)
 
     def __del__(self):
@@ -229,8 +252,20 @@ class Surrogate:
         return self._handle
 
     @classmethod
-    def fit(cls, symmetry: str, constants, euler_deg, modulus_gpa, *, coordinates: str = "dimensionless", truncation: str = "total",
-            degree: int = 3, bandlimit: int = 6, prior: str = "theory", domain: Domain | None = None) -> "Surrogate":
+    def fit(
+        cls,
+        symmetry: str,
+        constants,
+        euler_deg,
+        modulus_gpa,
+        *,
+        coordinates: str = "dimensionless",
+        truncation: str = "total",
+        degree: int = 3,
+        bandlimit: int = 6,
+        prior: str = "theory",
+        domain: Domain | None = None,
+    ) -> "Surrogate":
         """A surrogate from simulated moduli (n,) in GPa of crystals (n, k) at angles (n, 3), by evidence maximisation."""
         domain = domain or Domain.default(symmetry)
         basis = Basis(symmetry, coordinates, truncation, degree, bandlimit, *domain.ranges(coordinates))
@@ -258,16 +293,26 @@ class Surrogate:
             raise InputError(f"{path}: is not a surrogate of bayesindent")
         if int(attributes["format"]) > FORMAT:
             raise InputError(f"{path}: was written by a newer version (format {attributes['format']}, known: {FORMAT})")
-        basis = Basis(*(str(attributes[name]) for name in ("symmetry", "coordinate_kind", "truncation")), int(attributes["degree"]),
-                      int(attributes["bandlimit"]), dataset["lower"].values, dataset["upper"].values)
+        basis = Basis(
+            *(str(attributes[name]) for name in ("symmetry", "coordinate_kind", "truncation")),
+            int(attributes["degree"]),
+            int(attributes["bandlimit"]),
+            dataset["lower"].values,
+            dataset["upper"].values,
+        )
         covariance = np.zeros((basis.n_terms, basis.n_terms))
         covariance[np.tril_indices(basis.n_terms)] = dataset["covariance"].values
         covariance += np.tril(covariance, -1).T
         numbers = {name: float(attributes[name]) for name in ("anisotropy_cap", "alpha", "beta", "sd_inflation")}
         known = {"content", "format", "symmetry", "coordinate_kind", "truncation", "degree", "bandlimit", *numbers}
-        return cls(basis, dataset["coefficients"].values, covariance, **numbers,
-                   provenance={name: value for name, value in attributes.items() if name not in known},
-                   data={name: dataset[name].values for name in ("constants", "euler_deg", "modulus_gpa") if name in dataset})
+        return cls(
+            basis,
+            dataset["coefficients"].values,
+            covariance,
+            **numbers,
+            provenance={name: value for name, value in attributes.items() if name not in known},
+            data={name: dataset[name].values for name in ("constants", "euler_deg", "modulus_gpa") if name in dataset},
+        )
 
     def save(self, path) -> None:
         """Write surrogate.nc: coefficients, covariance (lower triangle, row by row), ranges, provenance, simulations."""
@@ -275,7 +320,8 @@ class Surrogate:
         variables = {
             "coefficients": ("term", self.coefficients, {"long_name": "posterior mean of A, harmonics fastest"}),
             "covariance": ("pair", self.covariance[np.tril_indices(b.n_terms)], {"long_name": "posterior covariance of A"}),
-            "lower": ("coordinate", b.lower), "upper": ("coordinate", b.upper),
+            "lower": ("coordinate", b.lower),
+            "upper": ("coordinate", b.upper),
         }
         if self.data:
             variables |= {
@@ -284,9 +330,18 @@ class Surrogate:
                 "modulus_gpa": ("simulation", self.data["modulus_gpa"], {"units": "GPa"}),
             }
         attributes = {
-            "content": "bayesindent surrogate", "format": FORMAT, "symmetry": b.symmetry, "coordinate_kind": b.coordinates,
-            "truncation": b.truncation, "degree": b.degree, "bandlimit": b.bandlimit, "anisotropy_cap": self.anisotropy_cap,
-            "alpha": self.alpha, "beta": self.beta, "sd_inflation": self.sd_inflation, **self.provenance,
+            "content": "bayesindent surrogate",
+            "format": FORMAT,
+            "symmetry": b.symmetry,
+            "coordinate_kind": b.coordinates,
+            "truncation": b.truncation,
+            "degree": b.degree,
+            "bandlimit": b.bandlimit,
+            "anisotropy_cap": self.anisotropy_cap,
+            "alpha": self.alpha,
+            "beta": self.beta,
+            "sd_inflation": self.sd_inflation,
+            **self.provenance,
         }
         compressed = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in variables}
         xr.Dataset(variables, attrs=attributes).to_netcdf(path, engine="h5netcdf", encoding=compressed)
@@ -305,8 +360,10 @@ class Surrogate:
             coefficients, covariance = native.surrogate_posterior(handle, n)
         finally:
             native.surrogate_free(handle)
-        names = ({v: k for k, v in table.items()}[number] for table, number in
-                 ((SYMMETRIES, symmetry), (COORDINATES, coordinates), (TRUNCATIONS, truncation)))
+        names = (
+            {v: k for k, v in table.items()}[number]
+            for table, number in ((SYMMETRIES, symmetry), (COORDINATES, coordinates), (TRUNCATIONS, truncation))
+        )
         basis = Basis(*names, degree, bandlimit, lower[:m], upper[:m])
         keys = ("anisotropy_cap", "alpha", "beta", "sd_inflation")
         return cls(basis, coefficients, covariance, **dict(zip(keys, map(float, numbers), strict=True)))

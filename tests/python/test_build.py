@@ -15,8 +15,12 @@ from bayesindent.surrogate import Surrogate, stiffness_rows
 
 def make_problem(folder: Path, **groups) -> Problem:
     groups = {
-        "problem": {"symmetry": "'cubic'"}, "simulation": {"simulator": "'theory'"}, "surrogate": {"degree": 2, "bandlimit": 4},
-        "design": {"n_candidates": 200, "budget": 16}, "execution": {"workers": 1}, **groups,
+        "problem": {"symmetry": "'cubic'"},
+        "simulation": {"simulator": "'theory'"},
+        "surrogate": {"degree": 2, "bandlimit": 4},
+        "design": {"n_candidates": 200, "budget": 16},
+        "execution": {"workers": 1},
+        **groups,
     }
     lines = [f"&{group}\n" + "".join(f"  {name} = {value}\n" for name, value in values.items()) + "/\n" for group, values in groups.items()]
     folder.mkdir(parents=True, exist_ok=True)
@@ -26,8 +30,11 @@ def make_problem(folder: Path, **groups) -> Problem:
 
 
 def stored(output: Path) -> list:
-    return sqlite3.connect(output / "campaign.sqlite").execute(
-        "SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation ORDER BY position").fetchall()
+    return (
+        sqlite3.connect(output / "campaign.sqlite")
+        .execute("SELECT position, constants, euler_deg, indentation_modulus_gpa FROM simulation ORDER BY position")
+        .fetchall()
+    )
 
 
 def test_build_writes_what_it_promises(tmp_path):
@@ -77,8 +84,9 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
 def test_workers_do_not_change_the_numbers(tmp_path):
     results = []
     for workers in (1, 3):
-        problem = make_problem(tmp_path / str(workers), design={"n_candidates": 200, "budget": 20, "batch": 4},
-                               execution={"workers": workers})
+        problem = make_problem(
+            tmp_path / str(workers), design={"n_candidates": 200, "budget": 20, "batch": 4}, execution={"workers": workers}
+        )
         build(problem, tmp_path / str(workers))
         results.append(stored(tmp_path / str(workers)))
     assert results[0] == results[1]
@@ -113,9 +121,20 @@ def test_surrogates_share_a_campaign(tmp_path):
 @pytest.mark.parametrize("initial_set", ["latin", "boundary", "variance"])
 @pytest.mark.parametrize("candidates", ["latin", "factorial"])
 def test_designs(tmp_path, initial_set, candidates):
-    problem = make_problem(tmp_path, surrogate={"degree": 1, "bandlimit": 4, "truncation": "'tensor'", "coordinates": "'box'", "prior": "'zero'"},
-                           design={"candidates": f"'{candidates}'", "n_candidates": 120, "n_directions": 4, "initial": 20,
-                                   "initial_set": f"'{initial_set}'", "budget": 26, "refit": 3, "validation": 5})
+    problem = make_problem(
+        tmp_path,
+        surrogate={"degree": 1, "bandlimit": 4, "truncation": "'tensor'", "coordinates": "'box'", "prior": "'zero'"},
+        design={
+            "candidates": f"'{candidates}'",
+            "n_candidates": 120,
+            "n_directions": 4,
+            "initial": 20,
+            "initial_set": f"'{initial_set}'",
+            "budget": 26,
+            "refit": 3,
+            "validation": 5,
+        },
+    )
     document = build(problem, tmp_path)
     assert document["simulations"] == 26
     assert document["terms"] == 16
@@ -127,13 +146,18 @@ def test_designs(tmp_path, initial_set, candidates):
 
 
 def test_stopping_at_a_target(tmp_path):
-    problem = make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 6}, design={"n_candidates": 200, "budget": 100, "target_gpa": 2.0})
+    problem = make_problem(
+        tmp_path, surrogate={"degree": 3, "bandlimit": 6}, design={"n_candidates": 200, "budget": 100, "target_gpa": 2.0}
+    )
     document = build(problem, tmp_path)
     assert document["simulations"] < 100
     assert "reached 2 GPa" in document["stopped"]
     # Never with fewer points than terms under a flat prior.
-    problem = make_problem(tmp_path / "flat", surrogate={"degree": 2, "bandlimit": 4, "prior": "'zero'"},
-                           design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0})
+    problem = make_problem(
+        tmp_path / "flat",
+        surrogate={"degree": 2, "bandlimit": 4, "prior": "'zero'"},
+        design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0},
+    )
     assert build(problem, tmp_path / "flat")["simulations"] == 12
 
 
@@ -156,8 +180,15 @@ def test_ask_and_tell(tmp_path):
     assert len(np.unique(rows, axis=0)) == 12
     modulus = bi.halfspace_modulus(stiffness_rows("cubic", rows[:, :3]), rows[:, 3:])
     table = tmp_path / "results.csv"
-    table.write_text("\n".join([text.splitlines()[0] + ",modulus_gpa",
-                                *(f"{line},{m!r}" for line, m in zip(text.splitlines()[1:], modulus.tolist(), strict=True))]) + "\n")
+    table.write_text(
+        "\n".join(
+            [
+                text.splitlines()[0] + ",modulus_gpa",
+                *(f"{line},{m!r}" for line, m in zip(text.splitlines()[1:], modulus.tolist(), strict=True)),
+            ]
+        )
+        + "\n"
+    )
     points = read_crystals(table, "cubic")
     assert tell(problem, tmp_path, points)["new"] == 12
     assert tell(problem, tmp_path, points)["new"] == 0

@@ -51,8 +51,12 @@ def test_evidence_is_maximised(n_terms, n_data):
     design = Design(weights, prior_mean, 1e-3)
     design.add(terms, y)
     alpha, beta, evidence = design.fit()
-    found = minimize(lambda x: -design.evidence([np.exp(x[0])], [np.exp(x[1])])[0], [0.0, 0.0], method="Nelder-Mead",
-                     options={"xatol": 1e-9, "fatol": 1e-11, "maxiter": 4000})
+    found = minimize(
+        lambda x: -design.evidence([np.exp(x[0])], [np.exp(x[1])])[0],
+        [0.0, 0.0],
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-11, "maxiter": 4000},
+    )
     assert evidence == pytest.approx(-found.fun, abs=1e-7)
     assert [alpha, beta] == pytest.approx(np.exp(found.x), rel=1e-3)
     grid = np.meshgrid(np.geomspace(1e-4, 1e4, 60), np.geomspace(1e-2, 1e4, 60))

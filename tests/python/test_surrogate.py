@@ -109,8 +109,18 @@ def test_outside_and_unstable(cubic):
 def test_theory_numbers(symmetry, coordinates, truncation, degree, bandlimit, n, at_most):
     domain = Domain.default(symmetry)
     constants, angles, modulus = theory_sample(domain, n, 7)
-    surrogate = Surrogate.fit(symmetry, constants, angles, modulus, coordinates=coordinates, truncation=truncation, degree=degree,
-                              bandlimit=bandlimit, prior="zero", domain=domain)
+    surrogate = Surrogate.fit(
+        symmetry,
+        constants,
+        angles,
+        modulus,
+        coordinates=coordinates,
+        truncation=truncation,
+        degree=degree,
+        bandlimit=bandlimit,
+        prior="zero",
+        domain=domain,
+    )
     constants, angles, modulus = theory_sample(domain, 1000, 8)
     assert np.mean(np.abs(surrogate.predict(constants, angles)[0] - modulus)) <= at_most
 
