@@ -1,14 +1,13 @@
 """Which crystals a surrogate covers, and points spread over them."""
 
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import qmc
 
-from .core import InputError
-from .crystal import CONSTANTS, anisotropy_index
+from .core import InputError, check, native
+from .crystal import CONSTANTS, SYMMETRIES, anisotropy_index
 
 __all__ = ["DEFAULT_BOUNDS", "Domain", "directions"]
 
@@ -18,8 +17,8 @@ DEFAULT_BOUNDS = {
     "hexagonal": ((80.0, 40.0, 30.0, 70.0, 40.0), (240.0, 120.0, 90.0, 210.0, 90.0), 66.2),
 }
 
-#: Points from which the ranges of ratios are taken, and by how much these are widened, relative to the range.
-RANGE_POINTS, RANGE_MARGIN = 2**15, 0.02
+#: The number the core gives coordinates.
+COORDINATES = {"box": 1, "dimensionless": 2}
 
 
 @dataclass(frozen=True)
@@ -78,13 +77,12 @@ class Domain:
     @cached_property
     def ratio_ranges(self) -> tuple[np.ndarray, np.ndarray]:
         """Ranges of the dimensionless coordinates over the domain, slightly widened."""
-        from .surrogate import raw_coordinates
-
-        corners = np.array(list(itertools.product(*zip(self.c_min, self.c_max, strict=True))))
-        points = np.vstack([self.latin(RANGE_POINTS, seed=0), corners[self.contains(corners)]])
-        raw = raw_coordinates(self.symmetry, "dimensionless", points)
-        margin = RANGE_MARGIN * np.ptp(raw, axis=0)
-        return raw.min(axis=0) - margin, raw.max(axis=0) + margin
+        k = len(self.c_min)
+        lower, upper, status, message = native.domain_ranges(
+            SYMMETRIES[self.symmetry], self.c_min, self.c_max, self.anisotropy_cap, COORDINATES["dimensionless"], k - 1
+        )
+        check(status, message)
+        return lower, upper
 
     def ranges(self, coordinates: str) -> tuple[np.ndarray, np.ndarray]:
         """Ranges of the raw coordinates of a basis."""

@@ -10,20 +10,16 @@ import numpy as np
 import xarray as xr
 
 from .core import InputError, check, native
-from .crystal import CONSTANTS, SYMMETRIES, halfspace_modulus, stiffness
-from .domain import Domain
+from .crystal import CONSTANTS, SYMMETRIES, stiffness
+from .domain import COORDINATES, Domain
 
 __all__ = ["Basis", "Design", "Surrogate"]
 
-#: The numbers the core gives coordinates and truncations.
-COORDINATES = {"box": 1, "dimensionless": 2}
+#: The number the core gives a truncation.
 TRUNCATIONS = {"tensor": 1, "total": 2}
 
 #: Surrogates that come with the package.
 SHIPPED = ("cubic", "hexagonal")
-
-#: Least sd of the noise that evidence maximisation may believe: GPa for a box, relative for dimensionless coordinates.
-LEAST_NOISE = {"box": 0.05, "dimensionless": 5e-4}
 
 #: Version of the layout of surrogate.nc.
 FORMAT = 1
@@ -181,30 +177,8 @@ class Design:
         return residual, sd
 
 
-#: Evaluations of the half-space theory behind the informative prior, and what its variance falls by: fourfold for each degree of
-#: the polynomials, and as much for every `LEVEL_PER_DEGREE` degrees of the harmonics. The constant term has the weight `CONSTANT`.
-THEORY_POINTS = 10_000
-FALL, LEVEL_PER_DEGREE, CONSTANT = 4.0, 4.0, 1e-4
-
-
-def prior_weights(basis: Basis, prior: str) -> np.ndarray:
-    """Relative precisions of the coefficients: all alike (Eq. 6), or rising with degree from a free constant term."""
-    if prior == "zero":
-        return np.ones(basis.n_terms)
-    weights = FALL ** (basis.polynomial_degrees + basis.harmonic_degrees / LEVEL_PER_DEGREE)
-    weights[0] = CONSTANT
-    return weights
-
-
-def theory_coefficients(basis: Basis, domain: Domain) -> np.ndarray:
-    """Coefficients of the half-space theory, fitted over the domain."""
-    constants, angles = domain.crystals(max(THEORY_POINTS, 4 * basis.n_terms), seed=0)
-    modulus = halfspace_modulus(stiffness_rows(basis.symmetry, constants), angles)
-    terms, scale = basis.terms(constants, angles)
-    design = Design(np.ones(basis.n_terms), np.zeros(basis.n_terms), 1e-6)
-    design.add(terms, basis.to_y(modulus, scale))
-    design.fit()
-    return design.mean()
+#: The number the core gives a prior.
+PRIORS = {"zero": 1, "theory": 2}
 
 
 def stiffness_rows(symmetry: str, constants) -> np.ndarray:
@@ -388,6 +362,9 @@ class Surrogate:
 
 
 def new_design(basis: Basis, domain: Domain, prior: str) -> Design:
-    """A regression with the stated prior ('zero', 'theory') over a basis."""
-    mean = theory_coefficients(basis, domain) if prior == "theory" else np.zeros(basis.n_terms)
-    return Design(prior_weights(basis, prior), mean, LEAST_NOISE[basis.coordinates])
+    """A regression with the stated prior over a basis: centred on zero (Eq. 6), or on the half-space theory over the domain."""
+    weights, mean, least_noise, status, message = native.coefficient_prior(
+        *basis._key, basis.lower, basis.upper, domain.c_min, domain.c_max, domain.anisotropy_cap, _number(PRIORS, prior, "prior"),
+        basis.n_terms)
+    check(status, message)
+    return Design(weights, mean, least_noise)
