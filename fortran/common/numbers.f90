@@ -1,10 +1,10 @@
-!> Text to numbers, strictly: what is read is a whole number or nothing, and never NaN or Infinity.
+!> Text to numbers, strictly: what is read is a whole number or nothing, and never NaN or Infinity. And back, to the last bit.
 module numbers
    use kinds, only: i8, wp
-   use text, only: lower
+   use text, only: lower, to_text
    implicit none
    private
-   public :: read_integer, read_real, number_ok, number_not_finite, number_malformed
+   public :: number_text, read_integer, read_real, number_ok, number_not_finite, number_malformed
 
    !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
    integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
@@ -95,4 +95,18 @@ contains
       count = count + n
       string = string(n + 1:)
    end subroutine skip_digits
+
+   !> As few digits as bring the number back, 17 at most.
+   pure function number_text(number) result(string)
+      real(wp), intent(in) :: number
+      character(len=:), allocatable :: string
+      real(wp) :: again
+      integer :: digits, outcome
+
+      do digits = 6, 17
+         string = to_text(number, digits)
+         call read_real(string, again, outcome)
+         if (outcome == number_ok .and. .not. abs(again - number) > 0.0_wp) return
+      end do
+   end function number_text
 end module numbers

@@ -195,6 +195,7 @@ contains
       integer :: column, i
 
       column = points%table%find('modulus_gpa')
+      if (column == 0 .and. .not. required) column = points%table%find('indentation_modulus_gpa')
       if (column == 0) then
          if (required) call need_column(points%table, 'modulus_gpa', column, error)
          return

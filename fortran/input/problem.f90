@@ -11,7 +11,7 @@ module problem
    use namelist_file, only: entry_type, namelist_file_type, parse_namelist, place, read_namelist_file, value_type
    use namelist_schema, only: allowed_in_words, commands, groups_of_command, kind_choice, kind_file, kind_integer, &
       & kind_logical, kind_real, kind_source, kind_text, new_schema, schema_type, variable_type
-   use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
+   use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_measurements
    use text, only: join, lower, to_text
    implicit none
@@ -816,22 +816,8 @@ contains
          case (kind_logical)
             string = string//to_text(setting%number(i) > 0.5_wp)
          case default
-            string = string//shortest(setting%number(i))
+            string = string//number_text(setting%number(i))
          end select
       end do
    end function setting_text
-
-   !> As few digits as bring the number back, 17 at most.
-   pure function shortest(number) result(string)
-      real(wp), intent(in) :: number
-      character(len=:), allocatable :: string
-      real(wp) :: again
-      integer :: digits, outcome
-
-      do digits = 6, 17
-         string = to_text(number, digits)
-         call read_real(string, again, outcome)
-         if (outcome == number_ok .and. .not. abs(again - number) > 0.0_wp) return
-      end do
-   end function shortest
 end module problem

@@ -1,6 +1,7 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+   use batch_stages, only: fit_simulations, simulate_crystals
    use errors, only: error_type, exit_bad_input
    use namelist_schema, only: schema_markdown
    use problem, only: new_problem, problem_type
@@ -58,6 +59,7 @@ contains
    subroutine perform()
       type(problem_type) :: self
       type(error_type), allocatable :: error
+      character(len=:), allocatable :: told
       integer :: i
 
       call new_problem(path, 'run', self, error)
@@ -73,6 +75,16 @@ contains
       call stop_on(error)
       call replace_file(output//'/resolved.nml', self%resolved_text(), error)
       call stop_on(error)
+      if (self%has_group('crystals')) then
+         call simulate_crystals(self, output, told, error)
+         call stop_on(error)
+         write (output_unit, '(2a)') 'simulate: ', told
+      end if
+      if (self%has_group('surrogate') .or. self%has_group('design')) then
+         call fit_simulations(self, output, told, error)
+         call stop_on(error)
+         write (output_unit, '(2a)') 'fit: ', told
+      end if
    end subroutine perform
 
    !> 'a' of 'folder/a.nml'.

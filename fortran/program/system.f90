@@ -5,7 +5,7 @@ module system
    use files, only: is_folder
    implicit none
    private
-   public :: argument, end_process, make_folder, replace_file, choose_blas_kernels
+   public :: argument, end_process, make_folder, replace_file, rename_file, choose_blas_kernels
 
    interface
       subroutine c_exit(status) bind(c, name='exit')
@@ -94,6 +94,7 @@ contains
       end if
    end subroutine replace_file
 
+   !> Put a file in the place of another.
    subroutine rename_file(from, to, error)
       character(len=*), intent(in) :: from, to
       type(error_type), allocatable, intent(out) :: error

@@ -1,0 +1,279 @@
+!> What the batch program does: indent the crystals, fit the surrogate. Each stage reads what the one before it wrote.
+module batch_stages
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: file_exists, read_text_file
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: degree, i8, wp
+   use numbers, only: number_text
+   use omp_lib, only: omp_get_num_procs
+   use point_tables, only: points_type, read_crystals
+   use problem, only: problem_type
+   use surrogate_basis, only: coordinates_from_name, truncation_from_name
+   use surrogate_fit, only: domain_type, fit_options_type, fit_surrogate, prior_from_name
+   use surrogate_model, only: save_surrogate, surrogate_type
+   use system, only: rename_file, replace_file
+   use tables, only: csv_cell
+   use text, only: to_text
+   implicit none
+   private
+   public :: simulate_crystals, fit_simulations, simulations_name
+
+   character(len=*), parameter :: simulations_name = 'simulations.csv', surrogate_name = 'surrogate.nml'
+   character, parameter :: newline = achar(10)
+
+   !> What became of one crystal.
+   integer, parameter :: waiting = 0, done = 1, failed = 2
+   type :: outcome_type
+      integer :: status = waiting
+      real(wp) :: modulus = 0.0_wp, seconds = 0.0_wp
+      integer :: elements = 0
+      character(len=:), allocatable :: message
+   end type outcome_type
+
+contains
+
+   !> Indent every crystal of the file that `simulations.csv` does not have yet; rows are kept as they come.
+   subroutine simulate_crystals(self, output, told, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      !> One line on what was done.
+      character(len=:), allocatable, intent(out) :: told
+      type(error_type), allocatable, intent(out) :: error
+      type(outcome_type), allocatable :: outcomes(:)
+      character(len=:), allocatable :: path, physics
+      integer(i8) :: last_saved
+      integer :: i, new
+
+      path = output//'/'//simulations_name
+      physics = physics_text(self)
+      allocate (outcomes(self%crystals%n))
+      if (file_exists(path)) call recall(self, path, physics, outcomes, error)
+      if (allocated(error)) return
+      new = count(outcomes%status == waiting)
+      call system_clock(last_saved)
+      !$omp parallel do num_threads(worker_count(self)) schedule(dynamic, 1)
+      do i = 1, self%crystals%n
+         if (outcomes(i)%status == waiting) call simulate_one(i)
+      end do
+      !$omp end parallel do
+      if (.not. allocated(error)) call save_outcomes(self, path, physics, outcomes, error)
+      told = to_text(self%crystals%n)//' crystals, '//to_text(new)//' new, ' &
+         & //to_text(count(outcomes%status == failed))//' failed: '//path
+
+   contains
+
+      subroutine simulate_one(i)
+         integer, intent(in) :: i
+         integer, parameter :: interval = 5
+         type(outcome_type) :: outcome
+         integer(i8) :: now, rate
+
+         call indent(self%crystals%stiffness(:, :, i), self%crystals%euler_deg(:, i)*degree, outcome)
+         !$omp critical (batch_outcomes)
+         outcomes(i) = outcome
+         call system_clock(now, rate)
+         if (now - last_saved > interval*rate .and. .not. allocated(error)) then
+            call save_outcomes(self, path, physics, outcomes, error)
+            call system_clock(last_saved)
+         end if
+         !$omp end critical (batch_outcomes)
+      end subroutine simulate_one
+   end subroutine simulate_crystals
+
+   !> One indentation by the theory.
+   subroutine indent(stiffness, euler, outcome)
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(inout) :: outcome
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      integer(i8) :: start, finish, rate
+
+      call system_clock(start, rate)
+      call halfspace_modulus(stiffness, euler, theory, error)
+      outcome%modulus = theory%modulus
+      call system_clock(finish)
+      outcome%seconds = real(finish - start, wp)/real(rate, wp)
+      if (allocated(error)) then
+         outcome%message = error%message
+         outcome%status = failed
+      else
+         outcome%message = ''
+         outcome%status = done
+      end if
+   end subroutine indent
+
+   integer function worker_count(self) result(workers)
+      type(problem_type), intent(in) :: self
+
+      call self%get('execution', 'workers', workers)
+      if (workers == 0) workers = omp_get_num_procs()
+   end function worker_count
+
+   !> What makes two simulations the same physics, as the campaign of the Python program says it.
+   function physics_text(self) result(text)
+      type(problem_type), intent(in) :: self
+      character(len=:), allocatable :: text
+      character(len=:), allocatable :: simulator
+
+      call self%get('simulation', 'simulator', simulator)
+      text = '{"simulator": "'//simulator//'"}'
+   end function physics_text
+
+   !> Take over the results that an earlier run wrote.
+   subroutine recall(self, path, physics, outcomes, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: path, physics
+      type(outcome_type), intent(inout) :: outcomes(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(points_type) :: old
+      character(len=:), allocatable :: content, header, status
+      integer :: status_column, message_column, elements_column, seconds_column, i, j
+      real(wp) :: number
+
+      call read_text_file(path, content, error)
+      if (allocated(error)) then
+         error%message = path//': '//error%message
+         return
+      end if
+      header = '# physics: '//physics//newline
+      if (index(content, header) /= 1) then
+         call raise(error, path//': holds results of another physics than '//physics//'; choose another --output, or move ' &
+            & //'the file away', exit_bad_input)
+         return
+      end if
+      call read_crystals(path, path//': ', self%symmetry, old, error)
+      if (allocated(error)) return
+      status_column = old%table%find('status')
+      message_column = old%table%find('message')
+      elements_column = old%table%find('elements')
+      seconds_column = old%table%find('seconds')
+      do i = 1, self%crystals%n
+         do j = 1, old%n
+            if (.not. same_point(self%crystals, i, old, j)) cycle
+            status = 'done'
+            if (status_column > 0) status = old%table%cell(status_column, j)
+            outcomes(i)%message = ''
+            if (message_column > 0) outcomes(i)%message = old%table%cell(message_column, j)
+            outcomes(i)%status = merge(failed, done, status == 'failed')
+            if (outcomes(i)%status == done) then
+               outcomes(i)%modulus = old%modulus_gpa(j)
+               if (elements_column > 0) then
+                  call old%table%number(elements_column, j, number, error)
+                  if (allocated(error)) exit
+                  outcomes(i)%elements = nint(number)
+               end if
+               if (seconds_column > 0) call old%table%number(seconds_column, j, outcomes(i)%seconds, error)
+            end if
+            exit
+         end do
+         if (allocated(error)) then
+            error%message = path//': '//error%message
+            return
+         end if
+      end do
+   end subroutine recall
+
+   !> The same crystal in the same orientation, to the last bit.
+   pure logical function same_point(a, i, b, j)
+      type(points_type), intent(in) :: a, b
+      integer, intent(in) :: i, j
+
+      same_point = all(abs(a%stiffness(:, :, i) - b%stiffness(:, :, j)) <= 0.0_wp) &
+         & .and. all(abs(a%euler_deg(:, i) - b%euler_deg(:, j)) <= 0.0_wp)
+   end function same_point
+
+   !> Write `simulations.csv`: the rows as given, with what became of them; rows that wait are left out.
+   subroutine save_outcomes(self, path, physics, outcomes, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: path, physics
+      type(outcome_type), intent(in) :: outcomes(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: names(5) = [character(len=23) :: 'indentation_modulus_gpa', 'elements', 'seconds', &
+         & 'status', 'message']
+      logical :: kept(self%crystals%table%columns)
+      character(len=:), allocatable :: page, row
+      integer :: i, j
+
+      associate (table => self%crystals%table)
+         do j = 1, table%columns
+            kept(j) = .not. any(names == table%name(j))
+         end do
+         page = '# physics: '//physics//newline
+         do i = 0, table%rows
+            if (i > 0) then
+               if (outcomes(i)%status == waiting) cycle
+            end if
+            row = ''
+            do j = 1, table%columns
+               if (kept(j)) row = row//csv_cell(table%cell(j, i))//','
+            end do
+            if (i == 0) then
+               do j = 1, size(names)
+                  row = row//trim(names(j))//','
+               end do
+               row = row(:len(row) - 1)
+            else if (outcomes(i)%status == done) then
+               row = row//number_text(outcomes(i)%modulus)//','//to_text(outcomes(i)%elements)//',' &
+                  & //to_text(outcomes(i)%seconds, 4)//',done,'
+            else
+               row = row//',,,failed,'//csv_cell(outcomes(i)%message)
+            end if
+            page = page//row//newline
+         end do
+      end associate
+      call replace_file(path, page, error)
+   end subroutine save_outcomes
+
+   !> Fit the surrogate to `simulations.csv` of the output folder.
+   subroutine fit_simulations(self, output, told, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      character(len=:), allocatable, intent(out) :: told
+      type(error_type), allocatable, intent(out) :: error
+      type(points_type) :: points
+      type(domain_type) :: domain
+      type(fit_options_type) :: options
+      type(surrogate_type) :: surrogate
+      character(len=:), allocatable :: path, word
+      integer, allocatable :: rows(:)
+      integer :: i, k
+
+      path = output//'/'//simulations_name
+      if (.not. file_exists(path)) then
+         call raise(error, path//': the file does not exist; &crystals or the Python program make the simulations that ' &
+            & //'&surrogate is fitted to', exit_bad_input)
+         return
+      end if
+      call read_crystals(path, path//': ', self%symmetry, points, error)
+      if (allocated(error)) return
+      rows = pack([(i, i=1, points%n)], ieee_is_finite(points%modulus_gpa))
+      do i = 1, size(rows)
+         if (points%symmetry(rows(i)) == self%symmetry) cycle
+         call raise(error, path//': line '//to_text(points%table%line(rows(i)))//': the crystal is not of the symmetry of ' &
+            & //'&problem', exit_bad_input)
+         return
+      end do
+      domain%symmetry = self%symmetry
+      call self%get('domain', 'c_min', domain%lower)
+      call self%get('domain', 'c_max', domain%upper)
+      call self%get('domain', 'anisotropy_cap', domain%anisotropy_cap)
+      call self%get('surrogate', 'coordinates', word)
+      options%coordinates = coordinates_from_name(word)
+      call self%get('surrogate', 'truncation', word)
+      options%truncation = truncation_from_name(word)
+      call self%get('surrogate', 'prior', word)
+      options%prior = prior_from_name(word)
+      call self%get('surrogate', 'degree', options%degree)
+      call self%get('surrogate', 'bandlimit', options%bandlimit)
+      k = size(domain%lower)
+      call fit_surrogate(domain, options, points%constants(:k, rows), points%euler_deg(:, rows)*degree, &
+         & points%modulus_gpa(rows), surrogate, error)
+      if (allocated(error)) return
+      path = output//'/'//surrogate_name
+      call save_surrogate(surrogate, path//'.part', error)
+      if (.not. allocated(error)) call rename_file(path//'.part', path, error)
+      told = to_text(size(rows))//' simulations, '//to_text(surrogate%basis%n_terms)//' terms, alpha ' &
+         & //to_text(surrogate%alpha)//', beta '//to_text(surrogate%beta)//': '//path
+   end subroutine fit_simulations
+end module batch_stages
