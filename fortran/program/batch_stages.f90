@@ -2,9 +2,12 @@
 module batch_stages
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use errors, only: error_type, exit_bad_input, raise
+   use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_options_type, &
+      & indentation_result_type, new_indentation_model, numerics_revision, simulate_indentation
    use files, only: file_exists, read_text_file
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, i8, wp
+   use namelist_file, only: place
    use numbers, only: number_text
    use omp_lib, only: omp_get_num_procs
    use point_tables, only: points_type, read_crystals
@@ -41,22 +44,34 @@ contains
       character(len=:), allocatable, intent(out) :: told
       type(error_type), allocatable, intent(out) :: error
       type(outcome_type), allocatable :: outcomes(:)
-      character(len=:), allocatable :: path, physics
+      type(indentation_options_type) :: options
+      type(indentation_model_type) :: model
+      character(len=:), allocatable :: path, physics, simulator
       integer(i8) :: last_saved
       integer :: i, new
 
       path = output//'/'//simulations_name
-      physics = physics_text(self)
+      call self%get('simulation', 'simulator', simulator)
+      options = options_of(self)
+      physics = physics_text(simulator, options)
       allocate (outcomes(self%crystals%n))
       if (file_exists(path)) call recall(self, path, physics, outcomes, error)
       if (allocated(error)) return
       new = count(outcomes%status == waiting)
+      if (simulator == 'fe' .and. new > 0) then
+         call new_indentation_model(options, model, error)
+         if (allocated(error)) then
+            error%message = place(self%path, 'simulation', '')//error%message
+            return
+         end if
+      end if
       call system_clock(last_saved)
       !$omp parallel do num_threads(worker_count(self)) schedule(dynamic, 1)
       do i = 1, self%crystals%n
          if (outcomes(i)%status == waiting) call simulate_one(i)
       end do
       !$omp end parallel do
+      call free_indentation_model(model)
       if (.not. allocated(error)) call save_outcomes(self, path, physics, outcomes, error)
       told = to_text(self%crystals%n)//' crystals, '//to_text(new)//' new, ' &
          & //to_text(count(outcomes%status == failed))//' failed: '//path
@@ -69,7 +84,11 @@ contains
          type(outcome_type) :: outcome
          integer(i8) :: now, rate
 
-         call indent(self%crystals%stiffness(:, :, i), self%crystals%euler_deg(:, i)*degree, outcome)
+         if (simulator == 'fe') then
+            call indent(model, self%crystals%stiffness(:, :, i), self%crystals%euler_deg(:, i)*degree, outcome)
+         else
+            call evaluate(self%crystals%stiffness(:, :, i), self%crystals%euler_deg(:, i)*degree, outcome)
+         end if
          !$omp critical (batch_outcomes)
          outcomes(i) = outcome
          call system_clock(now, rate)
@@ -81,8 +100,23 @@ contains
       end subroutine simulate_one
    end subroutine simulate_crystals
 
-   !> One indentation by the theory.
-   subroutine indent(stiffness, euler, outcome)
+   !> One crystal by finite elements.
+   subroutine indent(model, stiffness, euler, outcome)
+      type(indentation_model_type), intent(in) :: model
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(inout) :: outcome
+      type(indentation_result_type) :: result
+      type(error_type), allocatable :: error
+
+      call simulate_indentation(model, stiffness, euler, result, error)
+      outcome%modulus = result%modulus
+      outcome%elements = result%elements
+      outcome%seconds = result%seconds
+      call conclude(outcome, error)
+   end subroutine indent
+
+   !> One crystal by the half-space theory.
+   subroutine evaluate(stiffness, euler, outcome)
       real(wp), intent(in) :: stiffness(6, 6), euler(3)
       type(outcome_type), intent(inout) :: outcome
       type(halfspace_type) :: theory
@@ -91,17 +125,41 @@ contains
 
       call system_clock(start, rate)
       call halfspace_modulus(stiffness, euler, theory, error)
-      outcome%modulus = theory%modulus
       call system_clock(finish)
+      outcome%modulus = theory%modulus
       outcome%seconds = real(finish - start, wp)/real(rate, wp)
-      if (allocated(error)) then
-         outcome%message = error%message
-         outcome%status = failed
-      else
-         outcome%message = ''
-         outcome%status = done
-      end if
-   end subroutine indent
+      call conclude(outcome, error)
+   end subroutine evaluate
+
+   !> A simulation that fails is a recorded outcome.
+   subroutine conclude(outcome, error)
+      type(outcome_type), intent(inout) :: outcome
+      type(error_type), allocatable, intent(in) :: error
+
+      outcome%message = ''
+      outcome%status = done
+      if (.not. allocated(error)) return
+      outcome%message = error%message
+      outcome%status = failed
+   end subroutine conclude
+
+   !> &simulation as the simulator takes it.
+   function options_of(self) result(options)
+      type(problem_type), intent(in) :: self
+      type(indentation_options_type) :: options
+      character(len=:), allocatable :: word
+
+      call self%get('simulation', 'mesh', word)
+      options%mesh = word
+      call self%get('simulation', 'element', word)
+      options%element = word
+      call self%get('simulation', 'integration', word)
+      options%integration = word
+      call self%get('simulation', 'refine', options%refine)
+      call self%get('simulation', 'extrapolate', options%extrapolate)
+      call self%get('simulation', 'radius_um', options%radius_um)
+      call self%get('simulation', 'depths', options%depths)
+   end function options_of
 
    integer function worker_count(self) result(workers)
       type(problem_type), intent(in) :: self
@@ -110,14 +168,21 @@ contains
       if (workers == 0) workers = omp_get_num_procs()
    end function worker_count
 
-   !> What makes two simulations the same physics, as the campaign of the Python program says it.
-   function physics_text(self) result(text)
-      type(problem_type), intent(in) :: self
+   !> What makes two simulations the same physics, in the words of the Python program's campaign.
+   function physics_text(simulator, options) result(text)
+      character(len=*), intent(in) :: simulator
+      type(indentation_options_type), intent(in) :: options
       character(len=:), allocatable :: text
-      character(len=:), allocatable :: simulator
 
-      call self%get('simulation', 'simulator', simulator)
-      text = '{"simulator": "'//simulator//'"}'
+      text = '"simulator": "'//simulator//'"}'
+      if (simulator == 'fe') then
+         text = '"depths": '//to_text(options%depths)//', "element": "'//trim(options%element) &
+            & //'", "estimator": "least squares through the origin", "extrapolate": ' &
+            & //trim(merge('true ', 'false', options%extrapolate))//', "integration": "'//trim(options%integration) &
+            & //'", "mesh": "'//trim(options%mesh)//'", "numerics": '//to_text(numerics_revision)//', "radius_um": ' &
+            & //number_text(options%radius_um)//', "refine": '//number_text(options%refine)//', '//text
+      end if
+      text = '{'//text
    end function physics_text
 
    !> Take over the results that an earlier run wrote.
