@@ -5,7 +5,7 @@ program batch
    use errors, only: error_type, exit_bad_input
    use namelist_schema, only: schema_markdown
    use problem, only: new_problem, problem_type
-   use system, only: argument, choose_blas_kernels, end_process, make_folder, replace_file
+   use system, only: argument, settle_blas, end_process, make_folder, replace_file
    use version, only: package_version
    implicit none
 
@@ -13,7 +13,7 @@ program batch
    character(len=:), allocatable :: path, output
    logical :: check_only
 
-   call choose_blas_kernels()
+   call settle_blas()
    call read_arguments()
    call perform()
 

@@ -5,7 +5,7 @@ module system
    use files, only: is_folder
    implicit none
    private
-   public :: argument, end_process, make_folder, replace_file, rename_file, choose_blas_kernels
+   public :: argument, end_process, make_folder, replace_file, rename_file, settle_blas
 
    interface
       subroutine c_exit(status) bind(c, name='exit')
@@ -102,37 +102,44 @@ contains
       if (c_rename(from//c_null_char, to//c_null_char) /= 0) call raise(error, to//': cannot be replaced')
    end subroutine rename_file
 
-   !> Name the vector kernels that OpenBLAS shall use, which it reads before the program starts: so start it once more.
+   !> Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one
+   !> once more.
    !>
-   !> OpenBLAS runs a processor that it does not know with the kernels of 2004. What counts is the instruction set. A user's own
-   !> choice stands. The Python package does the same.
-   subroutine choose_blas_kernels()
-      character(len=:), allocatable :: content
-      integer :: status, first, last
+   !> OpenBLAS runs a processor that it does not know with the kernels of 2004; what counts is the instruction set. More than one
+   !> thread would change the last bits of results with the number of cores. A user's own choice stands. The Python package does
+   !> the same.
+   subroutine settle_blas()
+      character(len=:), allocatable :: line, kernels
+      integer(c_int) :: status
+      integer :: kernels_status, threads_status, first
 
-      call get_environment_variable('OPENBLAS_CORETYPE', status=status)
-      if (status /= 1) return
-      call read_stream('/proc/cpuinfo', content)
-      first = index(content, 'flags')
-      if (first == 0) return
-      last = first + index(content(first:), achar(10)) - 2
-      content = content(first:last)//' '
-      if (all_flags(content, 'avx512f avx512dq avx512bw avx512vl')) then
-         call restart('SKYLAKEX')
-      else if (all_flags(content, 'avx2 fma')) then
-         call restart('HASWELL')
+      call get_environment_variable('OPENBLAS_CORETYPE', status=kernels_status)
+      call get_environment_variable('OPENBLAS_NUM_THREADS', status=threads_status)
+      if (kernels_status /= 1 .and. threads_status /= 1) return
+      kernels = ''
+      call read_stream('/proc/cpuinfo', line)
+      first = index(line, 'flags')
+      if (first > 0) then
+         line = line(first:first + index(line(first:), achar(10)) - 2)//' '
+         if (all_flags(line, 'avx512f avx512dq avx512bw avx512vl')) then
+            kernels = 'SKYLAKEX'
+         else if (all_flags(line, 'avx2 fma')) then
+            kernels = 'HASWELL'
+         end if
       end if
-   end subroutine choose_blas_kernels
+      if (threads_status /= 1 .and. len(kernels) == 0) return
+      status = c_setenv('OPENBLAS_NUM_THREADS'//c_null_char, '1'//c_null_char, 0_c_int)
+      if (len(kernels) > 0) status = c_setenv('OPENBLAS_CORETYPE'//c_null_char, kernels//c_null_char, 0_c_int)
+      call restart()
+   end subroutine settle_blas
 
-   !> Set the variable and start this program again; return where that is not possible.
-   subroutine restart(kernels)
-      character(len=*), intent(in) :: kernels
+   !> Start this program again; return where that is not possible.
+   subroutine restart()
       type(string_type), allocatable, target :: words(:)
       type(c_ptr), allocatable :: arguments(:)
       integer(c_int) :: status
       integer :: i
 
-      status = c_setenv('OPENBLAS_CORETYPE'//c_null_char, kernels//c_null_char, 1_c_int)
       allocate (words(0:command_argument_count()), arguments(0:command_argument_count() + 1))
       do i = 0, command_argument_count()
          words(i)%text = argument(i)//c_null_char

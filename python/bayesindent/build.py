@@ -150,7 +150,10 @@ def simulator_of(problem) -> Callable:
     names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
     options = {name: setting(problem, "simulation", name) for name in names}
     element = setting(problem, "simulation", "element")
-    indentation = Indentation(**options, **({"element": element} if element else {}))
+    try:
+        indentation = Indentation(**options, **({"element": element} if element else {}))
+    except InputError as error:
+        raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
 
     def simulate(stiffness, euler_deg):
         result = indentation.run(stiffness, euler_deg)
@@ -600,6 +603,7 @@ class Loop:
         path = self.output / self.of_surrogate("file")
         surrogate.save(path)
         document["file"] = str(path)
+        self.export(data)
         if self.of_surrogate("scan"):
             document["scan"] = self.scan(data)
         if self.of_design("validation"):
@@ -607,6 +611,15 @@ class Loop:
             document["new_simulations"], document["failed"] = self.n_new, self.n_failed
         document["warnings"] = self.warnings
         return document
+
+    def export(self, data) -> None:
+        """Write simulations.csv, to the last bit: what the surrogate has learnt from, for the batch program and for people."""
+        with open(self.output / "simulations.csv", "w", newline="") as stream:
+            stream.write(f"# physics: {json.dumps(physics_identity(self.problem), sort_keys=True)}\n")
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow([*CONSTANTS[self.symmetry], "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa"])
+            for row in zip(data["constants"], data["euler_deg"], data["modulus_gpa"], strict=True):
+                writer.writerow([repr(float(value)) for value in np.hstack(row)])
 
     def baselines(self, data) -> dict:
         """Mean absolute errors in GPa, on the same simulations, of the theory alone and of the theory times one ratio."""

@@ -5,6 +5,10 @@ import platform
 from pathlib import Path
 
 
+# One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 def _choose_blas_kernels() -> None:
     """Name the vector kernels that OpenBLAS shall use, before it is loaded.
 

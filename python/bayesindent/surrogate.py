@@ -364,7 +364,14 @@ class Surrogate:
 def new_design(basis: Basis, domain: Domain, prior: str) -> Design:
     """A regression with the stated prior over a basis: centred on zero (Eq. 6), or on the half-space theory over the domain."""
     weights, mean, least_noise, status, message = native.coefficient_prior(
-        *basis._key, basis.lower, basis.upper, domain.c_min, domain.c_max, domain.anisotropy_cap, _number(PRIORS, prior, "prior"),
-        basis.n_terms)
+        *basis._key,
+        basis.lower,
+        basis.upper,
+        domain.c_min,
+        domain.c_max,
+        domain.anisotropy_cap,
+        _number(PRIORS, prior, "prior"),
+        basis.n_terms,
+    )
     check(status, message)
     return Design(weights, mean, least_noise)

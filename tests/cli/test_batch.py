@@ -1,5 +1,6 @@
 """The batch program: arguments, exit status, and the same verdict on a file as the Python program."""
 
+import csv
 import os
 import subprocess
 from pathlib import Path
@@ -67,3 +68,86 @@ def test_check_writes_nothing(batch, tmp_path):
 def test_documentation_is_current(batch):
     page = SOURCE / "docs" / "namelists.md"
     assert page.read_text() == batch("--schema").stdout, "write it anew: bayesindent-batch --schema > docs/namelists.md"
+
+
+def table(path):
+    """The rows of a CSV after its comments."""
+    with open(path, newline="") as stream:
+        return list(csv.DictReader(line for line in stream if not line.startswith("#")))
+
+
+SMALL = """
+&problem symmetry = 'cubic', seed = 3 /
+&simulation simulator = '{simulator}', refine = 0.6 /
+&surrogate degree = 2, bandlimit = 4 /
+&design budget = {budget} /
+"""
+
+
+@pytest.fixture(params=[("fe", 4), ("theory", 40)], ids=["fe", "theory"])
+def built(request, bayesindent, tmp_path):
+    """A small build of the Python program in the folder `out`."""
+    (tmp_path / "small.nml").write_text(SMALL.format(simulator=request.param[0], budget=request.param[1]))
+    done = bayesindent("build", "small.nml", "--output", "out")
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "out"
+
+
+def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
+    simulations = table(built / "simulations.csv")
+    # The same crystals, indented by the batch program, have the same moduli to the last bit.
+    names = [name for name in simulations[0] if name != "indentation_modulus_gpa"]
+    lines = [",".join([*names, "note"]), *(",".join([*(row[name] for name in names), '"a, b"']) for row in simulations)]
+    (tmp_path / "points.csv").write_text("\n".join(lines) + "\n")
+    (tmp_path / "again.nml").write_text((tmp_path / "small.nml").read_text() + "&crystals points = 'points.csv' /\n")
+    done = batch("again.nml", "--output", "again")
+    assert done.returncode == 0, done.stderr
+    again = table(tmp_path / "again" / "simulations.csv")
+    assert [row["note"] for row in again] == ["a, b"] * len(simulations)
+    assert [row["indentation_modulus_gpa"] for row in again] == [row["indentation_modulus_gpa"] for row in simulations]
+    # The same simulations give the same surrogate.
+    surrogate = pytest.importorskip("bayesindent.surrogate").Surrogate
+    one, other = surrogate.load(built / "surrogate.nc"), surrogate.read_text(tmp_path / "again" / "surrogate.nml")
+    assert other.coefficients == pytest.approx(one.coefficients, abs=1e-10)
+    assert other.covariance == pytest.approx(one.covariance, abs=1e-10)
+    assert (other.alpha, other.beta) == pytest.approx((one.alpha, one.beta), rel=1e-6)
+    assert other.sd_inflation == pytest.approx(one.sd_inflation, rel=1e-6)
+    # A fit in the folder of the Python program reads what that wrote.
+    done = batch("small.nml", "--output", "out")
+    assert done.returncode == 0, done.stderr
+    assert (built / "surrogate.nml").read_text() == (tmp_path / "again" / "surrogate.nml").read_text()
+
+
+def test_goes_on_where_it_was(batch, tmp_path):
+    header = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
+    rows = ["225,135,124,0,0,0", "168.4,121.4,75.4,10,20,30", "200,100,60,30,45,0"]
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation simulator = 'theory' /\n")
+    (tmp_path / "p.csv").write_text("\n".join([header, *rows[:2]]))
+    assert batch("a.nml").stdout == "simulate: 2 crystals, 2 new, 0 failed: runs/a/simulations.csv\n"
+    first = (tmp_path / "runs" / "a" / "simulations.csv").read_text()
+    (tmp_path / "p.csv").write_text("\n".join([header, *rows]))
+    assert batch("a.nml").stdout == "simulate: 3 crystals, 1 new, 0 failed: runs/a/simulations.csv\n"
+    assert (tmp_path / "runs" / "a" / "simulations.csv").read_text().startswith(first)
+    assert sorted(path.name for path in (tmp_path / "runs" / "a").iterdir()) == ["resolved.nml", "simulations.csv"]
+    # Results of another physics are not touched.
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n")
+    done = batch("a.nml")
+    assert done.returncode == 2
+    assert done.stderr.startswith("runs/a/simulations.csv: holds results of another physics")
+
+
+def test_fit_without_simulations(batch, tmp_path):
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&design /\n")
+    done = batch("a.nml", "--output", "out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("out/simulations.csv: the file does not exist")
+
+
+def test_impossible_mesh(batch, bayesindent, tmp_path):
+    (tmp_path / "p.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n")
+    head = "&problem symmetry = 'cubic' /\n&simulation refine = 0.3 /\n"
+    (tmp_path / "a.nml").write_text(head + "&crystals points = 'p.csv' /\n")
+    (tmp_path / "b.nml").write_text(head + "&design budget = 2 /\n")
+    for done in (batch("a.nml"), bayesindent("build", "b.nml")):
+        assert done.returncode == 2
+        assert ".nml: &simulation: the contact radius spans" in done.stderr
