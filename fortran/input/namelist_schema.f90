@@ -89,8 +89,8 @@ contains
          & 'the constants scaled to their bounds (the paper), or dimensionless ratios of them')
       call add(s, 'truncation', 'choice', '', 'total', 'tensor, total', &
          & '`degree` limits each factor of a product (the paper), or their sum')
-      call add(s, 'degree', 'integer', '', '3', '[0, 12]', 'degree of the Legendre products in the constants (Q)')
-      call add(s, 'bandlimit', 'integer', '', '6', '[0, 20]', 'highest degree of the surface harmonics in the orientation (L)')
+      call add(s, 'degree', 'integer', '', '4', '[0, 12]', 'degree of the Legendre products in the constants (Q)')
+      call add(s, 'bandlimit', 'integer', '', '8', '[0, 20]', 'highest degree of the surface harmonics in the orientation (L)')
       call add(s, 'prior', 'choice', '', 'theory', 'zero, theory', &
          & 'centre of the prior of the coefficients: zero (Eq. 6), or those of the half-space theory')
       call add(s, 'scan', 'text', '', '', '', &

@@ -37,7 +37,7 @@ module evidence_regression
    end type spectrum_type
 
    !> Rank-one updates after which the covariance is recomputed, so that rounding does not build up.
-   integer, parameter, public :: refresh_interval = 200
+   integer, parameter, public :: refresh_interval = 500
 
 contains
 
@@ -319,20 +319,48 @@ contains
    end subroutine subtract_outer
 
    !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
-   !> present alpha, beta. Without the group B: residuals (I - H)^-1 r_B and covariance (I - H)^-1/beta, H = beta Φ_B S Φ_Bᵀ.
+   !> present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r the residuals with all data, those without the group B are
+   !> (Q_BB)^-1 r_B, with covariance (Q_BB)^-1/beta.
    subroutine leave_groups_out(regression, groups, residual, sd, error)
       type(regression_type), intent(in) :: regression
       !> Group number of each observation, in any order.
       integer, intent(in) :: groups(:)
       real(wp), intent(out) :: residual(:), sd(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: projected(:, :), system(:, :), solution(:, :), identity(:, :)
+      !> Below this 1 - h has lost its digits, and the covariance of the data is factored instead.
+      real(wp), parameter :: least = 1.0e-7_wp
+      real(wp), allocatable :: projected(:, :), covariance(:, :), all_residuals(:), block_of_q(:, :), solution(:, :)
       integer, allocatable :: order(:), members(:)
+      logical :: over_data
       integer :: n, m, first, last, i, j
 
       n = regression%n_data
-      allocate (projected(regression%n_terms, n), order(n))
-      call multiply(regression%covariance, regression%terms(:, :n), projected)
+      allocate (order(n), all_residuals(n))
+      over_data = n <= regression%n_terms
+      if (.not. over_data) then
+         allocate (projected(regression%n_terms, n))
+         call multiply(regression%covariance, regression%terms(:, :n), projected)
+         do i = 1, n
+            all_residuals(i) = regression%targets(i) - dot_product(regression%terms(:, i), regression%mean)
+            if (1.0_wp - regression%beta*dot_product(regression%terms(:, i), projected(:, i)) < least) over_data = .true.
+         end do
+      end if
+      if (over_data) then
+         ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
+         allocate (covariance(n, n), solution(n, 1))
+         covariance = 0.0_wp
+         call add_gram(regression%terms(:, :n), regression%beta/regression%alpha, covariance, transposed=.true.)
+         do i = 1, n
+            covariance(i, i) = covariance(i, i) + 1.0_wp
+         end do
+         call cholesky_factor(covariance, error)
+         if (allocated(error)) return
+         solution(:, 1) = regression%targets(:n)
+         call cholesky_solve(covariance, solution)
+         all_residuals = solution(:, 1)
+         deallocate (solution)
+         call cholesky_inverse(covariance)
+      end if
       call sort_by_group(groups, order)
       first = 1
       do while (first <= n)
@@ -343,24 +371,27 @@ contains
          end do
          members = order(first:last)
          m = size(members)
-         allocate (system(m, m), solution(m, 1), identity(m, m))
-         do j = 1, m
-            solution(j, 1) = regression%targets(members(j)) - dot_product(regression%terms(:, members(j)), regression%mean)
-            do i = 1, m
-               system(i, j) = -regression%beta*dot_product(regression%terms(:, members(i)), projected(:, members(j)))
+         allocate (block_of_q(m, m), solution(m, 1))
+         if (over_data) then
+            block_of_q = covariance(members, members)
+         else
+            do j = 1, m
+               do i = 1, m
+                  block_of_q(i, j) = -regression%beta*dot_product(regression%terms(:, members(i)), projected(:, members(j)))
+               end do
+               block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
             end do
-            system(j, j) = system(j, j) + 1.0_wp
-         end do
-         call cholesky_factor(system, error)
+         end if
+         solution(:, 1) = all_residuals(members)
+         call cholesky_factor(block_of_q, error)
          if (allocated(error)) return
-         call cholesky_solve(system, solution)
+         call cholesky_solve(block_of_q, solution)
          residual(members) = solution(:, 1)
-         identity = system
-         call cholesky_inverse(identity)
+         call cholesky_inverse(block_of_q)
          do j = 1, m
-            sd(members(j)) = sqrt(identity(j, j)/regression%beta)
+            sd(members(j)) = sqrt(block_of_q(j, j)/regression%beta)
          end do
-         deallocate (system, solution, identity)
+         deallocate (block_of_q, solution)
          first = last + 1
       end do
    end subroutine leave_groups_out

@@ -235,8 +235,8 @@ class Surrogate:
         *,
         coordinates: str = "dimensionless",
         truncation: str = "total",
-        degree: int = 3,
-        bandlimit: int = 6,
+        degree: int = 4,
+        bandlimit: int = 8,
         prior: str = "theory",
         domain: Domain | None = None,
     ) -> "Surrogate":
