@@ -1,9 +1,11 @@
 #include "sparse_cholesky.h"
 
 #include <suitesparse/cholmod.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <mutex>
@@ -15,6 +17,7 @@ extern "C" {
 void dpotrf_(const char *, const int *, double *, const int *, int *);
 void dtrsm_(const char *, const char *, const char *, const char *, const int *, const int *, const double *, const double *,
             const int *, double *, const int *);
+void dtrtri_(const char *, const char *, const int *, double *, const int *, int *);
 void dsyrk_(const char *, const char *, const int *, const int *, const double *, const double *, const int *, const double *,
             double *, const int *);
 void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *, const int *,
@@ -25,6 +28,9 @@ void openblas_set_num_threads(int) __attribute__((weak));
 namespace {
 
 using integer = std::int32_t;
+
+// Columns that a front factors at a time.
+constexpr integer panel_width = 64;
 
 struct refusal {
   integer status;
@@ -109,7 +115,7 @@ std::vector<integer> order_groups(integer n, const integer *start, const integer
 
 class workspace {
 public:
-  std::unique_ptr<double[]> factor, stack, front, scratch;
+  std::unique_ptr<double[]> factor, stack[2], panel, scratch;
   std::size_t scratch_size = 0;
 };
 
@@ -128,7 +134,7 @@ public:
 private:
   integer columns_of(integer s) const { return first[s + 1] - first[s]; }
   integer rows_of(integer s) const { return static_cast<integer>(row_start[s + 1] - row_start[s]); }
-  void add_child(const double *update, integer child, integer parent, double *block, double *front, bool columns) const;
+  void add_child(const double *update, integer child, integer parent, double *into, bool columns) const;
 
   integer n, kept, supernodes;
   std::vector<integer> position;             // of an unknown in the elimination order
@@ -140,8 +146,10 @@ private:
   std::vector<integer> parent;               // -1 at a root
   std::vector<integer> relative;             // place of each row of `rows` in the parent's rows
   std::vector<integer> child_start, child;   // children in elimination order
-  std::vector<std::size_t> target;         // place in the factor of each entry of the matrix
-  std::size_t factor_size = 0, stack_size = 0, front_size = 0;
+  std::vector<unsigned char> parity;       // of the depth of each supernode in the tree
+  std::vector<integer> entry_start, entry; // entries of the matrix that each supernode receives
+  std::vector<integer> target;             // place of each of them in the supernode's columns
+  std::size_t factor_size = 0, stack_size[2] = {0, 0}, panel_size = 0;
   std::mutex pool_lock;
   std::vector<std::unique_ptr<workspace>> pool;
 };
@@ -222,11 +230,21 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
       if (parent[k] >= 0)
         child[next[parent[k]]++] = k;
   }
-  // Depth of the stack of update matrices: a parent's is written where its children's were.
-  std::size_t depth = 0;
+  parity.assign(supernodes, 0);
+  for (integer k = supernodes - 1; k >= 0; --k) {
+    if (parent[k] >= 0)
+      parity[k] = 1 - parity[parent[k]];
+  }
+  // Update matrices of even and odd depth go to stacks of their own: a parent's is written beside its children's, and each
+  // stack is last in, first out.
+  std::size_t depth[2] = {0, 0};
   for (integer k = 0; k < supernodes; ++k) {
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = static_cast<integer>(p - row_start[k]);
+    const std::size_t m = rows_of(k) - columns_of(k);
+    depth[parity[k]] += m * m;
+    stack_size[parity[k]] = std::max(stack_size[parity[k]], depth[parity[k]]);
+    panel_size = std::max(panel_size, static_cast<std::size_t>(rows_of(k)) * panel_width);
     for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
       const integer d = child[c];
       for (std::size_t p = row_start[d] + columns_of(d); p < row_start[d + 1]; ++p) {
@@ -234,35 +252,44 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
         if (relative[p] < 0)
           throw refusal{sparse_cholesky_internal};
       }
-      const std::size_t m = rows_of(d) - columns_of(d);
-      depth -= m * m;
+      const std::size_t m_child = rows_of(d) - columns_of(d);
+      depth[parity[d]] -= m_child * m_child;
     }
-    const std::size_t m = rows_of(k) - columns_of(k);
-    front_size = std::max(front_size, m * m);
-    depth += m * m;
-    stack_size = std::max(stack_size, depth);
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = -1;
   }
 
-  target.resize(start[n]);
-  std::vector<std::vector<std::pair<integer, integer>>> by_column(n);
+  std::vector<integer> column_count(n + 1, 0);
+  const integer entries_given = start[n];
+  std::vector<integer> column_of(entries_given), row_of(entries_given);
   for (integer j = 0; j < n; ++j) {
     for (integer p = start[j]; p < start[j + 1]; ++p) {
-      const integer a = position[j], b = position[row[p]];
-      by_column[std::min(a, b)].emplace_back(std::max(a, b), p);
+      column_of[p] = std::min(position[j], position[row[p]]);
+      row_of[p] = std::max(position[j], position[row[p]]);
+      ++column_count[column_of[p] + 1];
     }
   }
+  for (integer j = 0; j < n; ++j)
+    column_count[j + 1] += column_count[j];
+  entry.resize(entries_given);
+  target.resize(entries_given);
+  entry_start.resize(supernodes + 1);
+  for (integer k = 0; k <= supernodes; ++k)
+    entry_start[k] = column_count[first[k]];
+  for (integer p = 0; p < entries_given; ++p)
+    entry[column_count[column_of[p]]++] = p;
   for (integer k = 0; k < supernodes; ++k) {
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = static_cast<integer>(p - row_start[k]);
-    for (integer j = first[k]; j < first[k + 1]; ++j)
-      for (const auto &[r, p] : by_column[j])
-        target[p] = block_start[k] + static_cast<std::size_t>(j - first[k]) * rows_of(k) + local[r];
+    for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
+      target[e] = (column_of[entry[e]] - first[k]) * rows_of(k) + local[row_of[entry[e]]];
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = -1;
   }
-  bytes = 8.0 * static_cast<double>(factor_size + stack_size + front_size);
+  bytes = 8.0 * static_cast<double>(factor_size + stack_size[0] + stack_size[1] + panel_size);
+  // A workspace that the machine cannot hold would be killed while it is filled, not refused when it is asked for.
+  if (bytes > 0.9 * static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE)))
+    throw refusal{sparse_cholesky_no_memory};
 }
 
 std::unique_ptr<workspace> analysis::acquire() {
@@ -276,8 +303,9 @@ std::unique_ptr<workspace> analysis::acquire() {
   }
   auto work = std::make_unique<workspace>();
   work->factor.reset(new double[factor_size]);
-  work->stack.reset(new double[stack_size]);
-  work->front.reset(new double[front_size]);
+  work->stack[0].reset(new double[stack_size[0]]);
+  work->stack[1].reset(new double[stack_size[1]]);
+  work->panel.reset(new double[panel_size]);
   return work;
 }
 
@@ -286,16 +314,16 @@ void analysis::release(std::unique_ptr<workspace> used) {
   pool.push_back(std::move(used));
 }
 
-// Add a child's update matrix to its parent: to the parent's own columns, or to its update matrix.
-void analysis::add_child(const double *update, integer d, integer k, double *block, double *front, bool columns) const {
+// Add a child's update matrix to its parent: the part in the parent's own columns, or the part in its update matrix.
+void analysis::add_child(const double *update, integer d, integer k, double *into, bool columns) const {
   const integer m = rows_of(d) - columns_of(d), own = columns_of(k), height = rows_of(k), rest = height - own;
   const integer *place = relative.data() + row_start[d] + columns_of(d);
   const integer split = static_cast<integer>(std::lower_bound(place, place + m, own) - place);
   const integer from = columns ? 0 : split, to = columns ? split : m;
   for (integer j = from; j < to; ++j) {
     const double *source = update + static_cast<std::size_t>(j) * m;
-    double *column = columns ? block + static_cast<std::size_t>(place[j]) * height
-                             : front + static_cast<std::size_t>(place[j] - own) * rest - own;
+    double *column = columns ? into + static_cast<std::size_t>(place[j]) * height
+                             : into + static_cast<std::size_t>(place[j] - own) * rest - own;
     integer i = j;
     while (i < m) {
       // Rows come in runs: add a run at a time.
@@ -310,55 +338,79 @@ void analysis::add_child(const double *update, integer d, integer k, double *blo
   }
 }
 
+// Factor the `own` columns of a front of `height` rows, in place, block column by block column, so that nearly all the work
+// is matrix products: also the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column whose
+// pivot failed, or 0.
+integer factor_columns(double *block, integer height, integer own, double *panel) {
+  const double one = 1.0, minus = -1.0, zero = 0.0;
+  double inverse[panel_width * panel_width];
+  for (integer j = 0; j < own; j += panel_width) {
+    const integer width = std::min(panel_width, own - j), tall = height - j, below = tall - width;
+    double *const diagonal = block + static_cast<std::size_t>(j) * height + j;
+    if (j > 0)
+      dgemm_("N", "T", &tall, &width, &j, &minus, block + j, &height, block + j, &height, &one, diagonal, &height);
+    int info = 0;
+    dpotrf_("L", &width, diagonal, &height, &info);
+    for (integer i = 0; info == 0 && i < width; ++i) {
+      if (!std::isfinite(diagonal[static_cast<std::size_t>(i) * height + i]))
+        info = i + 1;
+    }
+    if (info != 0)
+      return j + std::abs(info);
+    if (below == 0)
+      continue;
+    for (integer c = 0; c < width; ++c) {
+      std::fill(inverse + c * width, inverse + c * width + c, 0.0);
+      std::copy(diagonal + static_cast<std::size_t>(c) * height + c, diagonal + static_cast<std::size_t>(c) * height + width,
+                inverse + c * width + c);
+      std::copy(diagonal + static_cast<std::size_t>(c) * height + width, diagonal + static_cast<std::size_t>(c) * height + tall,
+                panel + static_cast<std::size_t>(c) * below);
+    }
+    dtrtri_("L", "N", &width, inverse, &width, &info);
+    dgemm_("N", "T", &below, &width, &width, &one, panel, &below, inverse, &width, &zero, diagonal + width, &height);
+  }
+  return 0;
+}
+
 // Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
 integer analysis::factor(workspace &work, const double *values, integer *unknown) const {
-  double *const l = work.factor.get();
-  std::fill(l, l + factor_size, 0.0);
-  for (std::size_t p = 0; p < target.size(); ++p)
-    l[target[p]] = values[p];
-  const double one = 1.0, minus = -1.0, zero = 0.0;
-  std::size_t depth = 0;
+  const double minus = -1.0, zero = 0.0;
+  std::size_t depth[2] = {0, 0};
   for (integer k = 0; k < supernodes; ++k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
-    double *const block = l + block_start[k];
-    double *const front = work.front.get();
-    std::size_t base = depth;
-    for (integer c = child_start[k + 1] - 1; c >= child_start[k]; --c) {
+    const int mine = parity[k], theirs = 1 - mine;
+    double *const block = work.factor.get() + block_start[k];
+    std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
+    for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
+      block[target[e]] = values[entry[e]];
+    std::size_t base = depth[theirs];
+    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
       const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
       base -= m * m;
     }
-    std::size_t at = base;
+    const double *update = work.stack[theirs].get() + base;
     for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
       const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
-      add_child(work.stack.get() + at, child[c], k, block, front, true);
-      at += m * m;
+      add_child(update, child[c], k, block, true);
+      update += m * m;
     }
-    int info = 0;
-    dpotrf_("L", &own, block, &height, &info);
-    for (integer j = 0; info == 0 && j < own; ++j) {
-      if (!std::isfinite(block[static_cast<std::size_t>(j) * height + j]))
-        info = j + 1;
-    }
-    if (info != 0) {
-      *unknown = info > 0 ? unknown_at[first[k] + info - 1] : -1;
+    const integer failed = factor_columns(block, height, own, work.panel.get());
+    if (failed != 0) {
+      *unknown = unknown_at[first[k] + failed - 1];
       return sparse_cholesky_indefinite;
     }
     if (rest > 0) {
-      dtrsm_("R", "L", "T", "N", &rest, &own, &one, block, &height, block + own, &height);
+      double *const front = work.stack[mine].get() + depth[mine];
       dsyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
-      at = base;
+      update = work.stack[theirs].get() + base;
       for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
         const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
-        add_child(work.stack.get() + at, child[c], k, block, front, false);
-        at += m * m;
+        add_child(update, child[c], k, front, false);
+        update += m * m;
       }
-      double *const store = work.stack.get() + base;
-      for (integer j = 0; j < rest; ++j) {
-        const std::size_t offset = static_cast<std::size_t>(j) * rest + j;
-        std::copy(front + offset, front + offset + (rest - j), store + offset);
-      }
+      depth[mine] += static_cast<std::size_t>(rest) * rest;
     }
-    depth = base + static_cast<std::size_t>(rest) * rest;
+    depth[theirs] = base;
   }
   return sparse_cholesky_ok;
 }

@@ -42,7 +42,7 @@ contains
          cb(6*q - 5:6*q, :n) = volume(q)*matmul(c, b(:, :n, q))
       end do
       total(:n, :n) = matmul(transpose(bb(:, :n)), cb(:, :n))
-      if (formulation == brick_incompatible) call eliminate_modes(total)
+      if (formulation == brick_incompatible) call eliminate_modes(total, 24)
       k = 0.5_wp*(total(:24, :24) + transpose(total(:24, :24)))
    end subroutine brick_stiffness
 
@@ -111,15 +111,21 @@ contains
    !>
    !> The facet is swept along rays from the origin to infinity, x = rho X with rho ≥ 1; displacements decay as
    !> u = N_a u_a / rho, which is how the displacements of a point load decay. The energy is integrated in closed form in rho.
+   !> Six incompatible modes, (1/3 - s2)/rho and (1/3 - t2)/rho, let displacements bend across the facet as those of the
+   !> bricks do; with mean zero, and gradients mapped by the Jacobian of the centre, they do no work on a uniform stress.
    pure subroutine infinite_stiffness(x, c, k)
       real(wp), intent(in) :: x(3, 4), c(6, 6)
       real(wp), intent(out) :: k(12, 12)
       real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
-      real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, b(6, 12), natural(3, 4)
-      real(wp) :: s, t, gradient(3, 4)
+      real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, b(6, 18), natural(3, 4)
+      real(wp) :: s, t, gradient(3, 4), total(18, 18), centre_inverse(3, 3), centre_determinant, scale
       integer :: a, q
 
-      k = 0.0_wp
+      jacobian(:, 1) = 0.25_wp*sum(x, dim=2)
+      jacobian(:, 2) = 0.25_wp*matmul(x, sign_s)
+      jacobian(:, 3) = 0.25_wp*matmul(x, sign_t)
+      call invert(jacobian, centre_inverse, centre_determinant)
+      total = 0.0_wp
       do q = 1, 4
          s = gauss*sign_s(q)
          t = gauss*sign_t(q)
@@ -137,17 +143,23 @@ contains
          do a = 1, 4
             b(:, 3*a - 2:3*a) = strain_of(gradient(:, a))
          end do
-         k = k + abs(determinant)*matmul(transpose(b), matmul(c, b))
+         ! The modes themselves vanish at the integration points, s2 = t2 = 1/3.
+         scale = centre_determinant/determinant
+         b(:, 13:15) = strain_of(-2.0_wp*s*scale*centre_inverse(2, :))
+         b(:, 16:18) = strain_of(-2.0_wp*t*scale*centre_inverse(3, :))
+         total = total + abs(determinant)*matmul(transpose(b), matmul(c, b))
       end do
-      k = 0.5_wp*(k + transpose(k))
+      call eliminate_modes(total, 12)
+      k = 0.5_wp*(total(:12, :12) + transpose(total(:12, :12)))
    end subroutine infinite_stiffness
 
-   !> Statically condense the nine incompatible modes (unknowns 25-33) out of `k`.
-   pure subroutine eliminate_modes(k)
-      real(wp), intent(inout) :: k(33, 33)
+   !> Statically condense all unknowns but the first `n` out of `k`.
+   pure subroutine eliminate_modes(k, n)
+      real(wp), intent(inout) :: k(:, :)
+      integer, intent(in) :: n
       integer :: p, j
 
-      do p = 33, 25, -1
+      do p = size(k, 2), n + 1, -1
          do j = 1, p - 1
             k(:p - 1, j) = k(:p - 1, j) - k(:p - 1, p)*(k(p, j)/k(p, p))
          end do
