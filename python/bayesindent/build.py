@@ -160,6 +160,7 @@ def simulator_of(problem) -> Callable:
         return {
             "modulus_gpa": result.indentation_modulus_gpa,
             "elements": int(result.elements),
+            "seconds": result.seconds,
             "depth_um": result.depth_um,
             "force_mn": result.force_mn,
         }

@@ -70,6 +70,22 @@ class Row:
     message: str
     modulus_gpa: float | None
     seconds: float | None
+    elements: int | None
+    depth_um: list | None
+    force_mn: list | None
+
+
+#: The columns of a `Row`, in its order.
+COLUMNS = (
+    "position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn"
+)
+
+
+def _row(cells) -> Row:
+    """A row of the file; lists are stored as JSON."""
+    position, symmetry, constants, euler_deg, *numbers, depth, force = cells
+    curve = (None if text is None else json.loads(text) for text in (depth, force))
+    return Row(position, symmetry, tuple(json.loads(constants)), tuple(json.loads(euler_deg)), *numbers, *curve)
 
 
 def _key(symmetry: str, constants, euler_deg) -> tuple[str, str, str]:
@@ -129,20 +145,17 @@ class Campaign:
     def rows(self, symmetry: str) -> list[Row]:
         """All rows of this physics and symmetry, in order of choice."""
         cursor = self._file.execute(
-            "SELECT position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds "
-            "FROM simulation WHERE physics_id = ? AND symmetry = ? ORDER BY position, id",
-            (self.physics_id, symmetry),
+            f"SELECT {COLUMNS} FROM simulation WHERE physics_id = ? AND symmetry = ? ORDER BY position, id", (self.physics_id, symmetry)
         )
-        return [Row(p, s, tuple(json.loads(c)), tuple(json.loads(e)), *rest) for p, s, c, e, *rest in cursor]
+        return [_row(cells) for cells in cursor]
 
     def find(self, symmetry: str, constants, euler_deg) -> Row | None:
         """The row of a point, if it is there."""
-        row = self._file.execute(
-            "SELECT position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds "
-            "FROM simulation WHERE physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?",
+        cells = self._file.execute(
+            f"SELECT {COLUMNS} FROM simulation WHERE physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?",
             (self.physics_id, *_key(symmetry, constants, euler_deg)),
         ).fetchone()
-        return None if row is None else Row(row[0], row[1], tuple(json.loads(row[2])), tuple(json.loads(row[3])), *row[4:])
+        return None if cells is None else _row(cells)
 
     def other_physics(self) -> list[str]:
         """Identities of the other physics in the file that have rows."""

@@ -27,16 +27,17 @@ def show_check(document: dict) -> None:
 
 def show_moduli(document: dict) -> None:
     """`simulate` and `theory`."""
-    simulated = any("elements" in row for row in document["results"])
-    title = "Finite elements" if simulated else "Half-space theory"
+    simulated = any(row.get("elements") for row in document["results"])
+    header = ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)", *["elements", "seconds"] * simulated]
     rows = []
     for row in document["results"]:
         modulus = row["indentation_modulus_gpa"]
         constants = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
-        further = [str(row["elements"]), f"{row['seconds']:.2f}"] if "elements" in row else [""] * 2 * simulated
-        angles = [f"{angle:g}" for angle in row["euler_deg"]]
-        rows.append([constants, *angles, "failed" if modulus is None else f"{modulus:.3f}", *further])
-    show_table(title, ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)", *["elements", "seconds"] * simulated], rows)
+        cells = [constants, *(f"{angle:g}" for angle in row["euler_deg"]), "failed" if modulus is None else f"{modulus:.3f}"]
+        if simulated:
+            cells += [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
+        rows.append(cells)
+    show_table("Finite elements" if simulated else "Half-space theory", header, rows)
 
 
 def show_build(document: dict) -> None:

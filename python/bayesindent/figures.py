@@ -78,14 +78,14 @@ def load_depth(results: Sequence[dict], radius_um: float, shown: int = 6) -> Fig
     figure = Figure(figsize=(WIDTH, 3.8))
     axes = figure.subplots()
     chosen = [results[i] for i in np.unique(np.linspace(0, len(results) - 1, min(shown, len(results))).round().astype(int))]
-    for result, colour, marker in zip(chosen, CYCLE, MARKERS, strict=False):
-        x = np.asarray(result["depth_um"]) ** 1.5
+    for result, colour, marker in zip(chosen, CYCLE, MARKERS):
+        x = (1e3 * np.asarray(result["depth_um"])) ** 1.5
         end = np.array([0.0, x.max()])
         modulus = result["indentation_modulus_gpa"]
-        axes.plot(end, 4 / 3 * modulus * np.sqrt(radius_um) * end, color=colour, lw=1)
+        axes.plot(end, 4 / 3 * modulus * np.sqrt(radius_um) * end / 1e3**1.5, color=colour, lw=1)
         label = f"{orientation(result['euler_deg'])}: {modulus:.1f} GPa"
         axes.plot(x, result["force_mn"], marker, color=colour, ms=4.5, label=label)
-    axes.set(xlabel="depth$^{1.5}$  h$^{1.5}$ (µm$^{1.5}$)", ylabel="force P (mN)", xlim=(0, None), ylim=(0, None))
+    axes.set(xlabel="depth to the power 1.5, h$^{1.5}$ (nm$^{1.5}$)", ylabel="force P (mN)", xlim=(0, None), ylim=(0, None))
     axes.legend(title="(φ₁, Φ, φ₂): modulus", loc="upper left")
     return figure
 
@@ -124,15 +124,17 @@ def modulus_against_theory(simulated, theory) -> Figure:
     return figure
 
 
-def learning_curve(series: dict[str, tuple[Sequence, Sequence]]) -> Figure:
-    """Error against the number of simulations; `series` maps a label to counts and errors in GPa."""
-    figure = Figure(figsize=(WIDTH, 3.2))
+def learning_curve(series: dict[str, tuple[Sequence, Sequence]], baselines: dict[str, float]) -> Figure:
+    """Error against the number of simulations; `series` maps a label to counts and errors in GPa, `baselines` to one error."""
+    figure = Figure(figsize=(WIDTH, 3.4))
     axes = figure.subplots()
-    for (label, (count, error)), colour, marker in zip(series.items(), CYCLE, MARKERS, strict=False):
+    for (label, (count, error)), colour, marker in zip(series.items(), CYCLE, MARKERS):
         axes.plot(count, error, marker=marker, ms=3.5, lw=1, color=colour, label=label)
-    axes.set(xlabel="simulations", ylabel="error (GPa)", yscale="log")
+    for (label, error), dash in zip(baselines.items(), (":", "--")):
+        axes.axhline(error, color=BLACK, lw=1, ls=dash, label=label)
+    axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)", yscale="log")
     plain_log_ticks(axes.yaxis)
-    axes.legend()
+    figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
@@ -169,7 +171,7 @@ def marginals(samples: dict[str, np.ndarray], most_probable: dict[str, float], b
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(WIDTH, 2.5 * rows))
-    for axes, name in zip(grid(figure, rows, columns, len(names)), names, strict=True):
+    for axes, name in zip(grid(figure, rows, columns, len(names)), names):
         values = samples[name].ravel()
         mean, sd = values.mean(), values.std()
         axes.hist(values, bins=48, density=True, color=SKY, alpha=0.7, lw=0)
@@ -280,9 +282,9 @@ def traces(samples: dict[str, np.ndarray]) -> Figure:
     """Chains (chain, sample) of each constant."""
     figure = Figure(figsize=(WIDTH, 1.25 * len(samples) + 0.4))
     rows = figure.subplots(len(samples), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (name, chains) in zip(rows, samples.items(), strict=True):
+    for axes, (name, chains) in zip(rows, samples.items()):
         step = max(1, chains.shape[1] // 1500)
-        for chain, colour in zip(chains, np.resize(CYCLE, len(chains)), strict=True):
+        for chain, colour in zip(chains, np.resize(CYCLE, len(chains))):
             axes.plot(np.arange(0, chain.size, step), chain[::step], lw=0.4, alpha=0.8, color=colour, rasterized=True)
         axes.set_ylabel(f"{subscript(name)} (GPa)")
     rows[-1].set_xlabel("sample of the chain")
@@ -298,7 +300,7 @@ def contraction(labels: Sequence[str], shares: Sequence[float]) -> Figure:
     axes = figure.subplots()
     axes.barh(place, shares, color=BLUE, height=0.62, label="decided by the data")
     axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.62, alpha=0.55, label="left to the prior")
-    for y, share in zip(place, shares, strict=True):
+    for y, share in zip(place, shares):
         axes.text(1.01, y, f"{100 * share:.0f} %", va="center")
     axes.set_yticks(place, labels)
     axes.set(xlim=(0, 1.1), xlabel="share of the prior's sd that the data removed")
@@ -321,7 +323,7 @@ def next_grains(suggestions: Sequence[dict], cubic: bool, measured_euler=None) -
             axes.plot(*inverse_pole(measured_euler), "x", color="#777777", ms=5, label="measured")
         points = axes.scatter(x, y, c=gain, s=60, edgecolors=BLACK, linewidths=0.7, zorder=3, label="suggested")
         figure.colorbar(points, ax=axes, label="expected gain", shrink=0.8)
-        for rank, place in enumerate(zip(x, y, strict=True), start=1):
+        for rank, place in enumerate(zip(x, y), start=1):
             axes.annotate(str(rank), place, xytext=(6, 3), textcoords="offset points", size=8)
     else:
         if measured_euler is not None:
@@ -414,6 +416,6 @@ def unique_legend(figure: Figure) -> None:
     """One legend above all axes."""
     entries = {}
     for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        for handle, label in zip(*axes.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=len(entries))

@@ -1,9 +1,9 @@
 """Finite element simulations of spherical indentation of one crystal."""
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-import os
 
 import numpy as np
 

@@ -48,6 +48,7 @@ class Lines:
     def __init__(self, text: str, total: int):
         self.text, self.total, self.done = text, total, 0
         self.start = self.last = time.monotonic()
+        self.printed = -1
 
     def advance(self, steps: int = 1) -> None:
         self.done += steps
@@ -56,8 +57,10 @@ class Lines:
             self.print()
 
     def finish(self) -> None:
-        self.print()
+        if self.printed != self.done:
+            self.print()
 
     def print(self) -> None:
+        self.printed = self.done
         seconds = time.monotonic() - self.start
         print(f"{self.text}: {self.done}/{self.total} in {seconds:.0f} s", file=sys.stderr, flush=True)

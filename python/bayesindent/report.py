@@ -15,10 +15,15 @@ import numpy as np
 import xarray
 
 from . import figures
+from .core import BayesindentError
 from .crystal import CONSTANTS
+from .surrogate import Surrogate
 from .version import __version__
 
 __all__ = ["write_report"]
+
+#: Samples of the posterior that are carried through the surrogate for a figure.
+POSTERIOR_DRAWS = 200
 
 STYLE = """
 :root { color-scheme: light; }
@@ -98,6 +103,16 @@ class Results:
         data = base64.b64encode(buffer.getvalue()).decode()
         return f'<figure><img src="data:image/png;base64,{data}" alt="{text(alt)}"><figcaption>{text(caption)}</figcaption></figure>'
 
+    def surrogate(self) -> Surrogate | None:
+        """The surrogate of the folder, or the shipped one that its problem names."""
+        name = self.namelist.get("surrogate", {}).get("file") or "surrogate.nc"
+        for candidate in (self.folder / name, name):
+            try:
+                return Surrogate.load(candidate)
+            except BayesindentError:
+                continue
+        return None
+
     def samples(self) -> dict[str, np.ndarray]:
         """Chains (chain, draw) of each constant."""
         with xarray.open_dataset(self.folder / "posterior.nc", group="posterior") as posterior:
@@ -153,7 +168,7 @@ def summary_section(results: Results) -> str:
 
 def simulation_section(results: Results) -> str:
     """Simulated indentations and the theory."""
-    rows = [row for row in results.simulate.get("results", []) if row.get("indentation_modulus_gpa")]
+    rows = [row for row in results.simulate.get("results", []) if row["indentation_modulus_gpa"] and row["depth_um"]]
     theory = [row["indentation_modulus_gpa"] for row in results.theory.get("results", [])]
     if not rows:
         return ""
@@ -204,11 +219,49 @@ def surrogate_section(results: Results) -> str:
         ["simulations in all", build["simulations"]],
         ["of them failed", build["failed"]],
         ["terms of the basis", build["terms"]],
-        ["leave-one-out error (GPa)", number(build["loocv_gpa"], 3)],
-        ["precision of the coefficients α", f"{build['alpha']:.4g}"],
-        ["precision of the simulations β", f"{build['beta']:.4g}"],
+        ["mean error of a simulation left out (GPa)", number(build["loocv_gpa"], 3)],
+        ["mean error of a crystal left out (GPa)", number(build.get("leave_crystal_out_gpa"), 3)],
+        ["precision of the coefficients, α", f"{build['alpha']:.4g}"],
+        ["precision of the simulations, β", f"{build['beta']:.4g}"],
+        ["factor on every sd, learnt from crystals left out", number(build.get("sd_inflation"), 2)],
+        ["stopped because", build.get("stopped", "–")],
     ]
     parts = ["<h2>Step 1: the surrogate</h2>", table("The surrogate of the indentation modulus", ["", "value"], facts)]
+    history = build["history"]
+    if len(history) > 1:
+        baseline = build.get("baselines", {})
+        labels = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "the next points, before they are added"}
+        count = [entry["simulations"] for entry in history]
+        series = {label: (count, [np.nan if entry[name] is None else entry[name] for entry in history]) for name, label in labels.items()}
+        lines = {
+            "theory alone": baseline.get("theory_gpa"),
+            "theory times one ratio": baseline.get("theory_times_ratio_gpa"),
+        }
+        last = number(history[-1]["leave_crystal_out_gpa"], 2)
+        parts += [
+            results.figure(
+                figures.learning_curve(series, {label: value for label, value in lines.items() if value}),
+                f"Error against the number of simulations; the error of a crystal left out ends at {last} GPa.",
+                "Mean absolute error against the number of simulations: of crystals left out of the fit, and of the next points, which the "
+                "variance chooses as the hardest. Beside them, what the half-space theory does without a surrogate.",
+            ),
+            results.figure(
+                figures.coefficients(count, [entry["norm"] for entry in history], [entry["angle_deg"] for entry in history]),
+                "Norm of the coefficient vector, and the angle between updates, against the number of simulations.",
+                "The vector of coefficients settles: its norm, and the angle through which each update turns it.",
+            ),
+        ]
+    surrogate = results.surrogate()
+    if surrogate is not None and surrogate.data:
+        simulated = surrogate.data["modulus_gpa"]
+        predicted, sd = surrogate.predict(surrogate.data["constants"], surrogate.data["euler_deg"])
+        parts.append(
+            results.figure(
+                figures.parity(simulated, predicted, sd),
+                "Predicted against simulated moduli: the points lie on the diagonal.",
+                "The surrogate on the simulations that taught it, with one sd. The bands on the right are 1 and 2 sd.",
+            )
+        )
     return "\n".join(parts)
 
 
@@ -258,8 +311,32 @@ def posterior_section(results: Results) -> str:
 
 
 def orientation_figure(results: Results, samples: dict, document: dict, kind: str) -> str:
-    """Predicted modulus over all orientations; nothing where the surrogate or the angles are not at hand."""
-    return ""
+    """Predicted modulus over all orientations; nothing where the surrogate or the angles of the grains are not at hand."""
+    surrogate = results.surrogate()
+    grains = document["predicted"]
+    if surrogate is None or kind != "indentation modulus" or any("euler_deg" not in item for item in grains):
+        return ""
+    draws = np.stack([samples[name].ravel() for name in results.constants], axis=1)
+    draws = draws[np.linspace(0, len(draws) - 1, min(len(draws), POSTERIOR_DRAWS)).astype(int)]
+
+    def predict(euler_deg) -> tuple[np.ndarray, np.ndarray]:
+        constants = np.repeat(draws, len(euler_deg), axis=0)
+        modulus, _ = surrogate.predict(constants, np.tile(euler_deg, (len(draws), 1)))
+        modulus = modulus.reshape(len(draws), len(euler_deg))
+        return modulus.mean(axis=0), modulus.std(axis=0)
+
+    angles = np.array([item["euler_deg"] for item in grains])
+    measured = [item["measured"] for item in grains]
+    if results.symmetry == "cubic":
+        drawing = figures.modulus_over_triangle(predict, angles, measured, kind)
+        words = "Posterior mean and sd of the modulus over the standard triangle of crystal directions; discs are the measured grains"
+        caption = f"{words}, on the left in the colour of what was measured."
+    else:
+        errors = [item.get("measured_sd") or 0.0 for item in grains]
+        drawing = figures.curve_over_declination(predict, angles, measured, errors, kind)
+        words = "Posterior of the modulus over the declination of the c axis, with the measured grains"
+        caption = f"{words}."
+    return results.figure(drawing, f"{words}.", caption)
 
 
 def identifiability_section(results: Results) -> str:

@@ -4,11 +4,15 @@ import csv
 import json
 import logging
 import math
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
+from .build import physics_identity, simulator_of
+from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import halfspace_modulus
 from .problem import Points, Problem, read_crystals, schema
@@ -25,8 +29,46 @@ Stage = Callable[[Problem, Path, Progress], dict]
 
 
 def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
-    """Finite element indentation of the crystals: moduli.csv, curves.csv, and the document of `simulate`."""
-    raise BayesindentError("not here yet")
+    """Finite element indentation of the crystals: moduli.csv, curves.csv, and the document of `simulate`.
+
+    Every simulation is a row of campaign.sqlite as soon as it is done; those that are there are not repeated.
+    """
+    points = problem.crystals
+    keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
+    with Campaign(output / "campaign.sqlite", physics_identity(problem)) as campaign:
+        todo = {key: points.stiffness[i] for i, key in enumerate(keys) if campaign.find(*key) is None}
+        if todo:
+            perform_and_store(problem, campaign, todo, progress)
+        rows = [campaign.find(*key) for key in keys]
+    moduli = [np.nan if row.modulus_gpa is None else row.modulus_gpa for row in rows]
+    write_moduli(output / "moduli.csv", problem, points, moduli)
+    write_curves(output / "curves.csv", rows)
+    results = [
+        identified(points, i)
+        | {"indentation_modulus_gpa": row.modulus_gpa, "elements": row.elements, "seconds": row.seconds}
+        | {"depth_um": row.depth_um or [], "force_mn": row.force_mn or []}
+        for i, row in enumerate(rows)
+    ]
+    failures = [f"crystal {i + 1} could not be simulated: {row.message}" for i, row in enumerate(rows) if row.modulus_gpa is None]
+    return {"results": results, "new_simulations": len(todo), "failed": len(failures), "warnings": failures}
+
+
+def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress: Progress) -> None:
+    """Simulate the points of `todo` (symmetry, constants, angles: stiffness) and store each; one that fails is stored as failed."""
+    simulator = simulator_of(problem)
+    workers = problem["execution"]["workers"] or len(os.sched_getaffinity(0))
+
+    def attempt(item) -> dict:
+        (_, _, euler_deg), stiffness = item
+        try:
+            return simulator(stiffness, euler_deg)
+        except BayesindentError as error:
+            return {"message": str(error)}
+
+    with progress.bar("indentations", len(todo)) as advance, ThreadPoolExecutor(workers) as pool:
+        for key, result in zip(todo, pool.map(attempt, todo.items())):
+            campaign.add(*key, **result)
+            advance(1)
 
 
 def theory(problem: Problem, output: Path, progress: Progress) -> dict:
@@ -127,6 +169,19 @@ def moduli_of_three_kinds(problem: Problem, modulus: np.ndarray) -> dict[str, np
 def write_moduli(file: Path, problem: Problem, points: Points, modulus, further: dict | None = None) -> None:
     """The rows of the points with the three kinds of modulus, and further columns."""
     write_csv(file, *joined(points, moduli_of_three_kinds(problem, np.asarray(modulus, dtype=float)) | (further or {})))
+
+
+def write_curves(file: Path, rows: list) -> None:
+    """Depth and force of every simulation, one point of a curve a line; `point` is the row of the crystal's table, from 1."""
+    write_csv(
+        file,
+        ["point", "depth_um", "force_mn"],
+        [
+            [number, cell(depth), cell(force)]
+            for number, row in enumerate(rows, start=1)
+            for depth, force in zip(row.depth_um or [], row.force_mn or [])
+        ],
+    )
 
 
 def joined(points: Points, columns: dict) -> tuple[list[str], list[list]]:

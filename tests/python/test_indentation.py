@@ -1,8 +1,9 @@
 """Simulated indentations against the exact theory, their reproducibility, and what is refused."""
 
-import bayesindent as bi
 import numpy as np
 import pytest
+
+import bayesindent as bi
 
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)

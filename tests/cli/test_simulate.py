@@ -1,0 +1,74 @@
+"""Simulations from the command line: their files, their numbers, and that none is done twice."""
+
+import csv
+import json
+
+import pytest
+
+from conftest import SOURCE
+
+ZINC = [161.1, 34.2, 38.3, 61.1, 50.3]
+
+
+def test_isotropic_crystal(bayesindent, tmp_path):
+    first = bayesindent("run", SOURCE / "inputs" / "isotropic.nml", "--json")
+    assert first.returncode == 0, first.stderr
+    output = tmp_path / "runs" / "isotropic"
+    files = "campaign.sqlite curves.csv moduli.csv report.html resolved.nml run.log simulate.json theory.csv theory.json"
+    assert {path.name for path in output.iterdir()} == set(files.split())
+    document = json.loads(first.stdout)
+    assert document["simulate"]["new_simulations"] == 1
+    result = document["simulate"]["results"][0]
+    exact = 200 / (1 - 0.3**2)
+    assert document["theory"]["results"][0]["indentation_modulus_gpa"] == pytest.approx(exact, rel=1e-6)
+    # The default mesh promises 0.5 % for ordinary crystals.
+    assert result["indentation_modulus_gpa"] == pytest.approx(exact, rel=5e-3)
+    curve = list(csv.DictReader((output / "curves.csv").open()))
+    for name in ("depth_um", "force_mn"):
+        assert [float(row[name]) for row in curve] == pytest.approx(result[name], rel=1e-9)
+    again = json.loads(bayesindent("run", SOURCE / "inputs" / "isotropic.nml", "--json").stdout)
+    assert again["simulate"] == document["simulate"] | {"new_simulations": 0}
+
+
+def test_rows_that_are_done_are_kept(bayesindent, tmp_path):
+    """A table with one crystal twice, then with another added: each is simulated once."""
+
+    def simulate(*declinations):
+        rows = [",".join(map(str, [*ZINC, 0, declination, 0])) for declination in declinations]
+        (tmp_path / "points.csv").write_text("\n".join(["C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg", *rows]) + "\n")
+        (tmp_path / "zinc.nml").write_text(
+            "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = 'points.csv'\n/\n&simulation\n refine = 0.6\n/\n"
+        )
+        done = bayesindent("simulate", "zinc.nml", "--json")
+        assert done.returncode == 0, done.stderr
+        document = json.loads(done.stdout)
+        return document["new_simulations"], [row["indentation_modulus_gpa"] for row in document["results"]]
+
+    count, (first, second) = simulate(30, 30)
+    assert (count, first) == (1, second)
+    count, moduli = simulate(30, 90)
+    assert (count, moduli[0]) == (1, first)
+    assert moduli[1] > first
+
+
+def test_the_theory_may_stand_in_for_the_simulation(bayesindent, tmp_path):
+    (tmp_path / "theory.nml").write_text(
+        f"&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n"
+        "&simulation\n simulator = 'theory'\n/\n"
+    )
+    done = bayesindent("run", "theory.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    simulated, theory = ([row["indentation_modulus_gpa"] for row in document[name]["results"]] for name in ("simulate", "theory"))
+    assert simulated == theory
+
+
+def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
+    (tmp_path / "coarse.nml").write_text(
+        f"&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = '{SOURCE}/inputs/data/zinc.csv'\n/\n&simulation\n refine = 0.3\n/\n"
+    )
+    done = bayesindent("simulate", "coarse.nml")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("coarse.nml: &simulation: ")
+    assert "at least 5" in line
