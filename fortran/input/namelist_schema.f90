@@ -131,6 +131,7 @@ contains
       call add(s, 'scale', 'choice', '', 'given', 'given, inferred', &
          & 'sd_gpa as given, or times a common factor that is inferred (then the column may be absent)')
       call add(s, 'likelihood', 'choice', '', 'normal', 'normal, student', 'distribution of the errors; student admits outliers')
+      call add(s, 'student_dof', 'real', '', '4.0', '[1, 1000]', 'degrees of freedom of Student''s t (likelihood = ''student'')')
 
       call add_group(s, 'prior', 'What is known of the constants before the measurements (Step 2).')
       call add(s, 'c_min', 'real*', 'GPa', 'unset', '[-500, 5000]', 'lower bounds of the constants; unset: those of the surrogate')
@@ -146,19 +147,31 @@ contains
       call add(s, 'nu_mean', 'real', '', 'unset', '(-1, 0.5)', &
          & 'mean of a normal prior of the polycrystal''s Poisson''s ratio (Hill)')
       call add(s, 'nu_sd', 'real', '', 'unset', '(0, 1]', 'its sd')
+      call add(s, 'zener_mean', 'real', '', 'unset', '(0, 1000]', 'cubic: mean of a normal prior of 2 C44/(C11 - C12)')
+      call add(s, 'zener_sd', 'real', '', 'unset', '(0, 1000]', 'its sd')
+      call add(s, 'c12_c11_mean', 'real', '', 'unset', '[-10, 10]', 'mean of a normal prior of C12/C11')
+      call add(s, 'c12_c11_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c33_c11_mean', 'real', '', 'unset', '(0, 100]', 'hexagonal: mean of a normal prior of C33/C11')
+      call add(s, 'c33_c11_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c13_c12_mean', 'real', '', 'unset', '[-100, 100]', 'hexagonal: mean of a normal prior of C13/C12')
+      call add(s, 'c13_c12_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c44_c66_mean', 'real', '', 'unset', '(0, 100]', 'hexagonal: mean of a normal prior of 2 C44/(C11 - C12)')
+      call add(s, 'c44_c66_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
 
       call add_group(s, 'sampler', 'How the posterior is sampled.')
       call add(s, 'method', 'choice', '', 'ensemble', 'ensemble, scmh', &
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
       call add(s, 'samples', 'integer', '', '10000', '[10, 100000000]', 'samples kept of each chain, after burn-in')
-      call add(s, 'burn_in', 'integer', '', '2000', '[0, 100000000]', 'samples dropped at the start of each chain')
+      call add(s, 'burn_in', 'integer', '', '20000', '[0, 100000000]', &
+         & 'before the samples of each chain: sweeps (scmh), or points that its ensemble tries (ensemble)')
       call add(s, 'chains', 'integer', '', '4', '[1, 1000]', 'independent chains')
       call add(s, 'surrogate_variance', 'choice', '', 'full', 'full, none', &
          & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')
 
       call add_group(s, 'next', 'Which grain to measure next.')
       call add(s, 'sd_gpa', 'real', 'GPa', '0.0', '[0, 1000]', 'sd of the next measurement; 0: the median of those made')
-      call add(s, 'target', 'text', '', 'all', '', 'the constant to learn about, or all')
+      call add(s, 'target', 'text', '', 'all', '', &
+         & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
       call add(s, 'count', 'integer', '', '5', '[1, 1000]', 'how many orientations to suggest')
 
       call add_group(s, 'execution', 'The machine.')

@@ -509,6 +509,11 @@ contains
       if (.not. allocated(error)) call check_pair(self, 'bulk_mean_gpa', 'bulk_sd_gpa', error)
       if (.not. allocated(error)) call check_pair(self, 'young_mean_gpa', 'young_sd_gpa', error)
       if (.not. allocated(error)) call check_pair(self, 'nu_mean', 'nu_sd', error)
+      if (.not. allocated(error)) call check_pair(self, 'zener_mean', 'zener_sd', error)
+      if (.not. allocated(error)) call check_pair(self, 'c12_c11_mean', 'c12_c11_sd', error)
+      if (.not. allocated(error)) call check_pair(self, 'c33_c11_mean', 'c33_c11_sd', error)
+      if (.not. allocated(error)) call check_pair(self, 'c13_c12_mean', 'c13_c12_sd', error)
+      if (.not. allocated(error)) call check_pair(self, 'c44_c66_mean', 'c44_c66_sd', error)
       if (allocated(error)) return
       if (self%is_set('design', 'budget')) then
          call self%get('design', 'budget', budget)

@@ -1,0 +1,201 @@
+!> What is known of the constants before the measurements: bounds, stability, a cap on the anisotropy, the surrogate's domain,
+!> and normal knowledge of single constants, of quantities derived from them, or of ratios.
+!>
+!> The support is the box of the stated bounds cut by Born's criterion, by the cap on Eq. 14 and by the surrogate's domain.
+!> On it the density is uniform in the constants, times one normal factor for each piece of normal knowledge.
+module constants_prior
+   use crystal_elasticity, only: anisotropy_index, constant_count, constant_names, symmetry_cubic
+   use derived_quantities, only: evaluate_quantities, most_quantities, quantity_count
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: wp
+   use random, only: new_random_stream, random_stream_type
+   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, raw_coordinates
+   use surrogate_model, only: surrogate_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: prior_type, new_prior, normal_knowledge_type
+
+   !> A quantity, or the ratio of two, known as mean ± sd.
+   type :: normal_knowledge_type
+      !> Numbers of quantities (see `derived_quantities`); denominator 0 means the numerator itself.
+      integer :: numerator = 0, denominator = 0
+      real(wp) :: mean = 0.0_wp, sd = 1.0_wp
+   end type normal_knowledge_type
+
+   type :: prior_type
+      integer :: symmetry = 0, n_constants = 0
+      !> Bounds of the constants, GPa: the stated ones, cut to the surrogate's where its coordinates are the constants.
+      real(wp), allocatable :: lower(:), upper(:)
+      real(wp) :: anisotropy_cap = huge(1.0_wp)
+      !> Share of the stated domain that the surrogate's domain leaves, estimated.
+      real(wp) :: share_inside = 1.0_wp
+      type(normal_knowledge_type), allocatable :: normals(:)
+      integer, private :: coordinates = coordinates_box
+      real(wp), allocatable, private :: range_lower(:), range_upper(:)
+   contains
+      procedure :: admits
+      procedure :: log_density
+   end type prior_type
+
+   !> Points of the stated domain that are tried to see how much of it the surrogate covers.
+   integer, parameter :: trials = 20000
+
+contains
+
+   !> The prior on `lower` .. `upper` (GPa) with the cap on Eq. 14, cut to the surrogate's domain.
+   !>
+   !> Bounds that the surrogate's domain does not meet at all are refused.
+   subroutine new_prior(surrogate, lower, upper, anisotropy_cap, normals, prior, error)
+      type(surrogate_type), intent(in) :: surrogate
+      real(wp), intent(in) :: lower(:), upper(:), anisotropy_cap
+      type(normal_knowledge_type), intent(in) :: normals(:)
+      type(prior_type), intent(out) :: prior
+      type(error_type), allocatable, intent(out) :: error
+      character(len=3), allocatable :: names(:)
+      integer :: k, j
+
+      k = constant_count(surrogate%symmetry)
+      names = constant_names(surrogate%symmetry)
+      if (size(lower) /= k .or. size(upper) /= k) then
+         call raise(error, 'bounds are needed for each of '//to_text(k)//' constants, not '//to_text(size(lower)), &
+            & exit_bad_input)
+         return
+      end if
+      do j = 1, k
+         if (.not. (upper(j) > lower(j) .and. upper(j) - lower(j) < huge(1.0_wp))) then
+            call raise(error, names(j)//': the bounds '//to_text(lower(j))//' .. '//to_text(upper(j)) &
+               & //' GPa are not an interval', exit_bad_input)
+            return
+         end if
+      end do
+      if (.not. anisotropy_cap > 0.0_wp) then
+         call raise(error, 'anisotropy_cap = '//to_text(anisotropy_cap)//' must be positive', exit_bad_input)
+         return
+      end if
+      do j = 1, size(normals)
+         if (.not. (normals(j)%sd > 0.0_wp .and. abs(normals(j)%mean) < huge(1.0_wp))) then
+            call raise(error, 'a normal prior needs a finite mean and an sd > 0, not '//to_text(normals(j)%mean) &
+               & //' and '//to_text(normals(j)%sd), exit_bad_input)
+            return
+         end if
+         if (normals(j)%numerator < 1 .or. normals(j)%numerator > quantity_count(surrogate%symmetry) .or. &
+            & normals(j)%denominator < 0 .or. normals(j)%denominator > quantity_count(surrogate%symmetry)) then
+            call raise(error, 'a normal prior is on a quantity that the symmetry does not have', exit_bad_input)
+            return
+         end if
+      end do
+      prior%symmetry = surrogate%symmetry
+      prior%n_constants = k
+      prior%lower = lower
+      prior%upper = upper
+      prior%anisotropy_cap = anisotropy_cap
+      prior%normals = normals
+      prior%coordinates = surrogate%basis%coordinates
+      prior%range_lower = surrogate%basis%lower
+      prior%range_upper = surrogate%basis%upper
+      call cut_to_surrogate(surrogate, prior, error)
+   end subroutine new_prior
+
+   !> Cut the support to the surrogate's domain, and estimate how much of the stated one is left.
+   subroutine cut_to_surrogate(surrogate, prior, error)
+      type(surrogate_type), intent(in) :: surrogate
+      type(prior_type), intent(inout) :: prior
+      type(error_type), allocatable, intent(out) :: error
+      character(len=3), allocatable :: names(:)
+      type(random_stream_type) :: stream
+      real(wp) :: c(prior%n_constants), u, stated_cap, stated_lower(prior%n_constants), stated_upper(prior%n_constants)
+      integer :: i, j, stated, inside
+
+      names = constant_names(prior%symmetry)
+      stated_cap = prior%anisotropy_cap
+      stated_lower = prior%lower
+      stated_upper = prior%upper
+      prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%anisotropy_cap)
+      if (prior%coordinates == coordinates_box) then
+         do j = 1, prior%n_constants
+            prior%lower(j) = max(prior%lower(j), prior%range_lower(j))
+            prior%upper(j) = min(prior%upper(j), prior%range_upper(j))
+            if (.not. prior%upper(j) > prior%lower(j)) then
+               call raise(error, names(j)//': the bounds '//to_text(stated_lower(j))//' .. '//to_text(stated_upper(j)) &
+                  & //' GPa are outside the surrogate''s domain, '//to_text(prior%range_lower(j))//' .. ' &
+                  & //to_text(prior%range_upper(j))//' GPa', exit_bad_input)
+               return
+            end if
+         end do
+      end if
+      stream = new_random_stream(1, 0)
+      stated = 0
+      inside = 0
+      do i = 1, trials
+         do j = 1, prior%n_constants
+            call stream%uniform(u)
+            c(j) = stated_lower(j) + u*(stated_upper(j) - stated_lower(j))
+         end do
+         if (.not. is_born_stable(prior%symmetry, c)) cycle
+         if (anisotropy_index(prior%symmetry, c) > stated_cap) cycle
+         stated = stated + 1
+         if (prior%admits(c)) inside = inside + 1
+      end do
+      if (stated == 0) then
+         call raise(error, 'no stable crystal was found within the bounds and the anisotropy cap '//to_text(stated_cap) &
+            & //' ('//to_text(trials)//' tried)', exit_bad_input)
+      else if (inside == 0) then
+         call raise(error, 'the bounds are outside the surrogate''s domain: none of '//to_text(stated) &
+            & //' stable crystals within them is inside it', exit_bad_input)
+      else
+         prior%share_inside = real(inside, wp)/stated
+      end if
+   end subroutine cut_to_surrogate
+
+   !> Born's criterion in closed form, cubic or hexagonal.
+   pure logical function is_born_stable(symmetry, c)
+      integer, intent(in) :: symmetry
+      real(wp), intent(in) :: c(:)
+
+      if (symmetry == symmetry_cubic) then
+         is_born_stable = c(1) > c(2) .and. c(1) + 2.0_wp*c(2) > 0.0_wp .and. c(3) > 0.0_wp
+      else
+         is_born_stable = c(1) > abs(c(2)) .and. c(3) > 0.0_wp .and. (c(1) + c(2))*c(4) > 2.0_wp*c(5)**2
+      end if
+   end function is_born_stable
+
+   !> Whether a crystal (GPa) is in the support.
+   pure logical function admits(self, c)
+      class(prior_type), intent(in) :: self
+      real(wp), intent(in) :: c(:)
+      real(wp) :: raw(4), scale
+      integer :: j
+
+      admits = .false.
+      do j = 1, self%n_constants
+         if (.not. (c(j) >= self%lower(j) .and. c(j) <= self%upper(j))) return
+      end do
+      if (.not. is_born_stable(self%symmetry, c)) return
+      if (.not. anisotropy_index(self%symmetry, c(:self%n_constants)) <= self%anisotropy_cap) return
+      if (self%coordinates == coordinates_dimensionless) then
+         call raw_coordinates(self%symmetry, self%coordinates, c, raw(:self%n_constants - 1), scale)
+         do j = 1, self%n_constants - 1
+            if (.not. (raw(j) >= self%range_lower(j) .and. raw(j) <= self%range_upper(j))) return
+         end do
+      end if
+      admits = .true.
+   end function admits
+
+   !> Logarithm of the normal factors at a crystal of the support; the constant of the uniform part is left out.
+   pure real(wp) function log_density(self, c)
+      class(prior_type), intent(in) :: self
+      real(wp), intent(in) :: c(:)
+      real(wp) :: values(most_quantities), x
+      integer :: j
+
+      log_density = 0.0_wp
+      if (size(self%normals) == 0) return
+      call evaluate_quantities(self%symmetry, c(:self%n_constants), values)
+      do j = 1, size(self%normals)
+         x = values(self%normals(j)%numerator)
+         if (self%normals(j)%denominator > 0) x = x/values(self%normals(j)%denominator)
+         log_density = log_density - 0.5_wp*((x - self%normals(j)%mean)/self%normals(j)%sd)**2
+      end do
+   end function log_density
+end module constants_prior

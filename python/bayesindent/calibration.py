@@ -1,0 +1,516 @@
+"""Step 2: the posterior of the elastic constants given indentation moduli of grains of known orientation.
+
+Constants and moduli in GPa, angles in degrees. The densities and the chains are the core's; diagnostics are ArviZ's.
+"""
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+
+from .core import InputError, check, native
+from .crystal import CONSTANTS, SYMMETRIES
+from .verdicts import orientation_verdicts, verdicts
+
+__all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
+
+#: The numbers the core gives methods and kinds of modulus.
+METHODS = {"ensemble": 1, "scmh": 2}
+MODULUS_KINDS = {"indentation_modulus": 1, "effective_modulus": 2, "sample_modulus": 3}
+
+#: Bounds (GPa) where the user states none and the surrogate is not a box of constants: wide enough for any metal.
+WIDE_BOUNDS = {
+    "cubic": {"C11": (10.0, 1000.0), "C12": (1.0, 600.0), "C44": (1.0, 600.0)},
+    "hexagonal": {"C11": (10.0, 1000.0), "C12": (1.0, 600.0), "C44": (1.0, 600.0), "C33": (10.0, 1000.0), "C13": (1.0, 600.0)},
+}
+
+#: Samples of a chain before it is kept, where none are asked for.
+BURN_IN = 20000
+
+#: Degrees of freedom of Student's t where a number is not given.
+STUDENT_DOF = 4.0
+
+#: Draws for derived quantities and predictions; more say nothing new.
+MOST_DRAWS = 4000
+
+
+def quantity_names(symmetry: str) -> dict[str, str]:
+    """Quantities of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
+    count, names, units = native.quantity_list(SYMMETRIES[symmetry])
+    names, units = names.decode(), units.decode()
+    return {names[20 * i : 20 * i + 20].strip(): units[3 * i : 3 * i + 3].strip() for i in range(count)}
+
+
+def quantities(symmetry: str, constants) -> dict[str, np.ndarray]:
+    """All quantities of stable crystals, constants (..., k) in GPa: bulk, shear and Young's modulus and Poisson's ratio of the
+    polycrystal (Voigt-Reuss-Hill), anisotropy index (Eq. 14), ratios, and Young's moduli along directions of the crystal."""
+    values = np.asarray(constants, dtype=float)
+    names = quantity_names(symmetry)
+    flat = native.quantity_values(SYMMETRIES[symmetry], len(names), np.asfortranarray(values.reshape(-1, values.shape[-1]).T))
+    return {name: row.reshape(values.shape[:-1]) for name, row in zip(names, flat, strict=True)}
+
+
+class Posterior:
+    """The density of the constants, and of the logarithm of a factor on the sds where that is inferred.
+
+    `euler_deg` (n, 3), `modulus_gpa` (n,), `sd_gpa` (n,) or None if `infer_scale`. `bounds` maps constants to (low, high);
+    what it leaves out is the surrogate's box, or `WIDE_BOUNDS`. `priors` maps a quantity ('C44', 'bulk_modulus', ..; see
+    `quantity_names`) or a ratio of two ('C33/C11') to the (mean, sd) of a normal factor. `student_t` is a number of degrees of
+    freedom, True for `STUDENT_DOF`, or 0 for normal errors. `prior_only` leaves the data out.
+    """
+
+    def __init__(
+        self,
+        surrogate,
+        euler_deg,
+        modulus_gpa,
+        sd_gpa,
+        *,
+        bounds: Mapping | None = None,
+        anisotropy_cap: float | None = None,
+        priors: Mapping | None = None,
+        modulus_kind: str = "indentation_modulus",
+        indenter_modulus_gpa: float = 1140.0,
+        indenter_nu: float = 0.07,
+        sample_nu: float = 0.3,
+        calibration_sd: float = 0.0,
+        student_t: float | bool = 0.0,
+        infer_scale: bool = False,
+        surrogate_variance: str = "full",
+        prior_only: bool = False,
+    ):
+        self._handle = 0
+        self.surrogate, self.symmetry = surrogate, surrogate.symmetry
+        self.names = CONSTANTS[self.symmetry]
+        self.euler_deg = np.atleast_2d(np.asarray(euler_deg, dtype=float))
+        self.modulus_gpa = np.atleast_1d(np.asarray(modulus_gpa, dtype=float))
+        if sd_gpa is None and not infer_scale:
+            raise InputError("the measurements have no sd_gpa; it may be absent only if a common scale is inferred")
+        sd = np.ones_like(self.modulus_gpa) if sd_gpa is None else np.atleast_1d(np.asarray(sd_gpa, dtype=float))
+        self.sd_gpa = sd
+        n = len(self.modulus_gpa)
+        if n == 0:
+            raise InputError("there are no measurements: at least one grain is needed")
+        if self.euler_deg.shape != (n, 3) or sd.shape != (n,):
+            raise InputError(f"{n} moduli need angles ({n}, 3) and sds ({n},), not {self.euler_deg.shape} and {sd.shape}")
+        if modulus_kind not in MODULUS_KINDS:
+            raise InputError(f"modulus_kind: '{modulus_kind}' is unknown; allowed: {', '.join(MODULUS_KINDS)}")
+        if surrogate_variance not in ("full", "none"):
+            raise InputError(f"surrogate_variance: '{surrogate_variance}' is unknown; allowed: full, none")
+        self.modulus_kind, self.infer_scale, self.calibration_sd = modulus_kind, bool(infer_scale), float(calibration_sd)
+        self.surrogate_variance = surrogate_variance
+        self.student_t = STUDENT_DOF if student_t is True else float(student_t)
+        lower, upper = self._bounds(bounds)
+        cap = float(surrogate.anisotropy_cap if anisotropy_cap is None else anisotropy_cap)
+        numbers, values = self._normals(priors or {})
+        self.priors = dict(priors or {})
+        self._handle, dimension, self.share_inside, self.lower, self.upper, self.anisotropy_cap, status, message = native.calibration_new(
+            surrogate.handle, lower, upper, cap, numbers, values, MODULUS_KINDS[modulus_kind], indenter_modulus_gpa, indenter_nu,
+            sample_nu, calibration_sd, self.student_t, int(infer_scale), int(surrogate_variance == "full"), int(prior_only),
+            np.asfortranarray(np.radians(self.euler_deg).T), self.modulus_gpa, sd,
+        )  # fmt: skip
+        check(status, message)
+        self.dimension = int(dimension)
+
+    def __del__(self):
+        if self._handle:
+            native.calibration_free(self._handle)
+
+    def _bounds(self, bounds: Mapping | None) -> tuple[np.ndarray, np.ndarray]:
+        if self.surrogate.basis.coordinates == "box":
+            basis = self.surrogate.basis
+            whole = dict(zip(self.names, zip(basis.lower, basis.upper, strict=True), strict=True))
+        else:
+            whole = dict(WIDE_BOUNDS[self.symmetry])
+        unknown = set(bounds or {}) - set(self.names)
+        if unknown:
+            raise InputError(
+                f"bounds: a {self.symmetry} crystal has no constant {', '.join(sorted(unknown))}; it has {', '.join(self.names)}"
+            )
+        whole |= bounds or {}
+        pairs = np.array([whole[name] for name in self.names], dtype=float)
+        return pairs[:, 0].copy(), pairs[:, 1].copy()
+
+    def _normals(self, priors: Mapping) -> tuple[np.ndarray, np.ndarray]:
+        names = list(quantity_names(self.symmetry))
+        numbers, values = [(0, 0)], [(0.0, 1.0)]
+        for key, (mean, sd) in priors.items():
+            parts = key.split("/")
+            if len(parts) > 2 or any(part not in names for part in parts):
+                raise InputError(f"priors: '{key}' is unknown; allowed: {', '.join(names)}, or the ratio of two of them with a /")
+            numbers.append((names.index(parts[0]) + 1, names.index(parts[1]) + 1 if len(parts) == 2 else 0))
+            values.append((float(mean), float(sd)))
+        return np.asfortranarray(np.array(numbers, dtype=np.intc).T), np.asfortranarray(np.array(values).T)
+
+    def sample(self, *, method: str, samples: int, burn_in: int, chains: int, threads: int, seed: int):
+        """Chains: parameters (chains, samples, dimension), log densities (chains, samples), acceptance (chains,)."""
+        if method not in METHODS:
+            raise InputError(f"method: '{method}' is unknown; allowed: {', '.join(METHODS)}")
+        draws, density, acceptance, status, message = native.calibration_sample(
+            self._handle, self.dimension, METHODS[method], samples, burn_in, chains, threads, seed
+        )
+        check(status, message)
+        return np.ascontiguousarray(np.moveaxis(draws, 0, -1).swapaxes(0, 1)), np.ascontiguousarray(density.T), acceptance
+
+    def evaluate(self, x) -> tuple[np.ndarray, np.ndarray]:
+        """Log density and log likelihood at points (n, dimension); -inf outside the support."""
+        density, likelihood, inside = native.calibration_evaluate(self._handle, np.asfortranarray(np.atleast_2d(x).T))
+        outside = inside == 0
+        density[outside] = likelihood[outside] = -np.inf
+        return density, likelihood
+
+    def moduli(self, x, euler_deg, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Indentation moduli (m, n) of n grains at points x (m, dimension), the surrogate's error drawn given the data, and one
+        plus the calibration error (m,), drawn likewise."""
+        angles = np.asfortranarray(np.radians(np.atleast_2d(euler_deg)).T)
+        moduli, factor = native.calibration_moduli(self._handle, np.asfortranarray(np.atleast_2d(x).T), angles, seed)
+        return moduli.T, factor
+
+    def as_measured(self, modulus) -> np.ndarray:
+        """Indentation moduli as the kind of modulus that was measured."""
+        values = np.asarray(modulus, dtype=float)
+        return native.calibration_map(self._handle, values.ravel()).reshape(values.shape)
+
+
+def measurements_of(table, sd_optional: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Angles (n, 3), moduli (n,) and sds (n,) or None of a CSV file, a mapping or data frame of its columns, or an object with
+    euler_deg, modulus_gpa and sd_gpa."""
+    if isinstance(table, str | os.PathLike):
+        from .problem import read_measurements
+
+        table = read_measurements(table, sd_optional=sd_optional)
+    if hasattr(table, "euler_deg"):
+        return table.euler_deg, table.modulus_gpa, table.sd_gpa
+    try:
+        if "euler_deg" in table:
+            angles = np.asarray(table["euler_deg"], dtype=float)
+        else:
+            angles = np.column_stack([np.asarray(table[name], dtype=float) for name in ("phi1_deg", "Phi_deg", "phi2_deg")])
+        sd = np.asarray(table["sd_gpa"], dtype=float) if "sd_gpa" in table else None
+        return angles, np.asarray(table["modulus_gpa"], dtype=float), sd
+    except KeyError as error:
+        raise InputError(f"the measurements have no column {error}") from None
+
+
+def extract(
+    surrogate,
+    measurements,
+    *,
+    bounds: Mapping | None = None,
+    anisotropy_cap: float | None = None,
+    priors: Mapping | None = None,
+    method: str = "ensemble",
+    samples: int = 10000,
+    burn_in: int | None = None,
+    chains: int = 4,
+    seed: int = 1,
+    threads: int = 0,
+    **likelihood,
+):
+    """Sample the constants behind measured moduli; an ArviZ InferenceData whose `posterior` holds one variable a constant.
+
+    `surrogate`: a `Surrogate`, or what `Surrogate.load` takes. `measurements`: see `measurements_of`. `bounds`, `anisotropy_cap`,
+    `priors` and `likelihood` (modulus_kind, calibration_sd, student_t, infer_scale, surrogate_variance, ..): see `Posterior`.
+    `method`: 'ensemble', or 'scmh', the paper's. `samples` are kept per chain after `burn_in`; `threads` 0 means all cores, and
+    results do not depend on it. Further groups: `prior` (constants without the data), `derived` (quantities of the crystal, for
+    some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), `observed_data`.
+    """
+    if not hasattr(surrogate, "handle"):
+        from .surrogate import Surrogate
+
+        surrogate = Surrogate.load(surrogate)
+    euler_deg, modulus, sd = measurements_of(measurements, bool(likelihood.get("infer_scale")))
+    settings = {"bounds": bounds, "anisotropy_cap": anisotropy_cap, "priors": priors, **likelihood}
+    posterior = Posterior(surrogate, euler_deg, modulus, sd, **settings)
+    threads = threads or len(os.sched_getaffinity(0))
+    burn_in = BURN_IN if burn_in is None else burn_in
+    if samples < 1 or chains < 1 or burn_in < 0:
+        raise InputError(f"samples = {samples} and chains = {chains} must be at least 1, burn_in = {burn_in} at least 0")
+    start = time.perf_counter()
+    draws, density, acceptance = posterior.sample(
+        method=method, samples=samples, burn_in=burn_in, chains=chains, threads=threads, seed=seed
+    )
+    seconds = time.perf_counter() - start
+    prior = Posterior(surrogate, euler_deg, modulus, sd, prior_only=True, **settings)
+    k = len(posterior.names)
+    before = prior.sample(method="ensemble", samples=2500, burn_in=20000, chains=4, threads=threads, seed=seed)[0][:, :, :k]
+    return inference_data(posterior, draws, density, before, {
+        "method": method, "seed": seed, "burn_in": burn_in, "acceptance": [float(a) for a in acceptance], "seconds": seconds,
+    })  # fmt: skip
+
+
+def inference_data(posterior: Posterior, draws, density, before, attributes: dict):
+    """What `extract` gives: the draws with everything that is derived from them."""
+    import arviz as az
+    import xarray as xr
+
+    names = posterior.names
+    k = len(names)
+    chains, samples, _ = draws.shape
+    variables = {name: draws[:, :, j] for j, name in enumerate(names)}
+    if posterior.infer_scale:
+        variables["sd_factor"] = np.exp(draws[:, :, k])
+    thin = max(1, chains * samples // MOST_DRAWS)
+    few = draws[:, ::thin]
+    moduli, factor = posterior.moduli(few.reshape(-1, draws.shape[2]), posterior.euler_deg)
+    predicted = posterior.as_measured(moduli).reshape(*few.shape[:2], -1)
+    coordinates = {"chain": np.arange(chains), "draw": np.arange(0, samples, thin)}
+    some = ("chain", "draw")
+    derived = {name: (some, values) for name, values in quantities(posterior.symmetry, few[:, :, :k]).items() if name not in names}
+    predictions = {"modulus": ((*some, "grain"), predicted), "calibration_factor": (some, factor.reshape(few.shape[:2]))}
+    data = {"modulus": ("grain", posterior.modulus_gpa), "sd": ("grain", posterior.sd_gpa)}
+    data |= {"euler_deg": (("grain", "angle"), posterior.euler_deg)}
+    result = az.from_dict(
+        posterior=variables,
+        prior={name: before[:, :, j] for j, name in enumerate(names)},
+        sample_stats={"lp": density},
+    )
+    result.posterior.attrs |= attributes | {
+        "symmetry": posterior.symmetry,
+        "bounds": json.dumps(dict(zip(names, zip(posterior.lower.tolist(), posterior.upper.tolist(), strict=True), strict=True))),
+        "anisotropy_cap": posterior.anisotropy_cap,
+        "share_inside": posterior.share_inside,
+        "priors": json.dumps({key: list(value) for key, value in posterior.priors.items()}),
+        "modulus_kind": posterior.modulus_kind,
+        "calibration_sd": posterior.calibration_sd,
+        "student_t": posterior.student_t,
+        "surrogate_variance": posterior.surrogate_variance,
+    }
+    best = most_probable(posterior, draws.reshape(-1, draws.shape[2]), density.ravel())
+    if posterior.infer_scale:
+        best[k] = np.exp(best[k])
+    result.posterior.attrs["map"] = best
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result.add_groups(
+            {
+                "derived": xr.Dataset(derived, coordinates),
+                "predictions": xr.Dataset(predictions, coordinates),
+                "observed_data": xr.Dataset(data),
+            }
+        )
+    return result
+
+
+def most_probable(posterior: Posterior, points, density) -> np.ndarray:
+    """The point of largest density: the best draw, then a simplex from there."""
+    from scipy.optimize import minimize
+
+    best = points[np.argmax(density)]
+    # A simplex of the posterior's own size; outside the support the density is as low as can be.
+    simplex = np.vstack([best, best + 0.1 * np.diag(points.std(axis=0))])
+    found = minimize(
+        lambda x: min(1e300, -posterior.evaluate(x)[0][0]), best, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": 1000, "xatol": 1e-3, "fatol": 1e-4},
+    )  # fmt: skip
+    return found.x if -found.fun >= density.max() else best.copy()
+
+
+def summary(result) -> dict:
+    """The document of `extract` from what the function of that name gives."""
+    import arviz as az
+
+    posterior, attributes = result.posterior, result.posterior.attrs
+    chains = posterior.sizes["chain"]
+    parameters = {}
+    for j, name in enumerate(posterior.data_vars):
+        values = posterior[name].values
+        parameters[name] = {
+            "mean": values.mean(),
+            "sd": values.std(ddof=1),
+            "map": float(np.atleast_1d(attributes["map"])[j]),
+            "hdi_95": az.hdi(values.ravel(), hdi_prob=0.95),
+            "ess_bulk": float(az.ess(values, method="bulk")),
+            "ess_tail": float(az.ess(values, method="tail")),
+            "r_hat": float(az.rhat(values)) if chains > 1 else None,
+        }
+    names = CONSTANTS[attributes["symmetry"]]
+    draws = np.stack([posterior[name].values.ravel() for name in names])
+    observed = result.observed_data
+    modulus = result.predictions["modulus"].values.reshape(-1, observed.sizes["grain"])
+    predicted = [
+        {"mean": values.mean(), "sd": values.std(ddof=1), "measured": measured, "measured_sd": sd, "euler_deg": angles}
+        for values, measured, sd, angles in zip(
+            modulus.T, observed["modulus"].values, observed["sd"].values, observed["euler_deg"].values, strict=True
+        )
+    ]
+    identified = identifiability(result)
+    document = {
+        "parameters": parameters,
+        "correlation": np.corrcoef(draws),
+        "predicted": predicted,
+        "identifiability": identified,
+        "acceptance": float(np.mean(attributes["acceptance"])),
+        "samples": posterior.sizes["draw"],
+        "chains": chains,
+        "method": attributes["method"],
+        "seconds": attributes["seconds"],
+    }
+    document["warnings"] = verdicts(result, document)
+    return plain(document)
+
+
+def plain(value):
+    """Numbers of numpy as Python's."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def identifiability(result) -> list[dict]:
+    """What the data say: combinations of the constants from the best to the worst identified, then the quantities of the crystal.
+
+    A combination is a product of powers of the constants (a sum of multiples of their logarithms) that makes the variance of the
+    posterior relative to that of the prior extreme: the eigenvectors of the one covariance against the other. `sd` is of its logarithm,
+    so a relative one. `contraction` is one minus that ratio of variances: 1 is decided by the data, 0 by the prior.
+    """
+    symmetry = result.posterior.attrs["symmetry"]
+    names = CONSTANTS[symmetry]
+    after = np.stack([result.posterior[name].values.ravel() for name in names])
+    before = np.stack([result.prior[name].values.ravel() for name in names])
+    if min(after.min(), before.min()) <= 0:
+        # A constant that may vanish has no logarithm: relative deviations from the mean stand in.
+        scale = after.mean(axis=1, keepdims=True)
+        log_after, log_before = after / scale, before / scale
+    else:
+        log_after, log_before = np.log(after), np.log(before)
+    from scipy.linalg import eigh
+
+    covariance = np.cov(log_after)
+    values, vectors = eigh(covariance, np.cov(log_before))
+    rows = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        vector = vector / vector[np.argmax(np.abs(vector))]
+        sd = np.sqrt(vector @ covariance @ vector)
+        rows.append({
+            "kind": "combination",
+            "name": " ".join(f"{name}^{power:.2f}" for name, power in zip(names, vector, strict=True) if abs(power) >= 0.05),
+            "exponents": dict(zip(names, vector, strict=True)),
+            "correlations": dict(zip(names, (covariance @ vector) / (sd * np.sqrt(np.diag(covariance))), strict=True)),
+            "mean": float(np.exp(np.mean(vector @ log_after))) if min(after.min(), before.min()) > 0 else None,
+            "sd": sd,
+            "prior_sd": sd / np.sqrt(value),
+            "contraction": 1.0 - value,
+        })  # fmt: skip
+    units = quantity_names(symmetry)
+    for name, prior_values in quantities(symmetry, before.T).items():
+        values = result.posterior[name].values if name in names else result.derived[name].values
+        mean, sd, prior_sd = values.mean(), values.std(ddof=1), prior_values.std(ddof=1)
+        rows.append({
+            "kind": "quantity", "name": name, "unit": units[name], "mean": mean, "sd": sd,
+            "prior_mean": prior_values.mean(), "prior_sd": prior_sd, "contraction": 1.0 - (sd / prior_sd) ** 2,
+        })  # fmt: skip
+    return rows
+
+
+def settings_of(problem) -> dict:
+    """What a problem's groups say of Step 2, as arguments of `extract`."""
+    measured, prior, sampler = problem["measurements"], problem["prior"], problem["sampler"]
+    names = CONSTANTS[problem["problem"]["symmetry"]]
+    try:
+        priors = priors_of(prior, names)
+    except InputError as error:
+        raise InputError(f"{problem.path}: &prior {error}") from None
+    bounds = {}
+    if prior["c_min"] is not None and prior["c_max"] is not None:
+        bounds = dict(zip(names, zip(prior["c_min"], prior["c_max"], strict=True), strict=True))
+    settings = {
+        "bounds": bounds,
+        "anisotropy_cap": prior["anisotropy_cap"],
+        "priors": priors,
+        "method": sampler["method"],
+        "samples": sampler["samples"],
+        "burn_in": sampler["burn_in"],
+        "chains": sampler["chains"],
+        "surrogate_variance": sampler["surrogate_variance"],
+        "seed": problem["problem"]["seed"],
+        "threads": problem["execution"]["workers"],
+        "infer_scale": measured["scale"] == "inferred",
+        "student_t": measured["student_dof"] if measured["likelihood"] == "student" else 0.0,
+    }
+    for name in ("modulus_kind", "indenter_modulus_gpa", "indenter_nu", "sample_nu", "calibration_sd"):
+        settings[name] = measured[name]
+    return settings
+
+
+#: Variables of &prior that say the mean and sd of a quantity.
+NORMALS = {
+    "bulk_modulus": ("bulk_mean_gpa", "bulk_sd_gpa"),
+    "youngs_modulus": ("young_mean_gpa", "young_sd_gpa"),
+    "poisson_ratio": ("nu_mean", "nu_sd"),
+    "zener_ratio": ("zener_mean", "zener_sd"),
+    "C12/C11": ("c12_c11_mean", "c12_c11_sd"),
+    "C33/C11": ("c33_c11_mean", "c33_c11_sd"),
+    "C13/C12": ("c13_c12_mean", "c13_c12_sd"),
+    "ratio_C44_C66": ("c44_c66_mean", "c44_c66_sd"),
+}
+
+
+def priors_of(prior: Mapping, names: Sequence[str]) -> dict:
+    """Normal priors of the group &prior."""
+    symmetry = next(symmetry for symmetry, constants in CONSTANTS.items() if constants == tuple(names))
+    known = quantity_names(symmetry)
+    priors = {}
+    for key, (mean, sd) in NORMALS.items():
+        if prior[mean] is None:
+            continue
+        if any(part not in known for part in key.split("/")):
+            raise InputError(f"{mean} is given, which a {symmetry} crystal has not")
+        priors[key] = (prior[mean], prior[sd])
+    if prior["c_mean"] is not None:
+        priors |= {name: (m, s) for name, m, s in zip(names, prior["c_mean"], prior["c_sd"], strict=True) if s > 0}
+    return priors
+
+
+def surrogate_of(problem, output: Path):
+    """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
+    from .surrogate import Surrogate
+
+    name = problem["surrogate"]["file"]
+    symmetry = problem["problem"]["symmetry"]
+    place = next((str(folder / name) for folder in (Path(output), Path(problem.folder)) if (folder / name).is_file()), name)
+    try:
+        surrogate = Surrogate.load(place)
+    except InputError as error:
+        raise InputError(f"{problem.path}: &surrogate file: {error}") from None
+    if surrogate.symmetry != symmetry:
+        raise InputError(f"{problem.path}: &surrogate file: {name} is for {surrogate.symmetry} crystals, not {symmetry} ones")
+    return surrogate
+
+
+def fingerprint(problem, settings: Mapping) -> str:
+    """The settings and data that a posterior follows from, as text."""
+    measured = problem.measurements
+    data = [plain(measured.euler_deg), plain(measured.modulus_gpa), plain(measured.sd_gpa)]
+    kept = {key: value for key, value in settings.items() if key != "threads"}
+    return json.dumps([plain(kept), data], sort_keys=True)
+
+
+def extract_stage(problem, output: Path, progress=None) -> dict:
+    """Step 2 of a problem: posterior.nc, summary.json, and the document of `extract`."""
+    surrogate = surrogate_of(problem, output)
+    settings = settings_of(problem)
+    with progress.bar("sampling", settings["chains"]) if progress else nullcontext(lambda steps=1: None) as advance:
+        try:
+            result = extract(surrogate, problem.measurements, **settings)
+        except InputError as error:
+            raise InputError(f"{problem.path}: &prior: {error}") from None
+        advance(settings["chains"])
+    document = summary(result)
+    # The reader has spoken of the measurements already.
+    said = set(orientation_verdicts(surrogate.symmetry, problem.measurements.euler_deg)) if problem.warnings else set()
+    document["warnings"] = [*problem.warnings, *(line for line in document["warnings"] if line not in said)]
+    output = Path(output)
+    output.mkdir(parents=True, exist_ok=True)
+    result.posterior.attrs["settings"] = fingerprint(problem, settings)
+    result.posterior.attrs["title"] = problem["problem"]["title"] or ""
+    result.to_netcdf(str(output / "posterior.nc"), engine="h5netcdf")
+    (output / "summary.json").write_text(json.dumps(document, indent=1) + "\n")
+    return document

@@ -1,0 +1,280 @@
+!> Densities that the samplers are tried on.
+module known_targets
+   use kinds, only: wp
+   use sampling_target, only: target_type
+   implicit none
+   private
+   public :: banana_type
+
+   !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
+   type, extends(target_type) :: banana_type
+   contains
+      procedure :: admits
+      procedure :: log_density
+   end type banana_type
+
+contains
+
+   pure logical function admits(self, x)
+      class(banana_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+
+      admits = all(x >= self%lower .and. x <= self%upper)
+   end function admits
+
+   pure real(wp) function log_density(self, x)
+      class(banana_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+
+      log_density = -0.5_wp*x(1)**2 - 0.5_wp*((x(2) - x(1)**2)/0.1_wp)**2
+      if (self%dimension > 2) log_density = log_density - 0.5_wp*sum(x(3:)**2)
+   end function log_density
+end module known_targets
+
+!> Step 2: polynomials of the covariance, mixtures, samplers on known targets, derived quantities, gains of measurements.
+program test_calibration
+   use crystal_elasticity, only: averages_type, new_stiffness, polycrystal_averages, symmetry_cubic, symmetry_hexagonal
+   use derived_quantities, only: evaluate_quantities, quantity_count, quantity_number
+   use errors, only: error_type
+   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
+   use kinds, only: pi, wp
+   use known_targets, only: banana_type
+   use next_measurement, only: expected_gains
+   use polynomial_products, only: covariance_polynomial, evaluate_products, new_products, products_type
+   use random, only: new_random_stream, random_stream_type
+   use samplers, only: chains_type, method_ensemble, method_scmh, sample_chains, sampler_type
+   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
+      & truncation_tensor, truncation_total
+   use testing, only: check, check_close, check_success, finish
+   use vector_math, only: exp_all, transposed_product
+   implicit none
+
+   call test_kernels()
+   call test_covariance('total', coordinates_dimensionless, truncation_total, 3, [-0.5_wp, -1.0_wp, -1.5_wp, -1.0_wp], &
+      & [0.5_wp, 1.0_wp, 1.5_wp, 1.0_wp])
+   call test_covariance('tensor', coordinates_box, truncation_tensor, 1, [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], &
+      & [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp])
+   call test_mixture()
+   call test_sampler('ensemble', method_ensemble, 20000, 20000, 0.03_wp)
+   call test_sampler('scmh', method_scmh, 200000, 5000, 0.05_wp)
+   call test_quantities()
+   call test_gains()
+   call finish()
+
+contains
+
+   subroutine test_kernels()
+      real(wp) :: x(37), y(37), a(37, 6), z(6)
+      integer :: i
+
+      do i = 1, 37
+         x(i) = -60.0_wp + 3.31_wp*i
+      end do
+      call exp_all(x, y)
+      call check('exp_all to two units in the last place', maxval(abs(y/exp(x) - 1.0_wp)) <= 4.0_wp*epsilon(1.0_wp))
+      do i = 1, 6
+         a(:, i) = sin(x*i)
+      end do
+      call transposed_product(37, 6, a, x, z)
+      call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
+   end subroutine test_kernels
+
+   !> T(c) as a polynomial against the double sum, and the products against those of the basis.
+   subroutine test_covariance(name, coordinates, truncation, degree, lower, upper)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: coordinates, truncation, degree
+      real(wp), intent(in) :: lower(:), upper(:)
+      real(wp), parameter :: crystal(5) = [162.0_wp, 92.0_wp, 47.0_wp, 180.0_wp, 69.0_wp]
+      type(basis_type) :: basis
+      type(products_type) :: terms, squares
+      type(error_type), allocatable :: error
+      type(random_stream_type) :: stream
+      real(wp), allocatable :: covariance(:, :), root(:, :), coefficients(:, :), p(:), own(:), high(:), t(:)
+      real(wp) :: direct, worst, scale, x(size(lower))
+      integer :: n, i, j, g, h, q, r, column, nh
+
+      call new_basis(symmetry_hexagonal, coordinates, truncation, degree, 4, lower, upper, basis, error)
+      call check_success(name//': a basis', error)
+      n = basis%n_terms
+      nh = basis%n_harmonics
+      allocate (root(n, n), covariance(n, n), p(basis%n_polynomials), own(basis%n_polynomials))
+      stream = new_random_stream(3, 1)
+      do j = 1, n
+         do i = 1, n
+            call stream%normal(root(i, j))
+         end do
+      end do
+      covariance = matmul(root, transpose(root))
+      call evaluate_polynomials(basis, crystal, p, scale)
+      terms = new_products(basis%degrees)
+      ! The first-degree polynomials are sqrt(3) x.
+      do i = 1, size(x)
+         do q = 1, basis%n_polynomials
+            if (sum(basis%degrees(:, q)) == 1 .and. basis%degrees(i, q) == 1) x(i) = p(q)/sqrt(3.0_wp)
+         end do
+      end do
+      call evaluate_products(terms, x, own)
+      call check(name//': products are those of the basis', maxval(abs(own - p)) < 1.0e-12_wp*maxval(abs(p)))
+      call covariance_polynomial(basis, covariance, squares, coefficients)
+      allocate (high(squares%n_products), t(size(coefficients, 2)))
+      call evaluate_products(squares, x, high)
+      call transposed_product(size(high), size(t), coefficients, high, t)
+      worst = 0.0_wp
+      column = 0
+      do g = 1, nh
+         do h = g, nh
+            column = column + 1
+            direct = 0.0_wp
+            do q = 1, basis%n_polynomials
+               do r = 1, basis%n_polynomials
+                  direct = direct + p(q)*p(r)*covariance(h + (q - 1)*nh, g + (r - 1)*nh)
+               end do
+            end do
+            worst = max(worst, abs(direct - t(column))/maxval(t))
+         end do
+      end do
+      call check(name//': T(c) equals the double sum', worst < 1.0e-11_wp)
+   end subroutine test_covariance
+
+   !> A fit recovers the two clouds it is given, and the density integrates to one.
+   subroutine test_mixture()
+      integer, parameter :: many = 4000, cells = 400
+      type(mixture_type) :: mixture
+      type(random_stream_type) :: stream
+      real(wp) :: points(many, 2), weights(many), z, total, u(2)
+      integer :: i, j
+
+      stream = new_random_stream(5, 1)
+      do i = 1, many
+         do j = 1, 2
+            call stream%normal(z)
+            points(i, j) = z
+         end do
+         if (mod(i, 4) == 0) points(i, 1) = points(i, 1) + 8.0_wp
+      end do
+      weights = 1.0_wp
+      call new_mixture(points, 4, mixture)
+      call fit_mixture(points, weights, 200, mixture)
+      total = 0.0_wp
+      do j = 1, cells
+         do i = 1, cells
+            u = [-6.0_wp + 20.0_wp*(i - 0.5_wp)/cells, -6.0_wp + 12.0_wp*(j - 0.5_wp)/cells]
+            total = total + exp(log_mixture(mixture, u))*(20.0_wp/cells)*(12.0_wp/cells)
+         end do
+      end do
+      call check_close('a mixture integrates to one', total, 1.0_wp, 1.0e-4_wp)
+      call check_close('weight of the far cloud', sum(mixture%weight, mixture%mean(1, :) > 4.0_wp), 0.25_wp, 0.01_wp)
+      total = 0.0_wp
+      do i = 1, 20000
+         call draw_mixture(mixture, stream, u)
+         if (u(1) > 4.0_wp) total = total + 1.0_wp/20000
+      end do
+      ! Four standard errors of a share of one quarter.
+      call check_close('share of draws there', total, 0.25_wp, 0.0123_wp)
+   end subroutine test_mixture
+
+   !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
+   subroutine test_sampler(name, method, samples, burn_in, tolerance)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: method, samples, burn_in
+      real(wp), intent(in) :: tolerance
+      type(banana_type) :: banana
+      type(chains_type) :: chains, other
+      type(error_type), allocatable :: error
+      real(wp) :: mass, mean, square
+      real(wp), parameter :: a = -1.5_wp, b = 2.0_wp
+      integer :: threads
+
+      banana%dimension = 3
+      banana%lower = [a, -10.0_wp, -5.0_wp]
+      banana%upper = [b, 10.0_wp, 5.0_wp]
+      call sample_chains(banana, sampler_type(method, samples, burn_in, 4, 1, 7), chains, error)
+      call check_success(name//': chains', error)
+      mass = 0.5_wp*(erf(b/sqrt(2.0_wp)) - erf(a/sqrt(2.0_wp)))
+      mean = (normal_density(a) - normal_density(b))/mass
+      square = 1.0_wp + (a*normal_density(a) - b*normal_density(b))/mass
+      call check_close(name//': mean along the ridge', average(chains%draws(1, :, :)), mean, tolerance)
+      call check_close(name//': mean across it', average(chains%draws(2, :, :)), square, tolerance)
+      call check_close(name//': square along it', average(chains%draws(1, :, :)**2), square, tolerance)
+      call check_close(name//': variance across it', average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), &
+         & 0.01_wp, 0.1_wp*tolerance)
+      call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, 2.0_wp*tolerance)
+      if (method == method_scmh) call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
+         & 0.03_wp)
+      do threads = 2, 4, 2
+         call sample_chains(banana, sampler_type(method, samples, burn_in, 4, threads, 7), other, error)
+         call check(name//': the same to the bit on more threads', all(other%draws == chains%draws) .and. &
+            & all(other%log_density == chains%log_density))
+      end do
+   end subroutine test_sampler
+
+   pure real(wp) function normal_density(x)
+      real(wp), intent(in) :: x
+
+      normal_density = exp(-0.5_wp*x**2)/sqrt(2.0_wp*pi)
+   end function normal_density
+
+   pure real(wp) function average(values)
+      real(wp), intent(in) :: values(:, :)
+
+      average = sum(values)/size(values)
+   end function average
+
+   subroutine test_quantities()
+      real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
+      real(wp), allocatable :: values(:)
+      type(averages_type) :: averages
+      type(error_type), allocatable :: error
+
+      allocate (values(quantity_count(symmetry_cubic)))
+      call evaluate_quantities(symmetry_cubic, copper, values)
+      call polycrystal_averages(new_stiffness(symmetry_cubic, copper), averages, error)
+      call check_close('cubic bulk modulus', values(quantity_number(symmetry_cubic, 'bulk_modulus')), averages%bulk_voigt, &
+         & 1.0e-10_wp)
+      call check_close('cubic shear modulus', values(quantity_number(symmetry_cubic, 'shear_modulus')), &
+         & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
+      ! Young's moduli of copper along its axes, as in textbooks: 66.7, 130.3, 191.1 GPa.
+      call check_close('copper along 100', values(quantity_number(symmetry_cubic, 'youngs_100')), 66.7_wp, 0.1_wp)
+      call check_close('copper along 110', values(quantity_number(symmetry_cubic, 'youngs_110')), 130.3_wp, 0.3_wp)
+      call check_close('copper along 111', values(quantity_number(symmetry_cubic, 'youngs_111')), 191.1_wp, 0.3_wp)
+      deallocate (values)
+      allocate (values(quantity_count(symmetry_hexagonal)))
+      call evaluate_quantities(symmetry_hexagonal, zinc, values)
+      call polycrystal_averages(new_stiffness(symmetry_hexagonal, zinc), averages, error)
+      call check_close('hexagonal bulk modulus', values(quantity_number(symmetry_hexagonal, 'bulk_modulus')), &
+         & 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss), 1.0e-10_wp)
+      call check_close('hexagonal shear modulus', values(quantity_number(symmetry_hexagonal, 'shear_modulus')), &
+         & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
+      call check_close('zinc along c', values(quantity_number(symmetry_hexagonal, 'youngs_c')), &
+         & 61.1_wp - 2.0_wp*50.3_wp**2/(161.1_wp + 34.2_wp), 1.0e-10_wp)
+      call check('a name that is none', quantity_number(symmetry_hexagonal, 'zener_ratio') == 0)
+   end subroutine test_quantities
+
+   !> Normal predictions have closed forms: 0.5 log(1 + V/sd²) nats, and V r²/(V + sd²) of a target's variance.
+   subroutine test_gains()
+      integer, parameter :: draws = 40000
+      real(wp), allocatable :: predicted(:, :), weights(:, :), target(:), none(:)
+      type(random_stream_type) :: stream
+      real(wp) :: z, gains(1), v, r
+      real(wp), parameter :: sd = 2.0_wp
+      integer :: i
+
+      allocate (predicted(draws, 1), weights(draws, 1), target(draws), none(0))
+      stream = new_random_stream(9, 1)
+      do i = 1, draws
+         call stream%normal(z)
+         predicted(i, 1) = 200.0_wp + 3.0_wp*z
+         target(i) = 5.0_wp*z
+         call stream%normal(z)
+         target(i) = target(i) + 4.0_wp*z
+      end do
+      weights = 1.0_wp/draws
+      v = sum((predicted(:, 1) - sum(predicted(:, 1))/draws)**2)/draws
+      call expected_gains(predicted, weights, sd, none, 1, gains)
+      call check_close('information of a normal prediction', gains(1), 0.5_wp*log(1.0_wp + v/sd**2), 0.01_wp)
+      call expected_gains(predicted, weights, sd, target, 1, gains)
+      r = (sum(predicted(:, 1)*target)/draws - sum(predicted(:, 1))/draws*sum(target)/draws)**2 &
+         & /(v*(sum(target**2)/draws - (sum(target)/draws)**2))
+      call check_close('share of a normal target''s variance', gains(1), r*v/(v + sd**2), 0.01_wp)
+   end subroutine test_gains
+end program test_calibration

@@ -1,0 +1,491 @@
+"""Step 2 against reference posteriors, closed forms, brute force and itself."""
+
+import json
+
+import arviz as az
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.linalg import block_diag
+
+import bayesindent as bi
+from bayesindent.calibration import Posterior, extract_stage, measurements_of, quantity_names
+from bayesindent.crystal import CONSTANTS
+from bayesindent.next_grain import candidate_directions, euler_of, next_stage, suggest, target_values
+from bayesindent.surrogate import Basis
+from bayesindent.verdicts import orientation_verdicts
+from conftest import REFERENCE
+
+NAMES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}
+SIZES = {"cubic": (6, 10), "hexagonal": (5, 8)}
+
+
+def reference(symmetry):
+    case = json.loads((REFERENCE / f"{NAMES[symmetry]}.json").read_text())
+    bounds = dict(zip(CONSTANTS[symmetry], zip(*case["bounds"], strict=True), strict=True))
+    return case, {"bounds": bounds, "anisotropy_cap": case["anisotropy_cap"]}
+
+
+def theory_surrogate(symmetry, degree, bandlimit, coordinates="dimensionless", points=4000, truncation="total"):
+    """Least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
+    domain = bi.Domain.default(symmetry)
+    constants, angles = domain.crystals(points, seed=2)
+    basis = Basis(symmetry, coordinates, truncation, degree, bandlimit, *domain.ranges(coordinates))
+    modulus = bi.halfspace_modulus(bi.stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], constants.T, strict=True))), angles)
+    terms, scale = basis.terms(constants, angles)
+    normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
+    y = basis.to_y(modulus, scale)
+    coefficients = np.linalg.solve(normal, terms @ y)
+    variance = np.mean((y - coefficients @ terms) ** 2)
+    covariance = variance * np.linalg.inv(normal)
+    return bi.Surrogate(
+        basis, coefficients, covariance, anisotropy_cap=domain.anisotropy_cap, alpha=1.0, beta=1 / variance, sd_inflation=1.3
+    )
+
+
+@pytest.fixture(scope="module", params=["cubic", "hexagonal"])
+def symmetry(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def surrogates():
+    return {symmetry: theory_surrogate(symmetry, *SIZES[symmetry]) for symmetry in SIZES}
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """Surrogates with few terms and large uncertainties, where these matter."""
+    models = {}
+    for symmetry, coordinates, truncation in (
+        ("cubic", "dimensionless", "total"), ("hexagonal", "dimensionless", "total"), ("cubic", "box", "tensor"), ("hexagonal", "box", "tensor"),
+    ):  # fmt: skip
+        model = theory_surrogate(symmetry, 2, 4, coordinates, 1500, truncation)
+        root = np.random.default_rng(1).normal(size=(model.basis.n_terms, 6))
+        size = (0.005 if coordinates == "dimensionless" else 0.5) / np.sqrt(model.basis.n_terms)
+        model = bi.Surrogate(
+            model.basis, model.coefficients, size**2 * root @ root.T, anisotropy_cap=model.anisotropy_cap, alpha=1.0, beta=model.beta,
+            sd_inflation=1.3,
+        )  # fmt: skip
+        models[symmetry, coordinates] = model
+    return models
+
+
+@pytest.fixture(scope="module")
+def results(surrogates):
+    """The reference data sets with surrogate uncertainty off."""
+    return {
+        symmetry: bi.extract(
+            surrogates[symmetry], REFERENCE / f"{NAMES[symmetry]}.csv", surrogate_variance="none", samples=20000, **reference(symmetry)[1]
+        )
+        for symmetry in SIZES
+    }
+
+
+@pytest.fixture(scope="module")
+def documents(results):
+    return {symmetry: bi.summary(result) for symmetry, result in results.items()}
+
+
+def columns(symmetry):
+    return measurements_of(REFERENCE / f"{NAMES[symmetry]}.csv")
+
+
+# The reference posteriors
+
+
+def test_posterior_meets_reference(symmetry, documents):
+    case, _ = reference(symmetry)
+    document = documents[symmetry]
+    mean = np.array([document["parameters"][name]["mean"] for name in CONSTANTS[symmetry]])
+    sd = np.array([document["parameters"][name]["sd"] for name in CONSTANTS[symmetry]])
+    assert np.abs((mean - case["mean"]) / case["sd"]).max() < 0.15
+    assert sd == pytest.approx(case["sd"], rel=0.10)
+    assert np.abs(np.array(document["correlation"]) - case["corr"]).max() < 0.05
+    predicted = np.array([item["mean"] for item in document["predicted"]])
+    assert np.abs(predicted - case["predicted_mean"]).max() < 0.3
+    assert [item["sd"] for item in document["predicted"]] == pytest.approx(case["predicted_sd"], rel=0.10)
+    for item in document["parameters"].values():
+        assert item["r_hat"] < 1.01
+        assert item["ess_bulk"] > 2000
+
+
+@pytest.mark.parametrize(("symmetry", "samples"), [("cubic", 400_000), ("hexagonal", 400_000)])
+def test_the_papers_sampler_agrees(symmetry, samples, surrogates, documents):
+    posterior = Posterior(surrogates[symmetry], *columns(symmetry), surrogate_variance="none", **reference(symmetry)[1])
+    draws, _, acceptance = posterior.sample(method="scmh", samples=samples, burn_in=20000, chains=4, threads=2, seed=5)
+    assert acceptance == pytest.approx(0.23, abs=0.03)
+    for j, item in enumerate(documents[symmetry]["parameters"].values()):
+        ess = float(az.ess(draws[:, ::20, j]))
+        # Four standard errors; for the sd those of a normal distribution, which has heavier tails than a ridge cut by bounds.
+        assert abs(draws[..., j].mean() - item["mean"]) < 4 * item["sd"] / np.sqrt(ess) + 0.02 * item["sd"]
+        assert draws[..., j].std() == pytest.approx(item["sd"], rel=4 / np.sqrt(2 * ess) + 0.02)
+
+
+def test_bit_identical_for_any_number_of_threads(symmetry, surrogates):
+    posterior = Posterior(surrogates[symmetry], *columns(symmetry), **reference(symmetry)[1])
+    for method in ("ensemble", "scmh"):
+        runs = [posterior.sample(method=method, samples=300, burn_in=3000, chains=4, threads=n, seed=3) for n in (1, 2, 4)]
+        for run in runs[1:]:
+            for a, b in zip(runs[0], run, strict=True):
+                assert np.array_equal(a, b)
+        assert not np.array_equal(runs[0][0][0], runs[0][0][1])
+
+
+# The density
+
+
+def brute_force(model, c, angles, measured, sd, kind="indentation_modulus", full=True, calibration=0.0):
+    """Eq. 13 with the covariance written out, by dense algebra."""
+    basis = model.basis
+    terms, scale = basis.terms(np.repeat(np.atleast_2d(c), len(angles), axis=0), angles)
+    y = model.coefficients @ terms
+    m = basis.to_modulus(y, scale)
+    slope = m if basis.coordinates == "dimensionless" else np.ones_like(m)
+    if kind == "effective_modulus":
+        d = (1 - 0.07**2) / 1140.0
+        slope, m = slope / (1 + d * m) ** 2, 1 / (1 / m + d)
+    elif kind == "sample_modulus":
+        slope, m = slope * (1 - 0.3**2), m * (1 - 0.3**2)
+    v = np.diag(np.asarray(sd) ** 2)
+    if full:
+        design = terms * slope
+        v = v + model.sd_inflation**2 * (design.T @ model.covariance @ design + np.diag(slope**2) / model.beta)
+    v = v + calibration**2 * np.outer(m, m)
+    return stats.multivariate_normal(m, v).logpdf(measured), m
+
+
+@pytest.mark.parametrize("kind", ["indentation_modulus", "effective_modulus", "sample_modulus"])
+@pytest.mark.parametrize("coordinates", ["dimensionless", "box"])
+@pytest.mark.parametrize(("full", "calibration"), [(False, 0.0), (True, 0.0), (False, 0.03), (True, 0.03)])
+def test_likelihood_is_the_dense_one(rough, symmetry, kind, coordinates, full, calibration):
+    model = rough[symmetry, coordinates]
+    case, settings = reference(symmetry)
+    angles, measured, sd = columns(symmetry)
+    posterior = Posterior(
+        model,
+        angles,
+        measured,
+        sd,
+        modulus_kind=kind,
+        surrogate_variance="full" if full else "none",
+        calibration_sd=calibration,
+        **settings,
+    )
+    points = np.array(case["truth"]) * np.linspace(0.95, 1.0, 4)[:, None]
+    _, likelihood = posterior.evaluate(points)
+    for point, value in zip(points, likelihood, strict=True):
+        expected, _ = brute_force(model, point, angles, measured, sd, kind, full, calibration)
+        assert value == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+def test_student_t_by_quadrature(rough):
+    """Without common errors the product of densities; with a calibration error Laplace's approximation against the integral."""
+    model = rough["cubic", "dimensionless"]
+    case, settings = reference("cubic")
+    angles, measured, sd = columns("cubic")
+    measured = measured.copy()
+    measured[3] += 40.0
+    settings |= {"surrogate_variance": "none", "student_t": 4.0}
+    _, m = brute_force(model, case["truth"], angles, measured, sd, full=False)
+    _, value = Posterior(model, angles, measured, sd, **settings).evaluate(case["truth"])
+    assert value[0] == pytest.approx(stats.t(4.0, m, sd).logpdf(measured).sum(), abs=1e-8)
+    _, value = Posterior(model, angles, measured, sd, calibration_sd=0.02, **settings).evaluate(case["truth"])
+    e = np.linspace(-0.2, 0.2, 20001)
+    density = stats.t(4.0, m[:, None] * (1 + e), np.asarray(sd)[:, None]).logpdf(measured[:, None]).sum(axis=0)
+    density = density + stats.norm(0, 0.02).logpdf(e)
+    assert value[0] == pytest.approx(np.log(np.trapezoid(np.exp(density), e)), abs=0.03)
+
+
+def test_inferred_scale(surrogates):
+    angles, measured, sd = columns("cubic")
+    _, settings = reference("cubic")
+    known = Posterior(surrogates["cubic"], angles, measured, 2 * sd, surrogate_variance="none", **settings)
+    inferred = Posterior(surrogates["cubic"], angles, measured, sd, surrogate_variance="none", infer_scale=True, **settings)
+    assert inferred.evaluate([225, 135, 118, np.log(2)])[1] == pytest.approx(known.evaluate([225, 135, 118])[1], rel=1e-12)
+    result = bi.extract(
+        surrogates["cubic"],
+        {"euler_deg": angles, "modulus_gpa": measured},
+        infer_scale=True,
+        surrogate_variance="none",
+        samples=3000,
+        **settings,
+    )
+    # Eleven residuals of sd 4.5 GPa tell it to about a quarter.
+    assert 2.5 < result.posterior["sd_factor"].values.mean() < 8.0
+    with pytest.raises(bi.InputError, match="sd_gpa"):
+        bi.extract(surrogates["cubic"], {"euler_deg": angles, "modulus_gpa": measured}, **settings)
+
+
+def test_normal_priors(surrogates, symmetry):
+    case, settings = reference(symmetry)
+    data = columns(symmetry)
+    priors = {
+        "C44": (110.0, 7.0),
+        "bulk_modulus": (150.0, 3.0),
+        "youngs_modulus": (200.0, 9.0),
+        "poisson_ratio": (0.3, 0.02),
+        "C12/C11": (0.6, 0.1),
+    }
+    plain = Posterior(surrogates[symmetry], *data, **settings).evaluate(case["truth"])[0]
+    value = Posterior(surrogates[symmetry], *data, priors=priors, **settings).evaluate(case["truth"])[0]
+    known = bi.quantities(symmetry, case["truth"])
+    known["C12/C11"] = known["C12"] / known["C11"]
+    assert value - plain == pytest.approx(-0.5 * sum(((known[key] - mean) / sd) ** 2 for key, (mean, sd) in priors.items()))
+
+
+def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
+    _, settings = reference("cubic")
+    result = bi.extract(
+        surrogates["cubic"],
+        REFERENCE / "cubic_fe3si.csv",
+        priors={"bulk_modulus": (165.0, 3.3)},
+        surrogate_variance="none",
+        samples=4000,
+        **settings,
+    )
+    assert documents["cubic"]["parameters"]["C12"]["sd"] > 24
+    assert result.posterior["C12"].values.std() < 7
+
+
+def test_calibration_error_widens_the_mean_modulus(surrogates):
+    _, settings = reference("cubic")
+    settings |= {"surrogate_variance": "none", "samples": 4000}
+    table = REFERENCE / "cubic_fe3si.csv"
+    sds = [
+        bi.extract(surrogates["cubic"], table, calibration_sd=sd, **settings).predictions["modulus"].mean("grain").values.std()
+        for sd in (0.0, 0.03)
+    ]
+    assert sds[0] == pytest.approx(1.4, abs=0.2)
+    # 3 % of 225 GPa, less what the bounds forbid.
+    assert 4.0 < sds[1] < 7.0
+
+
+def test_predictions_with_surrogate_uncertainty(rough):
+    """The errors of the surrogate given the data, against the conditional normal distribution by dense algebra."""
+    model = rough["cubic", "dimensionless"]
+    case, settings = reference("cubic")
+    angles, measured, sd = columns("cubic")
+    new = np.array([[0.0, 0.0, 0.0], [0.0, 54.7356, 45.0]])
+    posterior = Posterior(model, angles, measured, sd, calibration_sd=0.02, **settings)
+    moduli, factor = posterior.moduli(np.repeat([case["truth"]], 40000, axis=0), new, seed=4)
+    every = np.vstack([angles, new])
+    terms, scale = model.basis.terms(np.repeat([case["truth"]], len(every), axis=0), every)
+    m = model.basis.to_modulus(model.coefficients @ terms, scale)
+    design = terms * m
+    common = model.sd_inflation**2 * design.T @ model.covariance @ design
+    n = len(angles)
+    v = common[:n, :n] + 0.02**2 * np.outer(m[:n], m[:n]) + np.diag(sd**2 + model.sd_inflation**2 * m[:n] ** 2 / model.beta)
+    # Of the two moduli and of the relative calibration error.
+    cross = np.column_stack([common[:n, n:], 0.02**2 * m[:n]])
+    mean = np.append(m[n:], 0.0) + cross.T @ np.linalg.solve(v, measured - m[:n])
+    covariance = block_diag(common[n:, n:], 0.02**2) - cross.T @ np.linalg.solve(v, cross)
+    drawn = np.column_stack([moduli, factor - 1])
+    sds = np.sqrt(np.diag(covariance))
+    assert np.abs((drawn.mean(axis=0) - mean) / sds).max() < 4 / np.sqrt(40000)
+    assert np.cov(drawn.T) / np.outer(sds, sds) == pytest.approx(covariance / np.outer(sds, sds), abs=0.03)
+
+
+# What the results say
+
+
+def test_identifiability(results, documents, symmetry):
+    rows = documents[symmetry]["identifiability"]
+    combinations = [row for row in rows if row["kind"] == "combination"]
+    assert [row["name"] for row in rows if row["kind"] == "quantity"] == list(quantity_names(symmetry))
+    contraction = [row["contraction"] for row in combinations]
+    assert contraction == sorted(contraction, reverse=True)
+    # Two combinations of three, three of five.
+    identified = {"cubic": 2, "hexagonal": 3}[symmetry]
+    assert min(contraction[:identified]) > 0.9
+    assert max(contraction[identified:]) < 0.5
+    # Combinations are not correlated with each other, in the posterior or before.
+    exponents = np.array([list(row["exponents"].values()) for row in combinations])
+    for group in (results[symmetry].posterior, results[symmetry].prior):
+        logs = exponents @ np.log([group[name].values.ravel() for name in CONSTANTS[symmetry]])
+        assert np.corrcoef(logs) == pytest.approx(np.eye(len(logs)), abs=1e-6)
+    young = next(row for row in rows if row["name"] == "youngs_modulus")
+    assert young["contraction"] > 0.95
+
+
+def test_verdicts(documents):
+    lines = "\n".join(documents["cubic"]["warnings"])
+    assert "C12 and C11 trade off" in lines
+    assert "the data decided" in lines
+    assert "the prior decided" in lines
+    assert "C44 piles up at its bound of 120" in lines
+    assert "not mixed" not in lines
+
+
+def test_poor_chains_are_told_of(surrogates):
+    _, settings = reference("hexagonal")
+    result = bi.extract(surrogates["hexagonal"], REFERENCE / "hex_titanium.csv", method="scmh", samples=500, burn_in=500, **settings)
+    assert any("have not mixed" in line for line in bi.summary(result)["warnings"])
+
+
+def test_outlying_grain_is_named(surrogates):
+    angles, measured, sd = columns("cubic")
+    _, settings = reference("cubic")
+    measured = measured.copy()
+    measured[4] += 45.0
+    table = {"euler_deg": angles, "modulus_gpa": measured, "sd_gpa": sd}
+    normal, student = (bi.extract(surrogates["cubic"], table, samples=3000, student_t=dof, **settings) for dof in (0, 4))
+    for result in (normal, student):
+        assert any("grain 5 disagrees" in line for line in bi.summary(result)["warnings"])
+    # Student's t gives it less weight.
+    others = [result.predictions["modulus"].mean().item() for result in (normal, student)]
+    assert others[0] - others[1] > 1.0
+
+
+def test_orientation_verdicts():
+    assert "one grain" in orientation_verdicts("cubic", np.array([[10.0, 20.0, 30.0]]))[0]
+    alike = np.array([[0.0, 20.0, 30.0], [50.0, 20.0, 60.0]])
+    assert orientation_verdicts("cubic", alike)[0].startswith("the orientations are all alike")
+    assert orientation_verdicts("hexagonal", np.array([[0.0, 30.0, 10.0], [0.0, 150.0, 80.0]]))
+    assert orientation_verdicts("hexagonal", np.array([[0.0, 30.0, 10.0], [0.0, 70.0, 80.0]])) == []
+    assert any("radians" in line for line in orientation_verdicts("cubic", np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])))
+
+
+def test_refusals(surrogates):
+    model = surrogates["cubic"]
+    angles, measured, sd = columns("cubic")
+    table = {"euler_deg": angles, "modulus_gpa": measured, "sd_gpa": sd}
+    for settings, words in (
+        ({"bounds": {"C33": (1, 2)}}, "C33"),
+        ({"bounds": {"C11": (250, 50)}}, "not an interval"),
+        ({"bounds": {"C11": (100, 110), "C12": (120, 130)}}, "no stable crystal"),
+        ({"bounds": {"C11": (1000, 1001), "C12": (990, 991), "C44": (1, 2)}}, "outside the surrogate's domain"),
+        ({"anisotropy_cap": -1.0}, "anisotropy_cap"),
+        ({"method": "gibbs"}, "method"),
+        ({"modulus_kind": "E"}, "modulus_kind"),
+        ({"priors": {"hardness": (1, 1)}}, "hardness"),
+        ({"priors": {"C44": (100, 0)}}, "sd > 0"),
+        ({"calibration_sd": 3.0}, "relative"),
+        ({"samples": 0}, "samples"),
+    ):
+        with pytest.raises(bi.InputError, match=words):
+            bi.extract(model, table, **settings)
+    with pytest.raises(bi.InputError, match="sd"):
+        bi.extract(model, table | {"sd_gpa": 0 * sd})
+    with pytest.raises(bi.InputError, match="at least one grain"):
+        bi.extract(model, {"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []})
+    box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
+    with pytest.raises(bi.InputError, match="C44.*outside the surrogate's domain"):
+        bi.extract(box, table, bounds={"C44": (121, 160)})
+
+
+def test_bounds_partly_outside_are_cut_and_told(surrogates):
+    box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
+    result = bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
+    assert result.posterior["C44"].max() <= 120
+    assert any("the surrogate knows" in line for line in bi.summary(result)["warnings"])
+
+
+def test_kinds_of_modulus_agree(surrogates):
+    """The same data given as three kinds of modulus has the same posterior, up to the noise of the sampler."""
+    angles, measured, sd = columns("cubic")
+    _, settings = reference("cubic")
+    d = (1 - 0.07**2) / 1140.0
+    tables = {
+        "indentation_modulus": (measured, sd),
+        "effective_modulus": (1 / (1 / measured + d), sd / (1 + d * measured) ** 2),
+        "sample_modulus": ((1 - 0.3**2) * measured, (1 - 0.3**2) * sd),
+    }
+    means = []
+    for kind, (values, sds) in tables.items():
+        table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
+        result = bi.extract(surrogates["cubic"], table, modulus_kind=kind, samples=5000, **settings)
+        means.append([result.posterior[name].values.mean() for name in CONSTANTS["cubic"]])
+    assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
+
+
+def test_simulation_based_calibration(surrogates):
+    """Ranks of truths drawn from the prior among draws of their posteriors are uniform (Talts et al. 2018); a small one."""
+    rng = np.random.default_rng(12)
+    model = surrogates["cubic"]
+    _, settings = reference("cubic")
+    angles, measured, sd = columns("cubic")
+    prior = Posterior(model, angles, measured, sd, prior_only=True, **settings)
+    truths = prior.sample(method="ensemble", samples=2000, burn_in=20000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
+    ranks = []
+    for k, truth in enumerate(truths):
+        modulus, _ = model.predict(np.repeat([truth], len(angles), axis=0), angles)
+        posterior = Posterior(model, angles, modulus + sd * rng.normal(size=len(sd)), sd, surrogate_variance="none", **settings)
+        draws = posterior.sample(method="ensemble", samples=2000, burn_in=20000, chains=1, threads=1, seed=k)[0][0, ::21]
+        statistics = np.column_stack([draws, posterior.evaluate(draws)[1]])
+        ranks.append((statistics < np.append(truth, posterior.evaluate(truth)[1])).mean(axis=0))
+    for values in np.array(ranks).T:
+        assert stats.kstest(values, "uniform").pvalue > 0.002
+
+
+# Next grain
+
+
+def test_gain_by_brute_force(surrogates, results):
+    """The gain of each candidate against its definition, by a double loop over draws."""
+    _, settings = reference("cubic")
+    posterior = Posterior(surrogates["cubic"], *columns("cubic"), surrogate_variance="none", **settings)
+    draws = np.stack([results["cubic"].posterior[name].values.ravel() for name in CONSTANTS["cubic"]], axis=1)[::200]
+    found = suggest(posterior, draws, sd_gpa=4.5, target="all", count=1, seed=1, threads=1)
+    wanted = suggest(posterior, draws, sd_gpa=4.5, target="C44", count=1, seed=1, threads=1)
+    predicted, _ = posterior.moduli(draws, euler_of(candidate_directions("cubic")))
+    v = np.linspace(predicted.min() - 30, predicted.max() + 30, 1500)
+    for c in (0, 50, 152):
+        density = stats.norm(predicted[:, c], 4.5).pdf(v[:, None]) / len(draws)
+        p = density.sum(axis=1)
+        gain = -np.trapezoid(p * np.log(p), v) - 0.5 * np.log(2 * np.pi * np.e * 4.5**2)
+        assert found["candidates"][c]["gain"] == pytest.approx(gain, abs=2e-3)
+        first, second = density @ draws[:, 2], density @ draws[:, 2] ** 2
+        left = np.trapezoid(second - first**2 / p, v)
+        assert wanted["candidates"][c]["gain"] == pytest.approx(1 - left / draws[:, 2].var(), abs=2e-3)
+    gains = [item["gain"] for item in found["candidates"]]
+    assert found["suggestions"][0]["euler_deg"] == found["candidates"][int(np.argmax(gains))]["euler_deg"]
+
+
+def test_suggestions_do_not_repeat(surrogates, results, symmetry):
+    _, settings = reference(symmetry)
+    settings |= {"surrogate_variance": "none", "result": results[symmetry], "seed": 3}
+    table = REFERENCE / f"{NAMES[symmetry]}.csv"
+    one = bi.next_grain(surrogates[symmetry], table, count=5, target="C44", threads=1, **settings)
+    assert one["suggestions"] == bi.next_grain(surrogates[symmetry], table, count=5, target="C44", threads=2, **settings)["suggestions"]
+    angles = np.radians([item["euler_deg"] for item in one["suggestions"]])
+    sine = np.sin(angles[:, 1])
+    direction = np.column_stack([np.sin(angles[:, 2]) * sine, np.cos(angles[:, 2]) * sine, np.cos(angles[:, 1])])
+    apart = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))[np.triu_indices(5, 1)]
+    assert apart.min() >= 4.99
+    assert all(item["gain"] > 0 for item in one["suggestions"])
+
+
+def test_targets():
+    crystal = np.array([[225.0, 135.0, 118.0]])
+    assert target_values("cubic", "C44", crystal) == pytest.approx(118)
+    assert target_values("cubic", "C44/C11", crystal) == pytest.approx(np.log(118 / 225))
+    assert target_values("cubic", "C11^2 C12^-0.5", crystal) == pytest.approx(2 * np.log(225) - 0.5 * np.log(135))
+    with pytest.raises(bi.InputError, match="target"):
+        target_values("cubic", "C33", crystal)
+
+
+# The stages
+
+
+def test_stages(tmp_path, surrogates):
+    surrogates["cubic"].save(tmp_path / "model.nc")
+    (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
+    (tmp_path / "case.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.nc' /\n&measurements file = 'data.csv' /\n"
+        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2  bulk_mean_gpa = 165.0  bulk_sd_gpa = 3.3 /\n"
+        "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
+    )
+    problem = bi.Problem(tmp_path / "case.nml", "run")
+    document = extract_stage(problem, tmp_path / "out", None)
+    assert document["parameters"]["C12"]["sd"] < 7
+    assert json.loads((tmp_path / "out" / "summary.json").read_text()) == json.loads(json.dumps(document))
+    stored = az.from_netcdf(str(tmp_path / "out" / "posterior.nc"), engine="h5netcdf")
+    assert stored.posterior["C44"].shape == (4, 2000)
+    suggestions = next_stage(problem, tmp_path / "out", None)
+    assert len(suggestions["suggestions"]) == 3
+    (tmp_path / "case.nml").write_text(
+        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.nc' /\n&measurements file = 'data.csv' /\n&sampler samples = 100 /\n"
+    )
+    with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
+        extract_stage(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", None)
