@@ -1,6 +1,7 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+   use batch_sample, only: sample_constants
    use batch_stages, only: fit_simulations, simulate_crystals
    use errors, only: error_type, exit_bad_input
    use namelist_schema, only: schema_markdown
@@ -84,6 +85,11 @@ contains
          call fit_simulations(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'fit: ', told
+      end if
+      if (self%has_group('measurements')) then
+         call sample_constants(self, output, told, error)
+         call stop_on(error)
+         write (output_unit, '(2a)') 'sample: ', told
       end if
    end subroutine perform
 

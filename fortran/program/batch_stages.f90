@@ -20,7 +20,7 @@ module batch_stages
    use text, only: to_text
    implicit none
    private
-   public :: simulate_crystals, fit_simulations, simulations_name
+   public :: simulate_crystals, fit_simulations, worker_count, surrogate_name
 
    character(len=*), parameter :: simulations_name = 'simulations.csv', surrogate_name = 'surrogate.nml'
    character, parameter :: newline = achar(10)

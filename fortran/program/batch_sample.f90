@@ -1,0 +1,342 @@
+!> The last stage of the batch program: samples of the constants behind the measured moduli.
+module batch_sample
+   use batch_stages, only: surrogate_name, worker_count
+   use constants_posterior, only: kind_from_name, likelihood_type, new_posterior, posterior_type
+   use constants_prior, only: new_prior, normal_knowledge_type, prior_type
+   use crystal_elasticity, only: constant_count, constant_names, symmetry_hexagonal, symmetry_name
+   use derived_quantities, only: quantity_number
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: file_exists, resolve_path
+   use kinds, only: degree, wp
+   use namelist_file, only: place
+   use numbers, only: number_text
+   use problem, only: problem_type
+   use samplers, only: chains_type, method_from_name, sample_chains, sampler_type
+   use surrogate_basis, only: coordinates_box
+   use surrogate_model, only: load_surrogate, surrogate_type
+   use system, only: replace_file
+   use text, only: join, to_text
+   implicit none
+   private
+   public :: sample_constants
+
+   character, parameter :: newline = achar(10)
+
+   !> Variables of &prior that say mean and sd of a quantity, or of a ratio of two.
+   type :: normal_variables_type
+      character(len=14) :: mean, sd
+      character(len=14) :: numerator, denominator
+   end type normal_variables_type
+   type(normal_variables_type), parameter :: normal_variables(8) = [ &
+      & normal_variables_type('bulk_mean_gpa', 'bulk_sd_gpa', 'bulk_modulus', ''), &
+      & normal_variables_type('young_mean_gpa', 'young_sd_gpa', 'youngs_modulus', ''), &
+      & normal_variables_type('nu_mean', 'nu_sd', 'poisson_ratio', ''), &
+      & normal_variables_type('zener_mean', 'zener_sd', 'zener_ratio', ''), &
+      & normal_variables_type('c12_c11_mean', 'c12_c11_sd', 'C12', 'C11'), &
+      & normal_variables_type('c33_c11_mean', 'c33_c11_sd', 'C33', 'C11'), &
+      & normal_variables_type('c13_c12_mean', 'c13_c12_sd', 'C13', 'C12'), &
+      & normal_variables_type('c44_c66_mean', 'c44_c66_sd', 'ratio_C44_C66', '')]
+
+contains
+
+   !> Sample: `posterior.csv` with every draw and its log density, `summary.nml` with what they say.
+   subroutine sample_constants(self, output, told, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      character(len=:), allocatable, intent(out) :: told
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: surrogate
+      type(prior_type) :: prior
+      type(posterior_type) :: posterior
+      type(chains_type) :: chains
+      real(wp), allocatable :: sd(:)
+
+      call find_surrogate(self, output, surrogate, error)
+      if (allocated(error)) return
+      call prior_of(self, surrogate, prior, error)
+      if (.not. allocated(error)) then
+         associate (measured => self%measurements)
+            sd = measured%sd_gpa
+            ! Only where the sds are one unknown common value may they be absent.
+            if (.not. all(sd > 0.0_wp)) sd = 1.0_wp
+            call new_posterior(surrogate, prior, likelihood_of(self), measured%euler_deg*degree, measured%modulus_gpa, sd, &
+               & posterior, error)
+         end associate
+      end if
+      if (.not. allocated(error)) call sample_chains(posterior, sampler_of(self), chains, error)
+      if (allocated(error)) then
+         error%message = place(self%path, 'prior', '')//error%message
+         return
+      end if
+      call write_draws(self, chains, output//'/posterior.csv', error)
+      if (.not. allocated(error)) call write_summary(self, posterior, chains, output//'/summary.nml', error)
+      told = to_text(size(chains%draws, 3))//' chains of '//to_text(size(chains%draws, 2))//' samples: '//output//'/posterior.csv'
+   end subroutine sample_constants
+
+   !> The surrogate of the output folder, or the text file that &surrogate names.
+   subroutine find_surrogate(self, output, surrogate, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      type(surrogate_type), intent(out) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: name, path
+
+      call self%get('surrogate', 'file', name)
+      path = output//'/'//surrogate_name
+      if (index(name, '.nml', back=.true.) == len(name) - 3 .and. len(name) > 4) then
+         path = resolve_path(output//'/', name)
+         if (.not. file_exists(path)) path = resolve_path(self%folder, name)
+      end if
+      if (.not. file_exists(path)) then
+         call raise(error, place(self%path, 'surrogate', 'file')//path//' does not exist; the batch program reads surrogates ' &
+            & //'as text, which it fits itself or Surrogate.write_text of the Python package writes', exit_bad_input)
+         return
+      end if
+      call load_surrogate(path, surrogate, error)
+      if (allocated(error)) then
+         error%message = place(self%path, 'surrogate', 'file')//error%message
+      else if (surrogate%symmetry /= self%symmetry) then
+         call raise(error, place(self%path, 'surrogate', 'file')//path//' is for '//symmetry_name(surrogate%symmetry) &
+            & //' crystals, not '//symmetry_name(self%symmetry)//' ones', exit_bad_input)
+      end if
+   end subroutine find_surrogate
+
+   !> &prior over the surrogate's domain.
+   subroutine prior_of(self, surrogate, prior, error)
+      type(problem_type), intent(in) :: self
+      type(surrogate_type), intent(in) :: surrogate
+      type(prior_type), intent(out) :: prior
+      type(error_type), allocatable, intent(out) :: error
+      type(normal_knowledge_type), allocatable :: normals(:)
+      real(wp), allocatable :: lower(:), upper(:), mean(:), sd(:)
+      character(len=3), allocatable :: names(:)
+      type(normal_variables_type) :: v
+      real(wp) :: cap, one_mean, one_sd
+      integer :: i
+
+      call wide_bounds(self%symmetry, lower, upper)
+      if (surrogate%basis%coordinates == coordinates_box) then
+         lower = surrogate%basis%lower
+         upper = surrogate%basis%upper
+      end if
+      if (self%is_set('prior', 'c_min') .and. self%is_set('prior', 'c_max')) then
+         call self%get('prior', 'c_min', lower)
+         call self%get('prior', 'c_max', upper)
+      end if
+      cap = surrogate%anisotropy_cap
+      if (self%is_set('prior', 'anisotropy_cap')) call self%get('prior', 'anisotropy_cap', cap)
+      allocate (normals(0))
+      do i = 1, size(normal_variables)
+         v = normal_variables(i)
+         if (.not. self%is_set('prior', trim(v%mean))) cycle
+         call self%get('prior', trim(v%mean), one_mean)
+         call self%get('prior', trim(v%sd), one_sd)
+         normals = [normals, normal_knowledge_type(quantity_number(self%symmetry, trim(v%numerator)), &
+            & quantity_number(self%symmetry, trim(v%denominator)), one_mean, one_sd)]
+      end do
+      if (self%is_set('prior', 'c_mean')) then
+         call self%get('prior', 'c_mean', mean)
+         call self%get('prior', 'c_sd', sd)
+         names = constant_names(self%symmetry)
+         do i = 1, size(names)
+            if (sd(i) > 0.0_wp) normals = [normals, &
+               & normal_knowledge_type(quantity_number(self%symmetry, names(i)), 0, mean(i), sd(i))]
+         end do
+      end if
+      call new_prior(surrogate, lower, upper, cap, normals, prior, error)
+   end subroutine prior_of
+
+   function likelihood_of(self) result(likelihood)
+      type(problem_type), intent(in) :: self
+      type(likelihood_type) :: likelihood
+      character(len=:), allocatable :: word
+
+      call self%get('measurements', 'modulus_kind', word)
+      likelihood%modulus_kind = kind_from_name(word)
+      call self%get('measurements', 'indenter_modulus_gpa', likelihood%indenter_modulus)
+      call self%get('measurements', 'indenter_nu', likelihood%indenter_nu)
+      call self%get('measurements', 'sample_nu', likelihood%sample_nu)
+      call self%get('measurements', 'calibration_sd', likelihood%calibration_sd)
+      call self%get('measurements', 'likelihood', word)
+      if (word == 'student') call self%get('measurements', 'student_dof', likelihood%student_t)
+      call self%get('measurements', 'scale', word)
+      likelihood%infer_scale = word == 'inferred'
+      call self%get('sampler', 'surrogate_variance', word)
+      likelihood%surrogate_uncertainty = word == 'full'
+   end function likelihood_of
+
+   function sampler_of(self) result(sampler)
+      type(problem_type), intent(in) :: self
+      type(sampler_type) :: sampler
+      character(len=:), allocatable :: word
+
+      call self%get('sampler', 'method', word)
+      sampler%method = method_from_name(word)
+      call self%get('sampler', 'samples', sampler%samples)
+      call self%get('sampler', 'burn_in', sampler%burn_in)
+      call self%get('sampler', 'chains', sampler%chains)
+      call self%get('problem', 'seed', sampler%seed)
+      sampler%threads = worker_count(self)
+   end function sampler_of
+
+   !> Names of the parameters: the constants, then the factor on the sds where that is inferred.
+   function parameter_names(self, n) result(names)
+      type(problem_type), intent(in) :: self
+      integer, intent(in) :: n
+      character(len=9) :: names(n)
+      integer :: k
+
+      k = constant_count(self%symmetry)
+      names(:k) = constant_names(self%symmetry)
+      if (n > k) names(k + 1:) = 'sd_factor'
+   end function parameter_names
+
+   !> A parameter as it is written: the sampler's last one is the logarithm of the factor.
+   elemental real(wp) function written(value, is_logarithm)
+      real(wp), intent(in) :: value
+      logical, intent(in) :: is_logarithm
+
+      written = value
+      if (is_logarithm) written = exp(value)
+   end function written
+
+   subroutine write_draws(self, chains, path, error)
+      type(problem_type), intent(in) :: self
+      type(chains_type), intent(in) :: chains
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      !> No number takes more characters.
+      integer, parameter :: widest = 26
+      character(len=:), allocatable :: page
+      integer :: n, k, i, j, chain, filled
+
+      n = size(chains%draws, 1)
+      k = constant_count(self%symmetry)
+      allocate (character(len=256 + widest*(n + 3)*size(chains%draws, 2)*size(chains%draws, 3)) :: page)
+      filled = 0
+      call put('chain,draw,'//join(parameter_names(self, n), ',')//',log_density'//newline)
+      do chain = 1, size(chains%draws, 3)
+         do i = 1, size(chains%draws, 2)
+            call put(to_text(chain)//','//to_text(i)//',')
+            do j = 1, n
+               call put(number_text(written(chains%draws(j, i, chain), j > k))//',')
+            end do
+            call put(number_text(chains%log_density(i, chain))//newline)
+         end do
+      end do
+      call replace_file(path, page(:filled), error)
+
+   contains
+
+      subroutine put(piece)
+         character(len=*), intent(in) :: piece
+
+         page(filled + 1:filled + len(piece)) = piece
+         filled = filled + len(piece)
+      end subroutine put
+   end subroutine write_draws
+
+   !> Means, sds, the best draw and the split R-hat of the parameters, and the predicted modulus of each grain.
+   subroutine write_summary(self, posterior, chains, path, error)
+      type(problem_type), intent(in) :: self
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(in) :: chains
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      !> Draws for the predictions; more say nothing new.
+      integer, parameter :: most_draws = 4000
+      real(wp), allocatable :: values(:, :, :), moduli(:, :), slope(:), mean(:), sd(:), map(:), r_hat(:)
+      character(len=:), allocatable :: page
+      integer :: n, samples, n_chains, j, stride, draws, i, chain, best(2)
+
+      n = size(chains%draws, 1)
+      samples = size(chains%draws, 2)
+      n_chains = size(chains%draws, 3)
+      values = chains%draws
+      if (n > constant_count(self%symmetry)) values(n, :, :) = exp(values(n, :, :))
+      best = maxloc(chains%log_density)
+      map = values(:, best(1), best(2))
+      allocate (mean(n), sd(n), r_hat(n))
+      do j = 1, n
+         mean(j) = sum(values(j, :, :))/(samples*n_chains)
+         sd(j) = sqrt(sum((values(j, :, :) - mean(j))**2)/max(1, samples*n_chains - 1))
+         r_hat(j) = split_r_hat(values(j, :, :))
+      end do
+      page = '! Posterior of the constants, GPa: every draw is in posterior.csv.'//newline//'&summary'//newline &
+         & //'  parameters = '''//join(parameter_names(self, n), ''', ''')//''''//newline &
+         & //line('mean', mean)//line('sd', sd)//line('map', map)//line('r_hat', r_hat) &
+         & //line('acceptance', [sum(chains%acceptance)/n_chains]) &
+         & //'  samples = '//to_text(samples)//newline//'  chains = '//to_text(n_chains)//newline//'/'//newline
+
+      stride = max(1, samples*n_chains/most_draws)
+      draws = n_chains*((samples + stride - 1)/stride)
+      allocate (moduli(posterior%n_grains, draws), slope(posterior%n_grains))
+      draws = 0
+      do chain = 1, n_chains
+         do i = 1, samples, stride
+            draws = draws + 1
+            call posterior%moduli(chains%draws(:, i, chain), moduli(:, draws))
+            call posterior%map_modulus(moduli(:, draws), slope)
+         end do
+      end do
+      mean = sum(moduli, dim=2)/draws
+      sd = [(sqrt(sum((moduli(j, :) - mean(j))**2)/max(1, draws - 1)), j=1, size(moduli, 1))]
+      page = page//'! Modulus of each grain by the surrogate''s mean, of the kind that was measured, GPa.'//newline//'&predicted' &
+         & //newline//line('mean', mean)//line('sd', sd)//line('measured', self%measurements%modulus_gpa)//'/'//newline
+      call replace_file(path, page, error)
+   end subroutine write_summary
+
+   !> `name = values`, one line of a namelist.
+   function line(name, values)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: i
+
+      line = '  '//name//' = '
+      do i = 1, size(values)
+         if (i > 1) line = line//', '
+         line = line//to_text(values(i), 9)
+      end do
+      line = line//newline
+   end function line
+
+   !> Potential scale reduction of the halves of all chains (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); 1 where nothing
+   !> moves.
+   pure real(wp) function split_r_hat(values) result(r_hat)
+      !> (sample, chain)
+      real(wp), intent(in) :: values(:, :)
+      real(wp) :: means(2*size(values, 2)), variances(2*size(values, 2)), within, between
+      integer :: n, i, half, m
+
+      n = size(values, 1)/2
+      r_hat = 1.0_wp
+      if (n < 2) return
+      m = 0
+      do i = 1, size(values, 2)
+         do half = 0, 1
+            m = m + 1
+            associate (part => values(half*(size(values, 1) - n) + 1:half*(size(values, 1) - n) + n, i))
+               means(m) = sum(part)/n
+               variances(m) = sum((part - means(m))**2)/(n - 1)
+            end associate
+         end do
+      end do
+      within = sum(variances)/m
+      between = sum((means - sum(means)/m)**2)/(m - 1)
+      if (within > 0.0_wp) r_hat = sqrt((n - 1.0_wp)/n + between/within)
+   end function split_r_hat
+
+   !> Bounds (GPa) where neither the user nor the surrogate states any: wide enough for any metal.
+   subroutine wide_bounds(symmetry, lower, upper)
+      integer, intent(in) :: symmetry
+      real(wp), allocatable, intent(out) :: lower(:), upper(:)
+
+      lower = [10.0_wp, 1.0_wp, 1.0_wp]
+      upper = [1000.0_wp, 600.0_wp, 600.0_wp]
+      if (symmetry == symmetry_hexagonal) then
+         lower = [lower, 10.0_wp, 1.0_wp]
+         upper = [upper, 1000.0_wp, 600.0_wp]
+      end if
+   end subroutine wide_bounds
+end module batch_sample
