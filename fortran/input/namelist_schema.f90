@@ -1,6 +1,7 @@
 !> What may stand in a namelist file: one table, a row a variable. Checks, `resolved.nml`, help and docs/namelists.md
 !> come from it and from nothing else; a new variable is a new row.
 module namelist_schema
+   use crystal_elasticity, only: symmetry_from_name
    implicit none
    private
    public :: schema_type, variable_type, group_type, new_schema, groups_of_command, commands, schema_markdown, &
@@ -29,6 +30,8 @@ module namelist_schema
       !> An interval, '[0, 1)', with '*' for no end; or the words of a choice, separated by commas.
       character(len=:), allocatable :: allowed
       character(len=:), allocatable :: meaning
+      !> The one symmetry that has the variable, 0 for all: a meaning that begins with 'cubic: ' or 'hexagonal: ' says it.
+      integer :: only = 0
    end type variable_type
 
    type :: group_type
@@ -148,15 +151,15 @@ contains
          & 'mean of a normal prior of the polycrystal''s Poisson''s ratio (Hill)')
       call add(s, 'nu_sd', 'real', '', 'unset', '(0, 1]', 'its sd')
       call add(s, 'zener_mean', 'real', '', 'unset', '(0, 1000]', 'cubic: mean of a normal prior of 2 C44/(C11 - C12)')
-      call add(s, 'zener_sd', 'real', '', 'unset', '(0, 1000]', 'its sd')
+      call add(s, 'zener_sd', 'real', '', 'unset', '(0, 1000]', 'cubic: its sd')
       call add(s, 'c12_c11_mean', 'real', '', 'unset', '[-10, 10]', 'mean of a normal prior of C12/C11')
       call add(s, 'c12_c11_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
       call add(s, 'c33_c11_mean', 'real', '', 'unset', '(0, 100]', 'hexagonal: mean of a normal prior of C33/C11')
-      call add(s, 'c33_c11_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c33_c11_sd', 'real', '', 'unset', '(0, 100]', 'hexagonal: its sd')
       call add(s, 'c13_c12_mean', 'real', '', 'unset', '[-100, 100]', 'hexagonal: mean of a normal prior of C13/C12')
-      call add(s, 'c13_c12_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c13_c12_sd', 'real', '', 'unset', '(0, 100]', 'hexagonal: its sd')
       call add(s, 'c44_c66_mean', 'real', '', 'unset', '(0, 100]', 'hexagonal: mean of a normal prior of 2 C44/(C11 - C12)')
-      call add(s, 'c44_c66_sd', 'real', '', 'unset', '(0, 100]', 'its sd')
+      call add(s, 'c44_c66_sd', 'real', '', 'unset', '(0, 100]', 'hexagonal: its sd')
 
       call add_group(s, 'sampler', 'How the posterior is sampled.')
       call add(s, 'method', 'choice', '', 'ensemble', 'ensemble, scmh', &
@@ -235,6 +238,8 @@ contains
          v%default = default
          v%allowed = allowed
          v%meaning = meaning
+         v%only = 0
+         if (index(meaning, ': ') > 0) v%only = symmetry_from_name(meaning(:index(meaning, ': ') - 1))
       end associate
       call move_alloc(grown, s%variables)
    end subroutine add

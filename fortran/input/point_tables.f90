@@ -88,7 +88,7 @@ contains
             if (allocated(error)) return
             most = merge(180.0_wp, largest_turn, j == 2)
             if (abs(points%euler_deg(j, i)) > most .or. (j == 2 .and. points%euler_deg(j, i) < 0.0_wp)) then
-               call refuse_cell(points%table, column(j), i, to_text(points%euler_deg(j, i))//' degrees; allowed ' &
+               call refuse_cell(points%table, column(j), i, ' degrees; allowed ' &
                   & //to_text(merge(0.0_wp, -largest_turn, j == 2))//' to '//to_text(most), error)
                return
             end if
@@ -123,8 +123,8 @@ contains
             if (len(cell) > 0) then
                points%symmetry(i) = symmetry_from_name(lower(cell))
                if (points%symmetry(i) == 0) then
-                  call refuse_cell(points%table, symmetry_column, i, ''''//printable(cell) &
-                     & //''' is no symmetry; allowed ''cubic'', ''hexagonal'', ''triclinic''', error)
+                  call refuse_cell(points%table, symmetry_column, i, ' is no symmetry; allowed ''cubic'', ''hexagonal'', ' &
+                     & //'''triclinic''', error)
                   return
                end if
             else
@@ -143,7 +143,7 @@ contains
             call points%table%number(column(j), i, value, error)
             if (allocated(error)) return
             if (abs(value) > stiffness_most) then
-               call refuse_cell(points%table, column(j), i, to_text(value)//' GPa looks like MPa; allowed up to ' &
+               call refuse_cell(points%table, column(j), i, ' GPa looks like MPa; allowed up to ' &
                   & //to_text(stiffness_most)//' GPa', error)
                return
             end if
@@ -158,7 +158,7 @@ contains
             if (allocated(error)) return
             implied = points%stiffness(iachar(names(j)(2:2)) - 48, iachar(names(j)(3:3)) - 48, i)
             if (abs(value - implied) > 1.0e-3_wp*abs(implied) + 1.0e-3_wp) then
-               call refuse_cell(points%table, column(j), i, to_text(value)//' GPa does not apply to a ' &
+               call refuse_cell(points%table, column(j), i, ' GPa does not apply to a ' &
                   & //symmetry_name(points%symmetry(i))//' crystal, whose '//names(j)//' is '//to_text(implied) &
                   & //' GPa; leave the cell empty', error)
                return
@@ -206,10 +206,10 @@ contains
          if (allocated(error)) return
          associate (value => points%modulus_gpa(i))
             if (value > modulus_most) then
-               call refuse_cell(points%table, column, i, to_text(value)//' GPa looks like MPa; allowed ' &
+               call refuse_cell(points%table, column, i, ' GPa looks like MPa; allowed ' &
                   & //to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa', error)
             else if (value < modulus_least) then
-               call refuse_cell(points%table, column, i, to_text(value)//' GPa is no modulus of a metal; allowed ' &
+               call refuse_cell(points%table, column, i, ' GPa is no modulus of a metal; allowed ' &
                   & //to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa', error)
             end if
          end associate
@@ -233,7 +233,7 @@ contains
          call points%table%number(column, i, points%sd_gpa(i), error)
          if (allocated(error)) return
          if (points%sd_gpa(i) <= 0.0_wp .or. points%sd_gpa(i) > modulus_most) then
-            call refuse_cell(points%table, column, i, to_text(points%sd_gpa(i))//' GPa; a standard deviation is above 0' &
+            call refuse_cell(points%table, column, i, ' GPa; a standard deviation is above 0' &
                & //', up to '//to_text(modulus_most)//' GPa', error)
             return
          end if
@@ -265,14 +265,15 @@ contains
       if (table%columns > most) list = list//', ...'
    end function column_list
 
+   !> Refuse a cell: its text, then what is wrong with it.
    subroutine refuse_cell(table, column, row, message, error)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column, row
       character(len=*), intent(in) :: message
       type(error_type), allocatable, intent(out) :: error
 
-      call raise(error, 'line '//to_text(table%line(row))//', column '//printable(table%name(column))//': '//message, &
-         & exit_bad_input)
+      call raise(error, 'line '//to_text(table%line(row))//', column '//printable(table%name(column))//': ' &
+         & //printable(table%cell(column, row))//message, exit_bad_input)
    end subroutine refuse_cell
 
    !> No angle above a full turn in radians, and not all zero.

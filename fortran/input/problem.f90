@@ -4,7 +4,7 @@
 !> `FILE: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_elasticity, only: anisotropy_index, constant_count, constant_names, is_stable, new_stiffness, &
-      & symmetry_from_name, symmetry_hexagonal
+      & symmetry_from_name, symmetry_hexagonal, symmetry_name
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, folder_of, printable, resolve_path
    use kinds, only: wp
@@ -227,6 +227,7 @@ contains
          needed = 'problem execution'
          if (self%has_group('crystals')) needed = needed//' '//groups_of_command('simulate')
          if (self%has_group('design')) needed = needed//' '//groups_of_command('build')
+         if (self%has_group('surrogate')) needed = needed//' domain'
          if (self%has_group('measurements')) needed = needed//' '//groups_of_command('extract')
          if (self%has_group('next')) needed = needed//' '//groups_of_command('next')
          if (len(self%stages) == 0) then
@@ -361,7 +362,9 @@ contains
       n = 1
       if (v%per_constant) n = constant_count(self%symmetry)
       message = ''
-      if (size(values) /= n) then
+      if (v%only /= 0 .and. v%only /= self%symmetry) then
+         message = 'the variable is for '//symmetry_name(v%only)//' crystals; &problem says '//symmetry_name(self%symmetry)
+      else if (size(values) /= n) then
          message = to_text(size(values))//' values; '
          if (size(values) == 1) message = 'one value; '
          if (v%per_constant) then
@@ -505,15 +508,7 @@ contains
 
       call check_bounds(self, 'domain', error)
       if (.not. allocated(error)) call check_bounds(self, 'prior', error)
-      if (.not. allocated(error)) call check_pair(self, 'c_mean', 'c_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'bulk_mean_gpa', 'bulk_sd_gpa', error)
-      if (.not. allocated(error)) call check_pair(self, 'young_mean_gpa', 'young_sd_gpa', error)
-      if (.not. allocated(error)) call check_pair(self, 'nu_mean', 'nu_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'zener_mean', 'zener_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'c12_c11_mean', 'c12_c11_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'c33_c11_mean', 'c33_c11_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'c13_c12_mean', 'c13_c12_sd', error)
-      if (.not. allocated(error)) call check_pair(self, 'c44_c66_mean', 'c44_c66_sd', error)
+      if (.not. allocated(error)) call check_pairs(self, error)
       if (allocated(error)) return
       if (self%is_set('design', 'budget')) then
          call self%get('design', 'budget', budget)
@@ -559,19 +554,39 @@ contains
          & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
    end subroutine check_bounds
 
-   !> A mean needs an sd, and an sd a mean.
-   subroutine check_pair(self, mean, sd, error)
+   !> A mean needs an sd, and an sd a mean: the variables of &prior whose names differ in these words.
+   subroutine check_pairs(self, error)
       type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: mean, sd
       type(error_type), allocatable, intent(out) :: error
+      integer :: i
 
-      if (self%is_set('prior', mean) .eqv. self%is_set('prior', sd)) return
-      if (self%is_set('prior', mean)) then
-         call raise(error, place(self%path, 'prior', sd)//'the variable is missing; '//mean//' needs it', exit_bad_input)
-      else
-         call raise(error, place(self%path, 'prior', mean)//'the variable is missing; '//sd//' needs it', exit_bad_input)
-      end if
-   end subroutine check_pair
+      do i = 1, size(self%schema%variables)
+         associate (name => self%schema%variables(i)%name)
+            if (self%schema%variables(i)%group /= 'prior' .or. .not. self%settings(i)%set) cycle
+            call need_partner('_mean', '_sd')
+            if (.not. allocated(error)) call need_partner('_sd', '_mean')
+            if (allocated(error)) return
+         end associate
+      end do
+
+   contains
+
+      subroutine need_partner(ending, other)
+         character(len=*), intent(in) :: ending, other
+         character(len=:), allocatable :: partner
+         integer :: at
+
+         associate (name => self%schema%variables(i)%name)
+            at = index(name, ending)
+            if (at == 0) return
+            partner = name(:at - 1)//other//name(at + len(ending):)
+            if (self%schema%find('prior', partner) > 0 .and. .not. self%is_set('prior', partner)) then
+               call raise(error, place(self%path, 'prior', partner)//'the variable is missing; '//name//' needs it', &
+                  & exit_bad_input)
+            end if
+         end associate
+      end subroutine need_partner
+   end subroutine check_pairs
 
    !> Read the CSV files that the groups name.
    subroutine load_tables(self, error)

@@ -81,7 +81,8 @@ contains
          call stop_on(error)
          write (output_unit, '(2a)') 'simulate: ', told
       end if
-      if (self%has_group('surrogate') .or. self%has_group('design')) then
+      ! Else a &surrogate is one that is there already.
+      if (self%has_group('design') .or. (self%has_group('surrogate') .and. self%has_group('crystals'))) then
          call fit_simulations(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'fit: ', told
@@ -126,7 +127,7 @@ contains
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: simulations.csv', &
-         & '  &surrogate     fits the surrogate to simulations.csv: surrogate.nml', &
+         & '  &design        fits the surrogate to simulations.csv: surrogate.nml (so does &surrogate beside &crystals)', &
          & '  &measurements  samples the constants: posterior.csv, summary.nml', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &

@@ -5,8 +5,11 @@ import os
 import subprocess
 from pathlib import Path
 
+import f90nml
 import pytest
 
+from bayesindent import Problem
+from bayesindent.surrogate import Surrogate
 from conftest import SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
@@ -51,7 +54,6 @@ def test_bad_input_exits_2_with_one_line(batch, path):
 
 @pytest.mark.parametrize("name", ["unstable", "nan", "unknown_variable", "missing_slash", "missing_file"])
 def test_both_programs_say_the_same(batch, bayesindent, name):
-    pytest.importorskip("bayesindent.stages")
     path = next(path for path in BAD if path.stem.endswith(name))
     done = bayesindent("run", path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -106,8 +108,7 @@ def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
     assert [row["note"] for row in again] == ["a, b"] * len(simulations)
     assert [row["indentation_modulus_gpa"] for row in again] == [row["indentation_modulus_gpa"] for row in simulations]
     # The same simulations give the same surrogate.
-    surrogate = pytest.importorskip("bayesindent.surrogate").Surrogate
-    one, other = surrogate.load(built / "surrogate.nc"), surrogate.read_text(tmp_path / "again" / "surrogate.nml")
+    one, other = Surrogate.load(built / "surrogate.nc"), Surrogate.read_text(tmp_path / "again" / "surrogate.nml")
     assert other.coefficients == pytest.approx(one.coefficients, abs=1e-10)
     assert other.covariance == pytest.approx(one.covariance, abs=1e-10)
     assert (other.alpha, other.beta) == pytest.approx((one.alpha, one.beta), rel=1e-6)
@@ -151,3 +152,66 @@ def test_impossible_mesh(batch, bayesindent, tmp_path):
     for done in (batch("a.nml"), bayesindent("build", "b.nml")):
         assert done.returncode == 2
         assert ".nml: &simulation: the contact radius spans" in done.stderr
+
+
+SAMPLE = """
+&problem symmetry = 'cubic', seed = 3 /
+&surrogate degree = 2, bandlimit = 4 /
+&measurements file = '{data}', {measurements} /
+&prior c_min = 50, 40, 15, c_max = 250, 150, 130 {prior} /
+&sampler method = '{method}', samples = 200, burn_in = 2000, chains = 2 /
+"""
+
+ALL_PRIORS = """
+  c_mean = 220, 0, 115, c_sd = 30, 0, 20, bulk_mean_gpa = 165, bulk_sd_gpa = 8, young_mean_gpa = 210, young_sd_gpa = 20
+  nu_mean = 0.29, nu_sd = 0.02, zener_mean = 2.4, zener_sd = 0.5, c12_c11_mean = 0.6, c12_c11_sd = 0.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "measurements", "prior"),
+    [
+        ("ensemble", "calibration_sd = 0.02", ""),
+        ("scmh", "modulus_kind = 'effective_modulus', scale = 'inferred'", ALL_PRIORS),
+        ("ensemble", "modulus_kind = 'sample_modulus', likelihood = 'student', student_dof = 5", ", anisotropy_cap = 6"),
+    ],
+    ids=["plain", "scmh", "student"],
+)
+def test_samples_as_python_does(batch, bayesindent, tmp_path, method, measurements, prior):
+    calibration = pytest.importorskip("bayesindent.calibration")
+    (tmp_path / "small.nml").write_text(SMALL.format(simulator="theory", budget=40))
+    assert bayesindent("build", "small.nml", "--output", "out").returncode == 0
+    assert batch("small.nml", "--output", "out").returncode == 0
+    data = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
+    path = tmp_path / "sample.nml"
+    path.write_text(SAMPLE.format(data=data, method=method, measurements=measurements, prior=prior))
+    done = batch("sample.nml", "--output", "out")
+    assert done.returncode == 0, done.stderr
+    problem = Problem(path, "extract")
+    surrogate = Surrogate.read_text(tmp_path / "out" / "surrogate.nml")
+    result = calibration.extract(surrogate, problem.measurements, **calibration.settings_of(problem))
+    rows = table(tmp_path / "out" / "posterior.csv")
+    assert len(rows) == 400
+    for name, draws in result.posterior.data_vars.items():
+        assert [float(row[name]) for row in rows] == pytest.approx(draws.values.ravel().tolist(), rel=1e-14 if name == "sd_factor" else 0)
+    assert [float(row["log_density"]) for row in rows] == result.sample_stats["lp"].values.ravel().tolist()
+    summary = f90nml.read(tmp_path / "out" / "summary.nml")
+    assert summary["summary"]["parameters"] == list(result.posterior.data_vars)
+    assert summary["summary"]["mean"] == pytest.approx([values.values.mean() for values in result.posterior.data_vars.values()])
+    assert summary["predicted"]["measured"] == pytest.approx(problem.measurements.modulus_gpa.tolist())
+
+
+def test_surrogate_of_another_symmetry(batch, tmp_path):
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n168.4,121.4,75.4,0,0,0\n")
+    head = "&simulation simulator = 'theory' /\n&surrogate degree = 2, bandlimit = 4, file = 'surrogate.nml' /\n"
+    (tmp_path / "a.nml").write_text(head + "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n")
+    done = batch("a.nml", "--output", "out")
+    assert done.returncode == 0, done.stderr
+    data = SOURCE / "tests" / "reference" / "hex_titanium.csv"
+    (tmp_path / "b.nml").write_text(head + f"&problem symmetry = 'hexagonal' /\n&measurements file = '{data}' /\n")
+    done = batch("b.nml", "--output", "out")
+    assert done.returncode == 2
+    assert done.stderr == "b.nml: &surrogate file: out/surrogate.nml is for cubic crystals, not hexagonal ones\n"
+    done = batch("b.nml")
+    assert done.returncode == 2
+    assert done.stderr.startswith("b.nml: &surrogate file: surrogate.nml does not exist")
