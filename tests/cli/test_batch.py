@@ -215,3 +215,9 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
     done = batch("b.nml")
     assert done.returncode == 2
     assert done.stderr.startswith("b.nml: &surrogate file: surrogate.nml does not exist")
+
+
+@pytest.mark.parametrize("path", sorted((SOURCE / "inputs").glob("*.nml")) + sorted((SOURCE / "inputs" / "case_studies").glob("*.nml")))
+def test_inputs_are_right(batch, path):
+    done = batch(path, "--check")
+    assert done.returncode == 0, done.stderr

@@ -238,11 +238,12 @@ def test_valid_spellings_are_read(tmp_path_factory, case):
     path = tmp_path_factory.getbasetemp() / "fuzz.nml"
     path.write_bytes(text.encode())
     problem = bi.Problem(path, "build")
-    resolved = f90nml.reads(problem.resolved)
+    resolved, read = f90nml.reads(problem.resolved), f90nml.read(path)
     for group, variables in content.items():
         assert problem.has(group)
         for name, value in variables.items():
             assert resolved[group][name] == value or (value == "" and not resolved[group][name])
+            assert read[group][name] == value or (value == "" and not read[group][name])
 
 
 @settings(max_examples=300, deadline=None)
