@@ -109,7 +109,7 @@ contains
       call add(s, 'orientations', 'choice', '', 'sphere', 'sphere, declination', &
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
       call add(s, 'n_directions', 'integer', '', '9', '[1, 10000]', 'directions of each crystal of factorial candidates')
-      call add(s, 'variance_of', 'choice', '', 'log_modulus', 'log_modulus, modulus', &
+      call add(s, 'variance_of', 'choice', '', 'modulus', 'modulus, log_modulus', &
          & 'whose variance chooses with dimensionless coordinates (a box: always the modulus)')
       call add(s, 'budget', 'integer', '', '40', '[1, 1000000]', 'simulations in all, those already done included')
       call add(s, 'batch', 'integer', '', '1', '[1, 10000]', 'simulations chosen at a time')

@@ -42,7 +42,7 @@ module surrogate_fit
    real(wp), parameter :: least_noise_box = 0.05_wp, least_noise_dimensionless = 5.0e-4_wp
    !> Fewest points from which a factor on the sds is learnt, and its range.
    integer, parameter :: few = 8
-   real(wp), parameter :: inflation_least = 0.8_wp, inflation_most = 3.0_wp
+   real(wp), parameter :: inflation_least = 0.5_wp, inflation_most = 3.0_wp
 
 contains
 

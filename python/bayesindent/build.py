@@ -53,7 +53,7 @@ DEFAULTS = {
         "initial_set": "variance",
         "orientations": "sphere",
         "n_directions": 9,
-        "variance_of": "log_modulus",
+        "variance_of": "modulus",
         "budget": 40,
         "batch": 1,
         "refit": 1,
@@ -77,7 +77,7 @@ FIRST_SD = {
 }
 
 #: Range of the factor on every sd that is learnt from crystals left out.
-INFLATION = (0.8, 3.0)
+INFLATION = (0.5, 3.0)
 
 #: The error improved if it fell below this share of the best before.
 IMPROVEMENT = 0.98
