@@ -207,7 +207,7 @@ def pairs(samples: dict[str, np.ndarray], points: int = 3000) -> Figure:
             cell.hist(table[i], bins=36, color=SKY, alpha=0.7, lw=0)
             cell.set_yticks([])
         else:
-            cell.plot(table[j], table[i], ".", ms=1.6, alpha=0.35, color=BLUE, rasterized=True, mew=0)
+            cell.plot(table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0)
         if i == count - 1:
             cell.set_xlabel(f"{subscript(names[j])} (GPa)")
             cell.tick_params(axis="x", rotation=45)
@@ -266,8 +266,7 @@ def curve_over_declination(predict: Callable, euler_deg, measured, measured_sd, 
     """Posterior of the modulus of a hexagonal crystal over the declination of its axis, with the grains that were measured."""
     angle = np.linspace(0, 90, 46)
     mean, sd = predict(np.stack([np.zeros_like(angle), angle, np.zeros_like(angle)], axis=1))
-    declination = np.asarray(euler_deg)[:, 1]
-    declination = np.minimum(declination, 180 - declination)
+    declination = folded(euler_deg)
     figure = Figure(figsize=(WIDTH, 3.4))
     axes = figure.subplots()
     axes.fill_between(angle, mean - 2 * sd, mean + 2 * sd, color=SKY, alpha=0.4, lw=0, label="predicted, ± 2 sd")
@@ -292,47 +291,69 @@ def traces(samples: dict[str, np.ndarray]) -> Figure:
     return figure
 
 
-def contraction(labels: Sequence[str], shares: Sequence[float]) -> Figure:
-    """How much of the prior's sd the data removed, for combinations of the constants: 1 is all, 0 is nothing."""
+def contraction(labels: Sequence[str], shares: Sequence[float], combinations: int) -> Figure:
+    """Share of the prior's variance that the data removed: of combinations of the constants, which come first, and of quantities."""
     shares = np.clip(np.asarray(shares, dtype=float), 0, 1)
-    place = np.arange(len(labels))[::-1]
-    figure = Figure(figsize=(WIDTH, 0.42 * len(labels) + 1.1))
+    place = -np.arange(len(labels)) - 0.6 * (np.arange(len(labels)) >= combinations)
+    figure = Figure(figsize=(WIDTH, 0.27 * len(labels) + 1.1))
     axes = figure.subplots()
-    axes.barh(place, shares, color=BLUE, height=0.62, label="decided by the data")
-    axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.62, alpha=0.55, label="left to the prior")
+    axes.barh(place, shares, color=BLUE, height=0.7, label="decided by the data")
+    axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.7, alpha=0.55, label="left to the prior")
     for y, share in zip(place, shares):
         axes.text(1.01, y, f"{100 * share:.0f} %", va="center")
     axes.set_yticks(place, labels)
-    axes.set(xlim=(0, 1.1), xlabel="share of the prior's sd that the data removed")
+    axes.set(xlim=(0, 1.1), ylim=(place.min() - 0.6, 0.6), xlabel="contraction: share of the prior's variance that the data removed")
     axes.set_xticks(np.linspace(0, 1, 6))
     axes.grid(axis="y")
     figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
-def next_grains(suggestions: Sequence[dict], cubic: bool, measured_euler=None) -> Figure:
-    """Orientations worth measuring next: over the standard triangle (cubic) or the declination (hexagonal)."""
+def next_grains(suggestions: Sequence[dict], cubic: bool, measured_euler: Sequence, candidates: Sequence[dict]) -> Figure:
+    """Gain expected of one more grain over all orientations, and the orientations that are suggested, by rank.
+
+    Over the standard triangle (cubic) or the declination of the c axis (hexagonal).
+    """
     angles = np.array([item["euler_deg"] for item in suggestions])
     gain = np.array([item["gain"] for item in suggestions])
-    figure = Figure(figsize=(WIDTH, 3.4 if cubic else 2.8))
+    everywhere = np.array([item["euler_deg"] for item in candidates]).reshape(-1, 3)
+    field = np.array([item["gain"] for item in candidates])
+    measured = np.array(measured_euler, dtype=float).reshape(-1, 3)
+    figure = Figure(figsize=(WIDTH, 3.6 if cubic else 3.0))
     axes = figure.subplots()
     if cubic:
-        x, y = inverse_pole(angles)
         triangle_frame(axes)
-        if measured_euler is not None:
-            axes.plot(*inverse_pole(measured_euler), "x", color="#777777", ms=5, label="measured")
-        points = axes.scatter(x, y, c=gain, s=60, edgecolors=BLACK, linewidths=0.7, zorder=3, label="suggested")
-        figure.colorbar(points, ax=axes, label="expected gain", shrink=0.8)
-        for rank, place in enumerate(zip(x, y), start=1):
-            axes.annotate(str(rank), place, xytext=(6, 3), textcoords="offset points", size=8)
+        if len(field) > 2:
+            image = axes.tripcolor(*inverse_pole(everywhere), field, shading="gouraud", rasterized=True)
+            figure.colorbar(image, ax=axes, label="gain expected of the next grain", shrink=0.8)
+        axes.plot(*inverse_pole(measured), "x", color="white", ms=5, mew=1.6)
+        axes.plot(*inverse_pole(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
+        places = np.stack(inverse_pole(angles), axis=1)
+        axes.plot(*places.T, "o", color="white", mec=BLACK, ms=11, clip_on=False, label="suggested, by rank")
     else:
-        if measured_euler is not None:
-            declination = np.asarray(measured_euler)[:, 1]
-            axes.plot(np.minimum(declination, 180 - declination), np.zeros(len(declination)), "x", color="#777777", label="measured")
-        axes.plot(np.minimum(angles[:, 1], 180 - angles[:, 1]), gain, "o", color=BLUE, label="suggested")
-        axes.set(xlabel="declination of the c axis (degrees)", ylabel="expected gain", xlim=(-2, 92))
-    axes.legend(loc="upper left")
+        if len(field):
+            axes.plot(folded(everywhere), field, ".", color=SKY, ms=4, label="gain expected of the next grain")
+        axes.plot(folded(measured), np.zeros(len(measured)), "x", color=BLACK, ms=5, label="measured", clip_on=False)
+        places = np.stack([folded(angles), gain], axis=1)
+        axes.plot(*places.T, "o", color="white", mec=BLACK, ms=11, label="suggested, by rank")
+        axes.set(xlabel="declination of the c axis (degrees)", ylabel="expected gain", xlim=(-3, 93), ylim=(0, None))
+    for rank, place in enumerate(places, start=1):
+        axes.annotate(str(rank), place, ha="center", va="center_baseline", size=7.5)
+    axes.legend(loc="upper left") if cubic else figure.legend(loc="outside upper left", ncols=3)
     return figure
+
+
+def folded(euler_deg) -> np.ndarray:
+    """Declination of an axis without a sense, 0..90 degrees."""
+    declination = np.asarray(euler_deg)[:, 1]
+    return np.minimum(declination, 180 - declination)
+
+
+def product_of_powers(exponents: dict[str, float]) -> str:
+    """A product of powers of constants for matplotlib; powers that hardly count are left out."""
+    kept = {name: power for name, power in exponents.items() if abs(power) >= 0.05}
+    factors = [f"C_{{{name[1:]}}}" + ("" if abs(power - 1) < 0.005 else f"^{{{power:.2f}}}") for name, power in kept.items()]
+    return "$" + r"\,".join(factors) + "$"
 
 
 def orientation(euler_deg) -> str:

@@ -119,9 +119,15 @@ class Results:
             return {name: posterior[name].values for name in self.constants}
 
 
+class Markup(str):
+    """A text that is HTML already."""
+
+    __slots__ = ()
+
+
 def text(value) -> str:
     """Escape for HTML."""
-    return html.escape(str(value), quote=True)
+    return value if isinstance(value, Markup) else html.escape(str(value), quote=True)
 
 
 def table(caption: str, header: Sequence[str], rows: Iterable[Sequence]) -> str:
@@ -341,7 +347,65 @@ def orientation_figure(results: Results, samples: dict, document: dict, kind: st
 
 def identifiability_section(results: Results) -> str:
     """What the data decided and what the prior did."""
-    return ""
+    rows = results.extract.get("identifiability", [])
+    if not rows:
+        return ""
+    combinations = [row for row in rows if row["kind"] == "combination"]
+    quantities = [row for row in rows if row["kind"] == "quantity"]
+    labels = [figures.product_of_powers(row["exponents"]) for row in combinations]
+    labels += [figures.subscript(quantity_in_words(row["name"])) for row in quantities]
+    shares = [row["contraction"] for row in rows]
+    header = ["", "mean", "sd", "sd of the prior", "contraction"]
+    body = []
+    for row in quantities:
+        unit = "" if row["unit"] == "1" else f" ({row['unit']})"
+        digits = 1 if unit else 3
+        values = [number(row[name], digits) for name in ("mean", "sd", "prior_sd")]
+        body.append([quantity_in_words(row["name"]) + unit, *values, number(row["contraction"], 3)])
+    hidden = combinations[-1]
+    return "\n".join(
+        [
+            "<h2>What the data decided, and what the prior did</h2>",
+            "<p>Indentation sees some combinations of the constants sharply and others hardly at all. The contraction is the share of the "
+            "prior's variance that the data removed: where it is near 1 the data decided, where it is near 0 the result repeats the prior, "
+            "however narrow its sd may look.</p>",
+            results.figure(
+                figures.contraction(labels, shares, len(combinations)),
+                f"Contraction of {len(combinations)} combinations of the constants, from {combinations[0]['contraction']:.3f} to "
+                f"{hidden['contraction']:.3f}, and of {len(quantities)} quantities of the crystal.",
+                "Above, products of powers of the constants, from the best to the worst identified; below, the constants and quantities that "
+                "follow from them.",
+            ),
+            table(
+                "Combinations of the constants; sd is relative",
+                ["combination", "sd (%)", "sd of the prior (%)", "contraction"],
+                [
+                    [
+                        Markup(powers_as_html(row["exponents"])),
+                        *(number(100 * row[name], 2) for name in ("sd", "prior_sd")),
+                        number(row["contraction"], 3),
+                    ]
+                    for row in combinations
+                ],
+            ),
+            table("Quantities of the crystal", header, body),
+        ]
+    )
+
+
+def quantity_in_words(name: str) -> str:
+    """The name of a quantity of the crystal as people write it."""
+    words = name.replace("_", " ").replace("youngs", "Young's").replace("poisson", "Poisson's").replace("zener", "Zener")
+    return words.replace("Young's ", "Young's modulus along ") if words[-1].isdigit() and "Young" in words else words
+
+
+def powers_as_html(exponents: dict[str, float]) -> str:
+    """A product of powers of constants, such as C11^1 C44^0.77; powers that hardly count are left out."""
+    return " ".join(
+        f"<i>C</i><sub>{text(name[1:])}</sub>" + ("" if abs(power - 1) < 0.005 else f"<sup>{power:.2f}</sup>")
+        for name, power in exponents.items()
+        if abs(power) >= 0.05
+    )
 
 
 def next_section(results: Results) -> str:
@@ -351,17 +415,22 @@ def next_section(results: Results) -> str:
         return ""
     cubic = results.symmetry == "cubic"
     measured = [item["euler_deg"] for item in results.extract.get("predicted", []) if "euler_deg" in item]
-    rows = [[rank, *(number(angle) for angle in item["euler_deg"]), f"{item['gain']:.3g}"] for rank, item in enumerate(suggestions, 1)]
+    rows = [[rank, *(number(angle) for angle in item["euler_deg"]), f"{item['gain']:.3f}"] for rank, item in enumerate(suggestions, 1)]
+    unit = f" ({results.next['unit']})" if results.next.get("unit") else ""
     return "\n".join(
         [
             "<h2>Which grain to measure next</h2>",
             results.figure(
-                figures.next_grains(suggestions, cubic, measured or None),
+                figures.next_grains(suggestions, cubic, measured, results.next.get("candidates", [])),
                 f"The {len(suggestions)} orientations that one more measurement would teach most at.",
                 "Orientations that are expected to teach most, ranked"
                 + (", in the standard triangle." if cubic else ", over the declination of the c axis."),
             ),
-            table("Suggested orientations, each chosen given those above it", ["rank", "φ₁", "Φ", "φ₂ (degrees)", "expected gain"], rows),
+            table(
+                "Suggested orientations, each chosen given those above it",
+                ["rank", "φ₁", "Φ", "φ₂ (degrees)", f"expected gain{unit}"],
+                rows,
+            ),
         ]
     )
 
