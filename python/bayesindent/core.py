@@ -4,7 +4,6 @@ import os
 import platform
 from pathlib import Path
 
-
 # One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
+REFERENCE = SOURCE / "tests" / "reference"
 
 
 @pytest.fixture

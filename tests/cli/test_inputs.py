@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from conftest import SOURCE
+from conftest import REFERENCE, SOURCE
 
 INPUTS = sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml"))
-REFERENCE = SOURCE / "tests" / "reference" / "halfspace_moduli.csv"
+ROWS = REFERENCE / "halfspace_moduli.csv"
 
 
 @pytest.mark.parametrize("file", INPUTS, ids=lambda file: file.stem)
@@ -22,10 +22,10 @@ def test_check(bayesindent, file, tmp_path):
 
 
 def test_theory_of_every_reference_row(bayesindent, tmp_path):
-    (tmp_path / "all.nml").write_text(f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{REFERENCE}'\n/\n")
+    (tmp_path / "all.nml").write_text(f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{ROWS}'\n/\n")
     done = bayesindent("theory", "all.nml", "--json")
     assert done.returncode == 0, done.stderr
-    rows = list(csv.DictReader(REFERENCE.open()))
+    rows = list(csv.DictReader(ROWS.open()))
     results = json.loads(done.stdout)["results"]
     assert len(results) == len(rows)
     for result, row in zip(results, rows, strict=True):
