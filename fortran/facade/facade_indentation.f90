@@ -1,9 +1,11 @@
 ! Indentation simulations for f2py. A model is kept under a 64-bit handle that a Python object owns and frees.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
-!> Make a model. `counts`: elements of all meshes, depths, meshes, then of the finest mesh: nodes, bricks, infinite
-!> elements, contact nodes, unknowns. `costs`, summed over the meshes: entries of the factor, operations of one
-!> factorisation, bytes of workspace of one simulation.
+!> Make a model.
+!>
+!> `counts`: elements of all meshes, depths, meshes, then of the finest mesh: nodes, bricks, infinite elements, contact nodes,
+!> unknowns, clamped nodes, hanging nodes. `costs`, summed over the meshes: entries of the factor, operations of one
+!> factorisation, bytes of workspace of one simulation; then the last depth (um).
 subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, handle, counts, costs, status, &
    & message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
@@ -15,8 +17,8 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    real(c_double), intent(in) :: refine, radius_um
    integer(c_int), intent(in) :: extrapolate, depths
    integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: counts(8)
-   real(c_double), intent(out) :: costs(3)
+   integer(c_int), intent(out) :: counts(10)
+   real(c_double), intent(out) :: costs(4)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
    type(indentation_options_type) :: options
@@ -40,9 +42,11 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    handle = transfer(c_loc(model), handle)
    associate (grid => model%grid(1))
       counts = [model%elements, size(model%depth), size(model%grid), size(grid%mesh%x, 2), size(grid%mesh%brick, 2), &
-         & size(grid%mesh%facet, 2), size(grid%mesh%contact), grid%assembly%unknowns]
+         & size(grid%mesh%facet, 2), size(grid%mesh%contact), grid%assembly%unknowns, &
+         & size(grid%mesh%clamped), size(grid%mesh%hanging)]
    end associate
-   costs = [sum(model%grid%cholesky%entries), sum(model%grid%cholesky%operations), sum(model%grid%cholesky%bytes)]
+   costs = [sum(model%grid%cholesky%entries), sum(model%grid%cholesky%operations), sum(model%grid%cholesky%bytes), &
+      & model%depth(size(model%depth))]
 end subroutine indentation_new
 
 !> Free a model.
@@ -107,18 +111,22 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    diagnostics = [result%seconds, result%seconds_factor, result%contact_residual, result%equilibrium_residual]
 end subroutine indentation_run
 
-!> Nodes (um), bricks, infinite elements (nodes, 0-based) and contact nodes of the finest mesh.
-subroutine indentation_mesh(handle, nodes, bricks, facets, contacts, x, brick, facet, contact)
+!> The finest mesh: nodes (um), bricks, infinite elements, contact nodes and the indenter's height above them (um), clamped nodes,
+!> and nodes that hang on the mean of up to four others (-1: none). Nodes are numbered from 0.
+subroutine indentation_mesh(handle, nodes, bricks, facets, contacts, clamps, hangs, x, brick, facet, contact, gap, clamped, &
+   & hanging, master)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
    use fe_indentation, only: indentation_model_type
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: nodes, bricks, facets, contacts
-   real(c_double), intent(out) :: x(3, nodes)
-   integer(c_int), intent(out) :: brick(8, bricks), facet(4, facets), contact(contacts)
+   integer(c_int), intent(in) :: nodes, bricks, facets, contacts, clamps, hangs
+   real(c_double), intent(out) :: x(3, nodes), gap(contacts)
+   integer(c_int), intent(out) :: brick(8, bricks), facet(4, facets), contact(contacts), clamped(clamps), hanging(hangs)
+   integer(c_int), intent(out) :: master(4, hangs)
    type(indentation_model_type), pointer :: model
    type(c_ptr) :: address
+   integer :: i
 
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
@@ -127,5 +135,90 @@ subroutine indentation_mesh(handle, nodes, bricks, facets, contacts, x, brick, f
       brick = mesh%brick - 1
       facet = mesh%facet - 1
       contact = mesh%contact - 1
+      gap = model%grid(1)%gap
+      clamped = mesh%clamped - 1
+      hanging = mesh%hanging - 1
+      master = -1
+      do i = 1, hangs
+         master(:mesh%masters(i), i) = mesh%master(:mesh%masters(i), i) - 1
+      end do
    end associate
 end subroutine indentation_mesh
+
+!> Displacement of the nodes (um) and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh at depth
+!> number `step`.
+subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, displacement, stress, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
+   use errors, only: error_type
+   use fe_element, only: brick_stress
+   use fe_indentation, only: indentation_fields, indentation_model_type
+   use kinds, only: wp
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: step, nodes, bricks
+   real(c_double), intent(in) :: stiffness(6, 6), euler(3)
+   real(c_double), intent(out) :: displacement(3, nodes), stress(6, bricks)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(indentation_model_type), pointer :: model
+   type(error_type), allocatable :: error
+   type(c_ptr) :: address
+   real(wp), allocatable :: u(:, :)
+   real(wp) :: c(6, 6)
+   integer :: i
+
+   status = 0
+   message = ''
+   displacement = 0.0_c_double
+   stress = 0.0_c_double
+   address = transfer(handle, c_null_ptr)
+   call c_f_pointer(address, model)
+   call indentation_fields(model, stiffness, euler, step, u, c, error)
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+      return
+   end if
+   displacement = u
+   associate (mesh => model%grid(1)%mesh)
+      do i = 1, bricks
+         call brick_stress(mesh%x(:, mesh%brick(:, i)), c, model%formulation, u(:, mesh%brick(:, i)), stress(:, i))
+      end do
+   end associate
+end subroutine indentation_field
+
+!> Stiffness in the sample frame (GPa), and of each infinite element of the finest mesh (mN/um).
+subroutine indentation_stiffness(handle, facets, stiffness, euler, rotated, infinite)
+   use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
+   use crystal_elasticity, only: rotate_stiffness, rotation_matrix
+   use fe_element, only: infinite_stiffness
+   use fe_indentation, only: indentation_model_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: facets
+   real(c_double), intent(in) :: stiffness(6, 6), euler(3)
+   real(c_double), intent(out) :: rotated(6, 6), infinite(12, 12, facets)
+   type(indentation_model_type), pointer :: model
+   type(c_ptr) :: address
+   integer :: i
+
+   address = transfer(handle, c_null_ptr)
+   call c_f_pointer(address, model)
+   rotated = rotate_stiffness(stiffness, rotation_matrix(euler))
+   do i = 1, facets
+      call infinite_stiffness(model%grid(1)%mesh%x(:, model%grid(1)%mesh%facet(:, i)), rotated, infinite(:, :, i))
+   end do
+end subroutine indentation_stiffness
+
+!> Revision of the numerics: results of one revision agree with each other.
+subroutine indentation_revision(revision)
+   use, intrinsic :: iso_c_binding, only: c_int
+   use fe_indentation, only: numerics_revision
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(out) :: revision
+
+   revision = numerics_revision
+end subroutine indentation_revision

@@ -6,7 +6,7 @@ module fe_element
    use kinds, only: wp
    implicit none
    private
-   public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, infinite_stiffness
+   public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, brick_stress, infinite_stiffness
    public :: brick_volumes
 
    !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged over the element
@@ -45,6 +45,41 @@ contains
       if (formulation == brick_incompatible) call eliminate_modes(total, 24)
       k = 0.5_wp*(total(:24, :24) + transpose(total(:24, :24)))
    end subroutine brick_stiffness
+
+   !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
+   pure subroutine brick_stress(x, c, formulation, u, stress)
+      real(wp), intent(in) :: x(3, 8), c(6, 6), u(3, 8)
+      integer, intent(in) :: formulation
+      real(wp), intent(out) :: stress(6)
+      real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
+      integer :: p, q
+
+      call brick_strain(x, formulation, b, volume)
+      unknown = 0.0_wp
+      unknown(:24) = reshape(u, [24])
+      if (formulation == brick_incompatible) then
+         k = 0.0_wp
+         load = 0.0_wp
+         do q = 1, 8
+            k = k + volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, b(:, 25:, q)))
+            load = load - volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, matmul(b(:, :24, q), unknown(:24))))
+         end do
+         do p = 9, 1, -1
+            load(:p - 1) = load(:p - 1) - k(:p - 1, p)*(load(p)/k(p, p))
+            do q = 1, p - 1
+               k(:p - 1, q) = k(:p - 1, q) - k(:p - 1, p)*(k(p, q)/k(p, p))
+            end do
+         end do
+         do p = 1, 9
+            unknown(24 + p) = (load(p) - dot_product(k(p, :p - 1), unknown(25:23 + p)))/k(p, p)
+         end do
+      end if
+      stress = 0.0_wp
+      do q = 1, 8
+         stress = stress + volume(q)*matmul(c, matmul(b(:, :, q), unknown))
+      end do
+      stress = stress/sum(volume)
+   end subroutine brick_stress
 
    !> Strain at the eight integration points per unit degree of freedom, and the volumes of the points (um3).
    !>

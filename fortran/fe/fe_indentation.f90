@@ -20,7 +20,7 @@ module fe_indentation
    public :: estimate_modulus, default_element, numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
-   integer, parameter :: numerics_revision = 2
+   integer, parameter :: numerics_revision = 3
 
    type :: indentation_options_type
       !> 'halfspace': infinite elements close the mesh; 'paper': the block of 9.6 x 9.6 x 4.8 um, bottom clamped.
@@ -193,14 +193,14 @@ contains
       end associate
    end subroutine new_grid
 
-   !> The half-space: nine elements to the contact radius at refine = 1.
+   !> The half-space: 9.5 elements to the contact radius at refine = 1.
    pure function halfspace_plan(refine, contact_radius) result(plan)
       real(wp), intent(in) :: refine, contact_radius
       type(mesh_plan_type) :: plan
       !> Elements per contact radius; in contact radii: depth of the core, distance of the infinite elements.
-      real(wp), parameter :: fineness = 9.0_wp, depth = 1.1_wp, outer = 5.0_wp
+      real(wp), parameter :: fineness = 9.5_wp, depth = 1.1_wp, outer = 5.0_wp
       !> Growth of the layers.
-      real(wp), parameter :: growth = 1.1_wp
+      real(wp), parameter :: growth = 1.13_wp
       real(wp) :: across, ratio
 
       across = fineness*refine

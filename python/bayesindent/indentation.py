@@ -9,7 +9,10 @@ import numpy as np
 
 from .core import BayesindentError, check, native
 
-__all__ = ["Indentation", "IndentationResult"]
+__all__ = ["NUMERICS_REVISION", "Indentation", "IndentationResult"]
+
+#: Counts changes of the numerics that change results; part of the identity of stored simulations.
+NUMERICS_REVISION = int(native.indentation_revision())
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,23 @@ class IndentationResult:
     #: Largest violation of the contact conditions, and of equilibrium with the reactions, relative.
     contact_residual: float
     equilibrium_residual: float
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """A mesh; nodes are numbered from 0, lengths in um."""
+
+    x: np.ndarray
+    brick: np.ndarray
+    #: Facets that carry infinite elements.
+    facet: np.ndarray
+    contact: np.ndarray
+    #: Height of the indenter above each contact node at zero depth.
+    gap: np.ndarray
+    clamped: np.ndarray
+    #: Hanging nodes, and the up to four nodes (else -1) whose mean they follow.
+    hanging: np.ndarray
+    master: np.ndarray
 
 
 @dataclass
@@ -63,9 +83,9 @@ class Indentation:
         check(status, message)
         self._handle = int(handle)
         (self.elements, _, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
-         self.unknowns) = (int(count) for count in counts)  # fmt: skip
-        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
-        self.factor_entries, self.factor_operations, self.workspace_bytes = (float(cost) for cost in costs)
+         self.unknowns, self._clamped_nodes, self._hanging_nodes) = (int(count) for count in counts)  # fmt: skip
+        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation, last depth.
+        self.factor_entries, self.factor_operations, self.workspace_bytes, self.depth_max_um = (float(cost) for cost in costs)
 
     def __del__(self):
         if getattr(self, "_handle", 0):
@@ -121,9 +141,46 @@ class Indentation:
         with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
             return list(pool.map(one, zip(matrices, angles, strict=True)))
 
-    def mesh_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Nodes (n, 3) in um, bricks (e, 8), facets with infinite elements (f, 4) and contact nodes of the finest mesh."""
-        x, brick, facet, contact = native.indentation_mesh(
-            self._handle, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes
+    def mesh_arrays(self) -> MeshArrays:
+        """The finest mesh."""
+        x, brick, facet, contact, gap, clamped, hanging, master = native.indentation_mesh(
+            self._handle, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes, self._clamped_nodes, self._hanging_nodes
         )
-        return x.T, brick.T, facet.T, contact
+        return MeshArrays(x.T, brick.T, facet.T, contact, gap, clamped, hanging, master.T)
+
+    def fields(self, stiffness, euler_deg, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the finest mesh.
+
+        `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
+        """
+        number = step + 1 if step >= 0 else self.depths + 1 + step
+        crystal = np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
+        u, stress, status, message = native.indentation_field(self._handle, number, self.nodes, self.bricks, *crystal)
+        check(status, message)
+        return u.T, stress.T
+
+    def write_vtu(self, path, stiffness, euler_deg, step: int = -1) -> None:
+        """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz, xy, yz, xz) and mises of cells."""
+        import meshio
+
+        u, stress = self.fields(stiffness, euler_deg, step)
+        mesh = self.mesh_arrays()
+        normal, shear = stress[:, :3], stress[:, 3:]
+        mises = np.sqrt(0.5 * ((normal - np.roll(normal, 1, axis=1)) ** 2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
+        meshio.Mesh(
+            mesh.x,
+            [("hexahedron", mesh.brick)],
+            point_data={"displacement_um": u},
+            cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
+        ).write(path, file_format="vtu")
+
+    def deck(self, stiffness, euler_deg, title: str = "spherical indentation") -> str:
+        """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`)."""
+        from .deck import write_deck
+
+        rotated, infinite = native.indentation_stiffness(
+            self._handle, self.infinite_elements, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
+        )
+        element = self.element or ("c3d8" if self.mesh == "paper" else "c3d8i")
+        depths = (np.arange(1, self.depths + 1) / self.depths) ** 2 * self.depth_max_um
+        return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, element.upper(), title)

@@ -1,0 +1,97 @@
+"""The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN, GPa."""
+
+from collections import defaultdict
+
+import numpy as np
+
+__all__ = ["write_deck"]
+
+#: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
+ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
+
+#: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX' penalties. Closed gaps then give way by
+#: less than 1e-8 um.
+GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
+
+
+def write_deck(mesh, stiffness, infinite, depths, element: str, title: str) -> str:
+    """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
+
+    Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
+    are networks of springs with the same stiffness matrix; hanging nodes are equations.
+    """
+    nodes = len(mesh.x)
+    indenter = nodes + 1
+    lines = ["*HEADING", title, "*NODE, NSET=ALL"]
+    lines += [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
+    lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
+    lines += [f"*ELEMENT, TYPE={element}, ELSET=SAMPLE"]
+    lines += [f"{e}, " + ", ".join(str(n + 1) for n in brick) for e, brick in enumerate(mesh.brick, start=1)]
+    lines += ["*MATERIAL, NAME=CRYSTAL", "*ELASTIC, TYPE=ANISO", *elastic_constants(stiffness)]
+    lines += ["*SOLID SECTION, ELSET=SAMPLE, MATERIAL=CRYSTAL"]
+    lines += gaps(mesh, indenter, len(mesh.brick))
+    lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
+    lines += springs(mesh.facet, infinite, len(mesh.brick) + len(mesh.contact) + 1)
+    for node, masters in zip(mesh.hanging, mesh.master, strict=True):
+        masters = masters[masters >= 0]
+        for axis in (1, 2, 3):
+            terms = [f"{node + 1}, {axis}, 1.0"] + [f"{m + 1}, {axis}, {-1.0 / len(masters)!r}" for m in masters]
+            lines += ["*EQUATION", str(len(terms))] + [", ".join(terms[i : i + 4]) for i in range(0, len(terms), 4)]
+    lines += ["*BOUNDARY"] + [f"{n + 1}, 1, 3" for n in mesh.clamped] + [f"{indenter}, 1, 2"]
+    for depth in depths:
+        lines += ["*STEP, INC=100", "*STATIC", "1.0, 1.0"]
+        lines += ["*BOUNDARY", f"{indenter}, 3, 3, {-depth:.12g}"]
+        lines += ["*NODE PRINT, NSET=INDENTER", "U, RF", "*END STEP"]
+    return "\n".join(lines) + "\n"
+
+
+def elastic_constants(stiffness) -> list[str]:
+    """The 21 constants column by column of the upper triangle, eight a line."""
+    order = np.asarray(stiffness)[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
+    values = [f"{order[i, j]:.10g}" for j in range(6) for i in range(j + 1)]
+    return [", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "") for i in range(0, len(values), 8)]
+
+
+def gaps(mesh, indenter: int, offset: int) -> list[str]:
+    """A unilateral gap under each contact node; those of one clearance share a card."""
+    same = defaultdict(list)
+    for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap, strict=True)):
+        same[f"{gap:.12g}"].append((offset + i + 1, node + 1))
+    lines = []
+    for i, (gap, elements) in enumerate(same.items()):
+        lines += [f"*ELEMENT, TYPE=GAPUNI, ELSET=GAP{i}"] + [f"{e}, {node}, {indenter}" for e, node in elements]
+        lines += [f"*GAP, ELSET=GAP{i}", f"{gap}, 0, 0, 1, , {GAP_STIFFNESS:g}, {GAP_TENSION:g}"]
+    return lines
+
+
+def never_yielding(node: int, offset: float, element: int) -> list[str]:
+    """A fixed cube beside the sample whose material could yield but does not.
+
+    CalculiX iterates on gaps only in a nonlinear analysis, and geometric nonlinearity would change the force by 2 per cent.
+    """
+    corners = [(offset + x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    lines = ["*NODE, NSET=CUBE"] + [f"{node + i}, {x:.10g}, {y}, {z}" for i, (x, y, z) in enumerate(corners)]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=CUBE", ", ".join(str(n) for n in (element + 1, *range(node, node + 8)))]
+    lines += ["*MATERIAL, NAME=CUBE", "*ELASTIC", "1.0, 0.3", "*PLASTIC", "1.0e10, 0.0"]
+    return [*lines, "*SOLID SECTION, ELSET=CUBE, MATERIAL=CUBE", "*BOUNDARY", "CUBE, 1, 3"]
+
+
+def springs(facet, infinite, offset: int) -> list[str]:
+    """Springs whose stiffness matrix is that of the infinite elements: between pairs of displacements, and to ground."""
+    pairs: dict[tuple[int, int], float] = defaultdict(float)
+    ground: dict[int, float] = defaultdict(float)
+    for nodes, matrix in zip(facet, infinite, strict=True):
+        freedom = (3 * nodes[:, None] + np.arange(3)).ravel()
+        for i in range(12):
+            ground[freedom[i]] += matrix[i].sum()
+            for j in range(i):
+                pairs[tuple(sorted((freedom[i], freedom[j])))] -= matrix[i, j]
+    lines = []
+    number = offset
+    for name, kind, items in (("G", "SPRING1", ground), ("S", "SPRING2", pairs)):
+        for i, (key, value) in enumerate(items.items()):
+            number += 1
+            ends = key if isinstance(key, tuple) else (key,)
+            lines += [f"*ELEMENT, TYPE={kind}, ELSET={name}{i}", f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)]
+            lines += [f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12g}"]
+    return lines

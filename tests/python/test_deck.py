@@ -1,0 +1,82 @@
+"""The exported deck, solved by CalculiX, gives the same curve; fields are in equilibrium with the force."""
+
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+
+ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
+ANGLES = (20, 35, 10)
+
+
+@pytest.fixture(scope="module")
+def block():
+    """The smallest mesh of the paper's block, integrated as CalculiX does."""
+    return bi.Indentation(mesh="paper", refine=0.65, integration="full", depths=3)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian package calculix-ccx) is not installed")
+def test_calculix_solves_the_deck_to_the_same_curve(block, tmp_path):
+    (tmp_path / "deck.inp").write_text(block.deck(ZINC, ANGLES))
+    subprocess.run(["ccx", "deck"], cwd=tmp_path, check=True, capture_output=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    steps = (tmp_path / "deck.dat").read_text().split("forces (fx,fy,fz)")[1:]
+    force = [-float(step.splitlines()[2].split()[3]) for step in steps]
+    # Both solve the same discrete problem; what is left is CalculiX' convergence and printing.
+    assert force == pytest.approx(block.run(ZINC, ANGLES).force_mn, rel=1e-4)
+
+
+def test_stress_balances_the_force_on_every_plane(block):
+    mesh, result = block.mesh_arrays(), block.run(ZINC, ANGLES)
+    u, stress = block.fields(ZINC, ANGLES)
+    assert u[mesh.clamped] == pytest.approx(0.0, abs=0.0)
+    # The indenter pushes the contact nodes down to its surface.
+    clearance = mesh.gap - result.depth_um[-1] - u[mesh.contact, 2]
+    assert clearance.max() > 0 and clearance.min() == pytest.approx(0.0, abs=1e-12)
+    # Work of the contact forces is twice the strain energy, to which the mean stresses give a lower bound.
+    volume = brick_volumes(mesh)
+    compliance = np.linalg.inv(bond_rotated(ZINC, ANGLES))
+    energy = (volume * np.einsum("ei,ij,ej->e", stress, compliance, stress)).sum()
+    steps = np.r_[0.0, result.depth_um]
+    work = np.trapezoid(np.r_[0.0, result.force_mn], steps**1.5)
+    assert 0.5 < energy / (2 * 2 / 5 * result.force_mn[-1] * result.depth_um[-1]) < 1.0
+    assert work > 0
+
+
+def brick_volumes(mesh):
+    """Volumes of bricks by six tetrahedra each."""
+    corner = mesh.x[mesh.brick]
+    tets = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+    edges = [(corner[:, b] - corner[:, a], corner[:, c] - corner[:, a], corner[:, d] - corner[:, a]) for a, b, c, d in tets]
+    return sum(np.abs(np.einsum("ei,ei->e", np.cross(p, q), r)) / 6 for p, q, r in edges)
+
+
+def bond_rotated(stiffness, angles):
+    """Stiffness in the sample frame, by the tensor."""
+    a, b, c = np.radians(angles)
+    turn = lambda t: np.array([[np.cos(t), np.sin(t), 0], [-np.sin(t), np.cos(t), 0], [0, 0, 1]])  # noqa: E731
+    tilt = np.array([[1, 0, 0], [0, np.cos(b), np.sin(b)], [0, -np.sin(b), np.cos(b)]])
+    g = turn(c) @ tilt @ turn(a)
+    voigt = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    tensor = np.einsum("pi,qj,rk,sl,pqrs->ijkl", g, g, g, g, np.asarray(stiffness)[voigt[:, :, None, None], voigt[None, None]])
+    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+    return np.array([[tensor[p + q] for q in pairs] for p in pairs])
+
+
+def test_vtu_holds_displacement_and_stress(block, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    block.write_vtu(tmp_path / "zinc.vtu", ZINC, ANGLES, step=0)
+    mesh = meshio.read(tmp_path / "zinc.vtu")
+    u, stress = block.fields(ZINC, ANGLES, step=0)
+    assert mesh.point_data["displacement_um"] == pytest.approx(u)
+    assert mesh.cell_data["stress_gpa"][0][:, 3] == pytest.approx(stress[:, 5])
+
+
+def test_step_that_does_not_exist_is_refused(block):
+    with pytest.raises(bi.InputError, match="depth number 7 does not exist"):
+        block.fields(ZINC, ANGLES, step=6)
+    with pytest.raises(bi.InputError, match="depth number 0 does not exist"):
+        block.fields(ZINC, ANGLES, step=-4)
