@@ -14,7 +14,7 @@ module constants_prior
    use text, only: to_text
    implicit none
    private
-   public :: prior_type, new_prior, normal_knowledge_type
+   public :: prior_type, new_prior, default_bounds, normal_knowledge_type
 
    !> A quantity, or the ratio of two, known as mean ± sd.
    type :: normal_knowledge_type
@@ -42,6 +42,23 @@ module constants_prior
    integer, parameter :: trials = 20000
 
 contains
+
+   !> Bounds (GPa) where the user states none: the surrogate's box of constants, else wide enough for any metal.
+   pure subroutine default_bounds(surrogate, lower, upper)
+      type(surrogate_type), intent(in) :: surrogate
+      real(wp), allocatable, intent(out) :: lower(:), upper(:)
+
+      if (surrogate%basis%coordinates == coordinates_box) then
+         lower = surrogate%basis%lower
+         upper = surrogate%basis%upper
+         return
+      end if
+      lower = [10.0_wp, 1.0_wp, 1.0_wp]
+      upper = [1000.0_wp, 600.0_wp, 600.0_wp]
+      if (surrogate%symmetry == symmetry_cubic) return
+      lower = [lower, 10.0_wp, 1.0_wp]
+      upper = [upper, 1000.0_wp, 600.0_wp]
+   end subroutine default_bounds
 
    !> The prior on `lower` .. `upper` (GPa) with the cap on Eq. 14, cut to the surrogate's domain.
    !>

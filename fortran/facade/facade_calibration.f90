@@ -42,6 +42,24 @@ subroutine quantity_values(symmetry, k, n, m, constants, values)
    end do
 end subroutine quantity_values
 
+!> Bounds (GPa) of the k constants of a surrogate where the user states none.
+subroutine prior_default_bounds(surrogate, k, lower, upper)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use constants_prior, only: default_bounds
+   use kinds, only: wp
+   use surrogate_model, only: surrogate_from_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: surrogate
+   integer(c_int), intent(in) :: k
+   real(c_double), intent(out) :: lower(k), upper(k)
+   real(wp), allocatable :: low(:), high(:)
+
+   call default_bounds(surrogate_from_handle(surrogate), low, high)
+   lower = low
+   upper = high
+end subroutine prior_default_bounds
+
 !> Keep the posterior of a surrogate's constants for n grains; free it with `calibration_free`.
 !>
 !> normals: numerator and denominator (0: none) of the quantities that are known as normal, by number; mean and sd of each;

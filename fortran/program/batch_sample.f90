@@ -2,8 +2,8 @@
 module batch_sample
    use batch_stages, only: surrogate_name, worker_count
    use constants_posterior, only: kind_from_name, likelihood_type, new_posterior, posterior_type
-   use constants_prior, only: new_prior, normal_knowledge_type, prior_type
-   use crystal_elasticity, only: constant_count, constant_names, symmetry_hexagonal, symmetry_name
+   use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type
+   use crystal_elasticity, only: constant_count, constant_names, symmetry_name
    use derived_quantities, only: quantity_number
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, resolve_path
@@ -12,7 +12,6 @@ module batch_sample
    use numbers, only: number_text
    use problem, only: problem_type
    use samplers, only: chains_type, method_from_name, sample_chains, sampler_type
-   use surrogate_basis, only: coordinates_box
    use surrogate_model, only: load_surrogate, surrogate_type
    use system, only: replace_file
    use text, only: join, to_text
@@ -114,11 +113,7 @@ contains
       real(wp) :: cap, one_mean, one_sd
       integer :: i
 
-      call wide_bounds(self%symmetry, lower, upper)
-      if (surrogate%basis%coordinates == coordinates_box) then
-         lower = surrogate%basis%lower
-         upper = surrogate%basis%upper
-      end if
+      call default_bounds(surrogate, lower, upper)
       if (self%is_set('prior', 'c_min') .and. self%is_set('prior', 'c_max')) then
          call self%get('prior', 'c_min', lower)
          call self%get('prior', 'c_max', upper)
@@ -326,17 +321,4 @@ contains
       between = sum((means - sum(means)/m)**2)/(m - 1)
       if (within > 0.0_wp) r_hat = sqrt((n - 1.0_wp)/n + between/within)
    end function split_r_hat
-
-   !> Bounds (GPa) where neither the user nor the surrogate states any: wide enough for any metal.
-   subroutine wide_bounds(symmetry, lower, upper)
-      integer, intent(in) :: symmetry
-      real(wp), allocatable, intent(out) :: lower(:), upper(:)
-
-      lower = [10.0_wp, 1.0_wp, 1.0_wp]
-      upper = [1000.0_wp, 600.0_wp, 600.0_wp]
-      if (symmetry == symmetry_hexagonal) then
-         lower = [lower, 10.0_wp, 1.0_wp]
-         upper = [upper, 1000.0_wp, 600.0_wp]
-      end if
-   end subroutine wide_bounds
 end module batch_sample

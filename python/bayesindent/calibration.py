@@ -23,12 +23,6 @@ __all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "extract", "extract_stage", 
 METHODS = {"ensemble": 1, "scmh": 2}
 MODULUS_KINDS = {"indentation_modulus": 1, "effective_modulus": 2, "sample_modulus": 3}
 
-#: Bounds (GPa) where the user states none and the surrogate is not a box of constants: wide enough for any metal.
-WIDE_BOUNDS = {
-    "cubic": {"C11": (10.0, 1000.0), "C12": (1.0, 600.0), "C44": (1.0, 600.0)},
-    "hexagonal": {"C11": (10.0, 1000.0), "C12": (1.0, 600.0), "C44": (1.0, 600.0), "C33": (10.0, 1000.0), "C13": (1.0, 600.0)},
-}
-
 #: Samples of a chain before it is kept, where none are asked for.
 BURN_IN = 20000
 
@@ -59,7 +53,7 @@ class Posterior:
     """The density of the constants, and of the logarithm of a factor on the sds where that is inferred.
 
     `euler_deg` (n, 3), `modulus_gpa` (n,), `sd_gpa` (n,) or None if `infer_scale`. `bounds` maps constants to (low, high);
-    what it leaves out is the surrogate's box, or `WIDE_BOUNDS`. `priors` maps a quantity ('C44', 'bulk_modulus', ..; see
+    what it leaves out is the surrogate's box, or wide enough for any metal. `priors` maps a quantity ('C44', 'bulk_modulus', ..; see
     `quantity_names`) or a ratio of two ('C33/C11') to the (mean, sd) of a normal factor. `student_t` is a number of degrees of
     freedom, True for `STUDENT_DOF`, or 0 for normal errors. `prior_only` leaves the data out.
     """
@@ -122,11 +116,7 @@ class Posterior:
             native.calibration_free(self._handle)
 
     def _bounds(self, bounds: Mapping | None) -> tuple[np.ndarray, np.ndarray]:
-        if self.surrogate.basis.coordinates == "box":
-            basis = self.surrogate.basis
-            whole = dict(zip(self.names, zip(basis.lower, basis.upper, strict=True), strict=True))
-        else:
-            whole = dict(WIDE_BOUNDS[self.symmetry])
+        whole = dict(zip(self.names, zip(*native.prior_default_bounds(self.surrogate.handle, len(self.names)), strict=True), strict=True))
         unknown = set(bounds or {}) - set(self.names)
         if unknown:
             raise InputError(

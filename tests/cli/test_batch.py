@@ -8,7 +8,7 @@ from pathlib import Path
 import f90nml
 import pytest
 
-from bayesindent import Problem
+from bayesindent import Problem, calibration
 from bayesindent.surrogate import Surrogate
 from conftest import SOURCE
 
@@ -79,7 +79,7 @@ def table(path):
 
 
 SMALL = """
-&problem symmetry = 'cubic', seed = 3 /
+&problem symmetry = '{symmetry}', seed = 3 /
 &simulation simulator = '{simulator}', refine = 0.6 /
 &surrogate degree = 2, bandlimit = 4 /
 &design budget = {budget} /
@@ -89,7 +89,7 @@ SMALL = """
 @pytest.fixture(params=[("fe", 4), ("theory", 40)], ids=["fe", "theory"])
 def built(request, bayesindent, tmp_path):
     """A small build of the Python program in the folder `out`."""
-    (tmp_path / "small.nml").write_text(SMALL.format(simulator=request.param[0], budget=request.param[1]))
+    (tmp_path / "small.nml").write_text(SMALL.format(symmetry="cubic", simulator=request.param[0], budget=request.param[1]))
     done = bayesindent("build", "small.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     return tmp_path / "out"
@@ -155,36 +155,39 @@ def test_impossible_mesh(batch, bayesindent, tmp_path):
 
 
 SAMPLE = """
-&problem symmetry = 'cubic', seed = 3 /
+&problem symmetry = '{symmetry}', seed = 3 /
 &surrogate degree = 2, bandlimit = 4 /
 &measurements file = '{data}', {measurements} /
-&prior c_min = 50, 40, 15, c_max = 250, 150, 130 {prior} /
+&prior {prior} /
 &sampler method = '{method}', samples = 200, burn_in = 2000, chains = 2 /
 """
 
-ALL_PRIORS = """
+CUBIC_PRIORS = """
   c_mean = 220, 0, 115, c_sd = 30, 0, 20, bulk_mean_gpa = 165, bulk_sd_gpa = 8, young_mean_gpa = 210, young_sd_gpa = 20
   nu_mean = 0.29, nu_sd = 0.02, zener_mean = 2.4, zener_sd = 0.5, c12_c11_mean = 0.6, c12_c11_sd = 0.1
+  c_min = 50, 40, 15, c_max = 250, 150, 130
+"""
+HEXAGONAL_PRIORS = """
+  c33_c11_mean = 1.1, c33_c11_sd = 0.1, c13_c12_mean = 0.75, c13_c12_sd = 0.1, c44_c66_mean = 1.3, c44_c66_sd = 0.2
 """
 
 
 @pytest.mark.parametrize(
-    ("method", "measurements", "prior"),
+    ("symmetry", "method", "measurements", "prior"),
     [
-        ("ensemble", "calibration_sd = 0.02", ""),
-        ("scmh", "modulus_kind = 'effective_modulus', scale = 'inferred'", ALL_PRIORS),
-        ("ensemble", "modulus_kind = 'sample_modulus', likelihood = 'student', student_dof = 5", ", anisotropy_cap = 6"),
+        ("cubic", "scmh", "modulus_kind = 'effective_modulus', scale = 'inferred'", CUBIC_PRIORS),
+        ("cubic", "ensemble", "modulus_kind = 'sample_modulus', likelihood = 'student', student_dof = 5", "anisotropy_cap = 6"),
+        ("hexagonal", "ensemble", "calibration_sd = 0.02", HEXAGONAL_PRIORS),
     ],
-    ids=["plain", "scmh", "student"],
+    ids=["scmh", "student", "hexagonal"],
 )
-def test_samples_as_python_does(batch, bayesindent, tmp_path, method, measurements, prior):
-    calibration = pytest.importorskip("bayesindent.calibration")
-    (tmp_path / "small.nml").write_text(SMALL.format(simulator="theory", budget=40))
+def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, measurements, prior):
+    (tmp_path / "small.nml").write_text(SMALL.format(symmetry=symmetry, simulator="theory", budget=40))
     assert bayesindent("build", "small.nml", "--output", "out").returncode == 0
     assert batch("small.nml", "--output", "out").returncode == 0
-    data = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
+    data = SOURCE / "tests" / "reference" / {"cubic": "cubic_fe3si.csv", "hexagonal": "hex_titanium.csv"}[symmetry]
     path = tmp_path / "sample.nml"
-    path.write_text(SAMPLE.format(data=data, method=method, measurements=measurements, prior=prior))
+    path.write_text(SAMPLE.format(symmetry=symmetry, data=data, method=method, measurements=measurements, prior=prior))
     done = batch("sample.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     problem = Problem(path, "extract")
