@@ -6,15 +6,15 @@
 !> `counts`: elements of all meshes, depths, meshes, then of the finest mesh: nodes, bricks, infinite elements, contact nodes,
 !> unknowns, clamped nodes, hanging nodes. `costs`, summed over the meshes: entries of the factor, operations of one
 !> factorisation, bytes of workspace of one simulation; then the last depth (um).
-subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, handle, counts, costs, status, &
-   & message)
+subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, outer, growth, handle, counts, &
+   & costs, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
    use errors, only: error_type
    use fe_indentation, only: indentation_model_type, indentation_options_type, new_indentation_model
    implicit none
    !f2py threadsafe
    character(len=16), intent(in) :: mesh, element, integration
-   real(c_double), intent(in) :: refine, radius_um
+   real(c_double), intent(in) :: refine, radius_um, outer, growth
    integer(c_int), intent(in) :: extrapolate, depths
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: counts(10)
@@ -30,7 +30,7 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    handle = 0
    counts = 0
    costs = 0.0_c_double
-   options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths)
+   options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths, outer, growth)
    allocate (model)
    call new_indentation_model(options, model, error)
    if (allocated(error)) then

@@ -37,6 +37,9 @@ module fe_indentation
       real(wp) :: radius_um = 16.0_wp
       !> Depths of the curve, equally spaced in contact radius.
       integer :: depths = 10
+      !> Of the half-space, for studies of convergence: distance of the infinite elements in contact radii, 2 to 100, and
+      !> growth of the layers of bricks before them at refine = 1, 1.01 to 2.
+      real(wp) :: outer = 5.0_wp, growth = 1.13_wp
    end type indentation_options_type
 
    !> One mesh with all that depends on it alone.
@@ -162,6 +165,10 @@ contains
       else if (.not. (options%radius_um >= 1.0e-3_wp .and. options%radius_um <= 1.0e6_wp)) then
          call raise(error, 'radius_um: '//to_text(options%radius_um)//' is out of range; allowed: 0.001 to 1e6 um', &
             & exit_bad_input)
+      else if (.not. (options%outer >= 2.0_wp .and. options%outer <= 100.0_wp)) then
+         call raise(error, 'outer: '//to_text(options%outer)//' is out of range; allowed: 2 to 100', exit_bad_input)
+      else if (.not. (options%growth >= 1.01_wp .and. options%growth <= 2.0_wp)) then
+         call raise(error, 'growth: '//to_text(options%growth)//' is out of range; allowed: 1.01 to 2', exit_bad_input)
       else if (options%depths < 1 .or. options%depths > 1000) then
          call raise(error, 'depths: '//to_text(options%depths)//' is out of range; allowed: 1 to 1000', exit_bad_input)
       end if
@@ -178,7 +185,7 @@ contains
       if (model%options%mesh == 'paper') then
          plan = block_plan(ratio*model%options%refine)
       else
-         plan = halfspace_plan(ratio*model%options%refine, model%contact_radius)
+         plan = halfspace_plan(ratio*model%options%refine, model%contact_radius, model%options%outer, model%options%growth)
       end if
       call new_mesh(plan, grid%mesh, error)
       if (allocated(error)) return
@@ -194,13 +201,11 @@ contains
    end subroutine new_grid
 
    !> The half-space: 9.5 elements to the contact radius at refine = 1.
-   pure function halfspace_plan(refine, contact_radius) result(plan)
-      real(wp), intent(in) :: refine, contact_radius
+   pure function halfspace_plan(refine, contact_radius, outer, growth) result(plan)
+      real(wp), intent(in) :: refine, contact_radius, outer, growth
       type(mesh_plan_type) :: plan
-      !> Elements per contact radius; in contact radii: depth of the core, distance of the infinite elements.
-      real(wp), parameter :: fineness = 9.5_wp, depth = 1.1_wp, outer = 5.0_wp
-      !> Growth of the layers.
-      real(wp), parameter :: growth = 1.13_wp
+      !> Elements per contact radius, and depth of the core in contact radii.
+      real(wp), parameter :: fineness = 9.5_wp, depth = 1.1_wp
       real(wp) :: across, ratio
 
       across = fineness*refine

@@ -62,7 +62,8 @@ class Indentation:
     mesh: 'halfspace' (infinite elements outside) or 'paper' (block of 9.6 x 9.6 x 4.8 um, bottom clamped);
     radius_um: of the rigid sphere; element: 'c3d8', 'c3d8i' or '' for the default of the mesh; integration of c3d8:
     'selective' (Abaqus) or 'full' (CalculiX); refine: elements per contact radius relative to the default;
-    extrapolate: in mesh size, from a second, coarser mesh; depths: points of the curve, equally spaced in contact radius.
+    extrapolate: in mesh size, from a second, coarser mesh; depths: points of the curve, equally spaced in contact radius;
+    outer, growth: of the half-space, for studies: where the infinite elements begin, in contact radii, and growth of the layers.
     Raises `InputError` for what cannot be meant.
     """
 
@@ -73,12 +74,14 @@ class Indentation:
     refine: float = 1.0
     extrapolate: bool = False
     depths: int = 10
+    outer: float = 5.0
+    growth: float = 1.13
     _handle: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self):
         handle, counts, costs, status, message = native.indentation_new(
             self.mesh[:16].ljust(16), self.element[:16].ljust(16), self.integration[:16].ljust(16),
-            self.refine, self.extrapolate, self.radius_um, self.depths,
+            self.refine, self.extrapolate, self.radius_um, self.depths, self.outer, self.growth,
         )  # fmt: skip
         check(status, message)
         self._handle = int(handle)
