@@ -131,6 +131,19 @@ def physics_identity(problem) -> dict:
     return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
 
 
+def new_indentation(problem):
+    """The `Indentation` that &simulation asks for."""
+    from .indentation import Indentation
+
+    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
+    options = {name: setting(problem, "simulation", name) for name in names}
+    element = setting(problem, "simulation", "element")
+    try:
+        return Indentation(**options, **({"element": element} if element else {}))
+    except InputError as error:
+        raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
+
+
 def simulator_of(problem) -> Callable:
     """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
     kind = setting(problem, "simulation", "simulator")
@@ -145,15 +158,7 @@ def simulator_of(problem) -> Callable:
             )
 
         return missing
-    from .indentation import Indentation
-
-    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
-    options = {name: setting(problem, "simulation", name) for name in names}
-    element = setting(problem, "simulation", "element")
-    try:
-        indentation = Indentation(**options, **({"element": element} if element else {}))
-    except InputError as error:
-        raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
+    indentation = new_indentation(problem)
 
     def simulate(stiffness, euler_deg):
         result = indentation.run(stiffness, euler_deg)

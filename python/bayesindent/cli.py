@@ -155,6 +155,7 @@ def parser() -> argparse.ArgumentParser:
 
     command = add("report", "report.html from what a folder holds", report)
     command.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
+    command.add_argument("--figures", choices=("png", "pdf", "svg"), default="", help="every figure as a file in DIR/figures, too")
 
     command = add("bench", "benchmarks against peers, from a source tree", bench, "NAME is simulate, build or extract.", parents=())
     command.add_argument("name", metavar="NAME")
@@ -224,7 +225,7 @@ def report(arguments: argparse.Namespace) -> int:
     """Write the report of a folder."""
     from . import stages
 
-    return finish(arguments, stages.report(arguments.folder, arguments.output or arguments.folder))
+    return finish(arguments, stages.report(arguments.folder, arguments.output or arguments.folder, arguments.figures))
 
 
 def bench(arguments: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from mpl_toolkits import mplot3d
 
 __all__ = [
     "coefficients",
@@ -16,6 +17,7 @@ __all__ = [
     "learning_curve",
     "load_depth",
     "marginals",
+    "mesh_picture",
     "modulus_against_theory",
     "modulus_over_declination",
     "modulus_over_triangle",
@@ -56,6 +58,9 @@ STYLE = {
     "lines.linewidth": 1.4,
     "savefig.dpi": 160,
 }
+#: Nodes of a brick's faces, in Abaqus' order of nodes.
+BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
+
 #: Width of a figure in inches.
 WIDTH = 7.0
 
@@ -122,6 +127,50 @@ def modulus_against_theory(simulated, theory) -> Figure:
     right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)")
     room_about_zero(right, difference)
     return figure
+
+
+def mesh_picture(nodes, bricks, contact_nodes, contact_radius_um: float) -> Figure:
+    """The mesh with a quarter cut away, and its surface under the indenter with the nodes that may touch.
+
+    nodes (n, 3) in µm; bricks (e, 8), numbers of nodes from 0; contact_nodes from 0; contact radius at the last depth in µm.
+    """
+    centre = nodes[bricks].mean(axis=1)
+    kept = bricks[(centre[:, 0] < 0) | (centre[:, 1] > 0)]
+    figure = Figure(figsize=(WIDTH, 3.5))
+    left = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    polygons = nodes[outer_faces(kept)]
+    normal = np.cross(polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1])
+    shade = np.abs(normal @ [0.25, -0.45, 0.85]) / np.linalg.norm(normal, axis=1)
+    colours = np.repeat((0.55 + 0.45 * shade)[:, None], 3, axis=1)
+    left.add_collection3d(mplot3d.art3d.Poly3DCollection(polygons, facecolors=colours, edgecolors="#333333", linewidths=0.12))
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    left.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    left.set_box_aspect(high - low, zoom=1.12)
+    left.view_init(elev=28, azim=-50)
+    left.set_axis_off()
+    size = high - low
+    left.set_title(f"{size[0]:.3g} × {size[1]:.3g} × {size[2]:.3g} µm, {len(bricks)} bricks\na quarter is cut away")
+    right = figure.add_subplot(1, 2, 2)
+    faces = outer_faces(bricks)
+    surface = nodes[faces[np.all(np.abs(nodes[faces][:, :, 2]) < 1e-9, axis=1)]][:, :, :2]
+    right.add_collection(mpl.collections.PolyCollection(surface, facecolors="none", edgecolors="#777777", linewidths=0.4))
+    right.plot(*nodes[contact_nodes][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
+    circle = np.linspace(0, 2 * np.pi, 200)
+    right.plot(contact_radius_um * np.cos(circle), contact_radius_um * np.sin(circle), color=BLUE, label="contact at the last depth")
+    reach = 1.6 * max(contact_radius_um, np.abs(nodes[contact_nodes][:, :2]).max())
+    right.set(
+        xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x (µm)", ylabel="y (µm)", title="the surface under the indenter"
+    )
+    right.grid(False)
+    figure.legend(loc="outside lower right", ncols=2)
+    return figure
+
+
+def outer_faces(bricks) -> np.ndarray:
+    """Faces (f, 4) that belong to one brick only."""
+    faces = np.concatenate([bricks[:, face] for face in BRICK_FACES])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]
 
 
 def learning_curve(series: dict[str, tuple[Sequence, Sequence]], baselines: dict[str, float]) -> Figure:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray
 
 from . import figures
+from .build import new_indentation
 from .core import BayesindentError
 from .crystal import CONSTANTS
 from .surrogate import Surrogate
@@ -46,9 +47,12 @@ pre { background: #f5f6f8; padding: .8rem; overflow-x: auto; font-size: .85rem; 
 """
 
 
-def write_report(folder: Path, output: Path | None = None) -> Path:
-    """Write report.html into `output` (default: the folder itself) from the results in `folder`; return its path."""
-    results = Results(Path(folder))
+def write_report(folder: Path, output: Path | None = None, kind_of_files: str = "") -> Path:
+    """Write report.html into `output` (default: the folder itself) from the results in `folder`; return its path.
+
+    With `kind_of_files` ('png', 'pdf' or 'svg') every figure is also a file in `folder`/figures.
+    """
+    results = Results(Path(folder), kind_of_files)
     with figures.house_style():
         sections = [
             summary_section(results),
@@ -77,8 +81,8 @@ def write_report(folder: Path, output: Path | None = None) -> Path:
 class Results:
     """What the stages left in a folder; a stage that did not run is an empty document."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, folder: Path, kind_of_files: str = ""):
+        self.folder, self.kind_of_files = folder, kind_of_files
         resolved = folder / "resolved.nml"
         self.namelist = f90nml.read(resolved) if resolved.exists() else f90nml.Namelist()
         problem = self.namelist.get("problem", {})
@@ -94,10 +98,13 @@ class Results:
         file = self.folder / f"{name}.json"
         return json.loads(file.read_text()) if file.exists() else {}
 
-    def figure(self, drawing, alt: str, caption: str) -> str:
-        """A figure as HTML, with its words for those who cannot see it."""
+    def figure(self, name: str, drawing, alt: str, caption: str) -> str:
+        """A figure as HTML, with its words for those who cannot see it; kept as a file too if that is wanted."""
         if self.synthetic:
             figures.stamp_synthetic(drawing)
+        if self.kind_of_files:
+            (self.folder / "figures").mkdir(exist_ok=True)
+            drawing.savefig(self.folder / "figures" / f"{name}.{self.kind_of_files}")
         buffer = io.BytesIO()
         drawing.savefig(buffer, format="png")
         data = base64.b64encode(buffer.getvalue()).decode()
@@ -183,12 +190,14 @@ def simulation_section(results: Results) -> str:
     parts = [
         "<h2>Simulated indentations</h2>",
         results.figure(
+            "load_depth",
             figures.load_depth(rows, radius),
             f"Force against depth to the power 1.5 for {len(rows)} simulated indentations; the points lie on straight lines.",
             f"Force against depth to the power 1.5 under a rigid sphere of radius {radius:g} µm. The slope of the fit through the origin is "
             "4/3 M √R, with M the indentation modulus.",
         ),
     ]
+    parts.insert(1, mesh_figure(results, rows))
     if len(theory) == len(rows):
         simulated = [row["indentation_modulus_gpa"] for row in rows]
         angles = np.array([row["euler_deg"] for row in rows])
@@ -199,7 +208,7 @@ def simulation_section(results: Results) -> str:
         else:
             drawing = figures.modulus_against_theory(simulated, theory)
         words = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * largest:.2f} %."
-        parts.append(results.figure(drawing, words, words + " The simulations use nothing of the theory."))
+        parts.append(results.figure("theory", drawing, words, words + " The simulations use nothing of the theory."))
     header = [
         "φ₁, Φ, φ₂ (degrees)",
         "M (GPa)",
@@ -214,6 +223,25 @@ def simulation_section(results: Results) -> str:
         body.append([figures.orientation(row["euler_deg"]), number(modulus, 2), *compared, row["elements"], number(row["seconds"], 2)])
     parts.append(table("Indentation moduli" + (", the first 40" if len(body) > 40 else ""), header, body[:40]))
     return "\n".join(parts)
+
+
+def mesh_figure(results: Results, rows: list[dict]) -> str:
+    """A picture of the mesh that the simulations used."""
+    indentation = new_indentation(results.namelist)
+    nodes, bricks, _, contact = indentation.mesh_arrays()
+    contact_radius = float(np.sqrt(indentation.radius_um * rows[0]["depth_um"][-1]))
+    outside = (
+        f"; {indentation.infinite_elements} infinite elements outside stand for the rest of the half-space"
+        if indentation.infinite_elements
+        else ""
+    )
+    words = f"The mesh of {indentation.bricks} bricks{outside}"
+    return results.figure(
+        "mesh",
+        figures.mesh_picture(nodes, bricks, contact, contact_radius),
+        f"{words}, with a quarter cut away, and its surface under the indenter.",
+        f"{words}. On the right its surface under the indenter, with the circle of contact of an isotropic solid at the last depth.",
+    )
 
 
 def surrogate_section(results: Results) -> str:
@@ -246,12 +274,14 @@ def surrogate_section(results: Results) -> str:
         last = number(history[-1]["leave_crystal_out_gpa"], 2)
         parts += [
             results.figure(
+                "learning_curve",
                 figures.learning_curve(series, {label: value for label, value in lines.items() if value}),
                 f"Error against the number of simulations; the error of a crystal left out ends at {last} GPa.",
                 "Mean absolute error against the number of simulations: of crystals left out of the fit, and of the next points, which the "
                 "variance chooses as the hardest. Beside them, what the half-space theory does without a surrogate.",
             ),
             results.figure(
+                "coefficients",
                 figures.coefficients(count, [entry["norm"] for entry in history], [entry["angle_deg"] for entry in history]),
                 "Norm of the coefficient vector, and the angle between updates, against the number of simulations.",
                 "The vector of coefficients settles: its norm, and the angle through which each update turns it.",
@@ -263,6 +293,7 @@ def surrogate_section(results: Results) -> str:
         predicted, sd = surrogate.predict(surrogate.data["constants"], surrogate.data["euler_deg"])
         parts.append(
             results.figure(
+                "parity",
                 figures.parity(simulated, predicted, sd),
                 "Predicted against simulated moduli: the points lie on the diagonal.",
                 "The surrogate on the simulations that taught it, with one sd. The bands on the right are 1 and 2 sd.",
@@ -285,18 +316,21 @@ def posterior_section(results: Results) -> str:
     parts = [
         "<h2>Step 2: the elastic constants</h2>",
         results.figure(
+            "marginals",
             figures.marginals(samples, {name: item["map"] for name, item in parameters.items()}, bounds),
             f"Histograms of the posterior of each constant, in GPa: {words}.",
             "What the measurements say of each constant by itself; above each, mean ± sd. A thick line is a bound of the prior: where the "
             "histogram ends at one, the bound decided.",
         ),
         results.figure(
+            "pairs",
             figures.pairs(samples),
             "Points of the posterior for each pair of constants, with their correlations.",
             "Pairs of constants. Long thin clouds are ridges: combinations along which the measurements cannot tell crystals apart. The "
             "numbers are correlations.",
         ),
         results.figure(
+            "grain_comparison",
             figures.grain_comparison(document["predicted"], kind),
             "Measured modulus of each grain beside the prediction of the posterior.",
             f"The {kind} of each grain, measured and as the posterior predicts it, in order of the prediction.",
@@ -305,6 +339,7 @@ def posterior_section(results: Results) -> str:
     parts.append(orientation_figure(results, samples, document, kind))
     parts.append(
         results.figure(
+            "traces",
             figures.traces(samples),
             "The sampled values of each chain in order.",
             "The chains. Healthy ones overlap and show no trend.",
@@ -342,7 +377,7 @@ def orientation_figure(results: Results, samples: dict, document: dict, kind: st
         drawing = figures.curve_over_declination(predict, angles, measured, errors, kind)
         words = "Posterior of the modulus over the declination of the c axis, with the measured grains"
         caption = f"{words}."
-    return results.figure(drawing, f"{words}.", caption)
+    return results.figure("orientations", drawing, f"{words}.", caption)
 
 
 def identifiability_section(results: Results) -> str:
@@ -370,6 +405,7 @@ def identifiability_section(results: Results) -> str:
             "prior's variance that the data removed: where it is near 1 the data decided, where it is near 0 the result repeats the prior, "
             "however narrow its sd may look.</p>",
             results.figure(
+                "contraction",
                 figures.contraction(labels, shares, len(combinations)),
                 f"Contraction of {len(combinations)} combinations of the constants, from {combinations[0]['contraction']:.3f} to "
                 f"{hidden['contraction']:.3f}, and of {len(quantities)} quantities of the crystal.",
@@ -421,6 +457,7 @@ def next_section(results: Results) -> str:
         [
             "<h2>Which grain to measure next</h2>",
             results.figure(
+                "next_grains",
                 figures.next_grains(suggestions, cubic, measured, results.next.get("candidates", [])),
                 f"The {len(suggestions)} orientations that one more measurement would teach most at.",
                 "Orientations that are expected to teach most, ranked"

@@ -124,13 +124,13 @@ def perform(command: str, problem: Problem, output: Path, progress: Progress) ->
     return document
 
 
-def report(folder: Path, output: Path) -> dict:
+def report(folder: Path, output: Path, kind_of_files: str = "") -> dict:
     """The report of what a folder holds."""
     from .report import write_report
 
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder of results")
-    return {"file": str(write_report(folder, output)), "warnings": []}
+    return {"file": str(write_report(folder, output, kind_of_files)), "warnings": []}
 
 
 def predict(surrogate: str, table: Path, output: Path) -> dict:

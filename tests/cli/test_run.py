@@ -56,7 +56,7 @@ def test_whole_path(finished, bayesindent):
     assert list(document) == ["build", "extract", "next", "report", "warnings"]
     assert document["build"]["new_simulations"] == document["build"]["simulations"] == 10
     assert set(document["extract"]["parameters"]) == {"C11", "C12", "C44"}
-    # Issue-wide promise of the quickstart, met by a reduced one too: 1.5 GPa in the mean, 25 % in the sd of every grain.
+    # What the quickstart promises, and a reduced one meets too: 1.5 GPa in the mean, 25 % in the sd of every grain.
     reference = json.loads((REFERENCE / "cubic_fe3si.json").read_text())
     for item, mean, sd in zip(document["extract"]["predicted"], reference["predicted_mean"], reference["predicted_sd"], strict=True):
         assert item["mean"] == pytest.approx(mean, abs=1.5)
