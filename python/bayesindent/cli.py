@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 import textwrap
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -82,6 +83,8 @@ NAMELIST_COMMANDS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (default: the process's own); return its exit status."""
     arguments = parser().parse_args(argv)
+    # ArviZ announces its next version at every import.
+    warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     try:
         return arguments.action(arguments)
     except KeyboardInterrupt:
