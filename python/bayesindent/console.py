@@ -77,13 +77,15 @@ def show_report(document: dict) -> None:
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table, numbers to the right; as wide as it needs where standard output is no terminal."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    """A table under its title, numbers to the right; as wide as it needs where standard output is no terminal."""
+    table = Table(box=None, pad_edge=False)
     for number, name in enumerate(header):
         table.add_column(name, justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    Console(width=None if sys.stdout.isatty() else 160, highlight=False).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console.print(f"{title}:")
+    console.print(table)
 
 
 WORDS: dict[str, Callable[[dict], None]] = {

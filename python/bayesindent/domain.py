@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import qmc
 
 from .core import InputError, check, native
 from .crystal import CONSTANTS, SYMMETRIES, anisotropy_index
@@ -52,6 +51,8 @@ class Domain:
 
     def latin(self, n: int, seed: int, n_angles: int = 0) -> np.ndarray:
         """The first n admissible points (n, k + n_angles) of a Latin hypercube; the last columns are in [0, 1)."""
+        from scipy.stats import qmc
+
         k = len(self.c_min)
         size = n
         for _ in range(40):

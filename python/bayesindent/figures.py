@@ -145,7 +145,7 @@ def mesh_picture(nodes, bricks, contact_nodes, contact_radius_um: float) -> Figu
     left.add_collection3d(mplot3d.art3d.Poly3DCollection(polygons, facecolors=colours, edgecolors="#333333", linewidths=0.12))
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     left.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    left.set_box_aspect(high - low, zoom=1.12)
+    left.set_box_aspect(high - low, zoom=0.98)
     left.view_init(elev=28, azim=-50)
     left.set_axis_off()
     size = high - low

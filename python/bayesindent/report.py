@@ -228,7 +228,7 @@ def simulation_section(results: Results) -> str:
 def mesh_figure(results: Results, rows: list[dict]) -> str:
     """A picture of the mesh that the simulations used."""
     indentation = new_indentation(results.namelist)
-    nodes, bricks, _, contact = indentation.mesh_arrays()
+    mesh = indentation.mesh_arrays()
     contact_radius = float(np.sqrt(indentation.radius_um * rows[0]["depth_um"][-1]))
     outside = (
         f"; {indentation.infinite_elements} infinite elements outside stand for the rest of the half-space"
@@ -238,7 +238,7 @@ def mesh_figure(results: Results, rows: list[dict]) -> str:
     words = f"The mesh of {indentation.bricks} bricks{outside}"
     return results.figure(
         "mesh",
-        figures.mesh_picture(nodes, bricks, contact, contact_radius),
+        figures.mesh_picture(mesh.x, mesh.brick, mesh.contact, contact_radius),
         f"{words}, with a quarter cut away, and its surface under the indenter.",
         f"{words}. On the right its surface under the indenter, with the circle of contact of an isotropic solid at the last depth.",
     )

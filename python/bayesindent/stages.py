@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .build import physics_identity, simulator_of
+from .build import new_indentation, physics_identity, simulator_of
 from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import halfspace_modulus
@@ -43,6 +43,7 @@ def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
     moduli = [np.nan if row.modulus_gpa is None else row.modulus_gpa for row in rows]
     write_moduli(output / "moduli.csv", problem, points, moduli)
     write_curves(output / "curves.csv", rows)
+    write_fields(problem, [i for i, row in enumerate(rows) if row.status == "done"], output, progress)
     results = [
         identified(points, i)
         | {"indentation_modulus_gpa": row.modulus_gpa, "elements": row.elements, "seconds": row.seconds}
@@ -182,6 +183,27 @@ def write_curves(file: Path, rows: list) -> None:
             for depth, force in zip(row.depth_um or [], row.force_mn or [])
         ],
     )
+
+
+def write_fields(problem: Problem, chosen: list[int], output: Path, progress: Progress) -> None:
+    """Of the chosen crystals the files that &simulation asks for, one a crystal by its row from 1: fields for ParaView (vtu), a deck (inp).
+
+    A file that is there is written again: it costs one solution, and the crystal of its row may have changed.
+    """
+    settings, points = problem["simulation"], problem.crystals
+    if settings["simulator"] != "fe" or not (settings["vtu"] or settings["inp"]):
+        return
+    simulator = new_indentation(problem)
+    with progress.bar("fields and decks", len(chosen)) as advance:
+        for i in chosen:
+            stiffness, euler_deg = points.stiffness[i], points.euler_deg[i]
+            stem = output / f"crystal_{i + 1:04d}"
+            if settings["vtu"]:
+                simulator.write_vtu(stem.with_suffix(".vtu"), stiffness, euler_deg)
+            if settings["inp"]:
+                title = f"{problem.title or 'spherical indentation'}, crystal {i + 1}"
+                stem.with_suffix(".inp").write_text(simulator.deck(stiffness, euler_deg, title))
+            advance(1)
 
 
 def joined(points: Points, columns: dict) -> tuple[list[str], list[list]]:

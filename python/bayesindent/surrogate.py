@@ -7,7 +7,6 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from .core import InputError, check, native
 from .crystal import CONSTANTS, SYMMETRIES, stiffness
@@ -252,6 +251,8 @@ class Surrogate:
     @classmethod
     def load(cls, name) -> "Surrogate":
         """A surrogate that comes with the package ('cubic', 'hexagonal'), or the file `name` that `save` wrote."""
+        import xarray as xr
+
         path = Path(name)
         if str(name) in SHIPPED and not path.exists():
             path = Path(str(resources.files(__package__) / "data" / f"{name}.nc"))
@@ -290,6 +291,8 @@ class Surrogate:
 
     def save(self, path) -> None:
         """Write surrogate.nc: coefficients, covariance (lower triangle, row by row), ranges, provenance, simulations."""
+        import xarray as xr
+
         b = self.basis
         variables = {
             "coefficients": ("term", self.coefficients, {"long_name": "posterior mean of A, harmonics fastest"}),

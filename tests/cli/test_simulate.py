@@ -3,6 +3,8 @@
 import csv
 import json
 
+import meshio
+import numpy as np
 import pytest
 
 from conftest import SOURCE
@@ -72,3 +74,19 @@ def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
     (line,) = done.stderr.splitlines()
     assert line.startswith("coarse.nml: &simulation: ")
     assert "at least 5" in line
+
+
+def test_fields_and_decks(bayesindent, tmp_path):
+    (tmp_path / "files.nml").write_text(
+        f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{SOURCE}/inputs/data/isotropic.csv'\n/\n"
+        "&simulation\n refine = 0.6\n vtu = .true.\n inp = .true.\n/\n"
+    )
+    done = bayesindent("simulate", "files.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    output = tmp_path / "runs" / "files"
+    mesh = meshio.read(output / "crystal_0001.vtu")
+    depth = json.loads(done.stdout)["results"][0]["depth_um"][-1]
+    # The surface under the tip of the sphere goes down with it.
+    tip = np.argmin(np.linalg.norm(mesh.points, axis=1))
+    assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-9)
+    assert (output / "crystal_0001.inp").read_text().startswith("*HEADING\n")
