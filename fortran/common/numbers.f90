@@ -96,15 +96,16 @@ contains
       string = string(n + 1:)
    end subroutine skip_digits
 
-   !> As few digits as bring the number back, 17 at most.
+   !> Few digits that bring the number back, 17 at most.
    pure function number_text(number) result(string)
       real(wp), intent(in) :: number
       character(len=:), allocatable :: string
       real(wp) :: again
-      integer :: digits, outcome
+      integer, parameter :: digits(4) = [6, 15, 16, 17]
+      integer :: i, outcome
 
-      do digits = 6, 17
-         string = to_text(number, digits)
+      do i = 1, size(digits)
+         string = to_text(number, digits(i))
          call read_real(string, again, outcome)
          if (outcome == number_ok .and. .not. abs(again - number) > 0.0_wp) return
       end do

@@ -9,7 +9,6 @@ module batch_sample
    use files, only: file_exists, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: place
-   use numbers, only: number_text
    use problem, only: problem_type
    use samplers, only: chains_type, method_from_name, sample_chains, sampler_type
    use surrogate_model, only: load_surrogate, surrogate_type
@@ -201,7 +200,7 @@ contains
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
       !> No number takes more characters.
-      integer, parameter :: widest = 26
+      integer, parameter :: widest = 26, all_digits = 17
       character(len=:), allocatable :: page
       integer :: n, k, i, j, chain, filled
 
@@ -214,9 +213,9 @@ contains
          do i = 1, size(chains%draws, 2)
             call put(to_text(chain)//','//to_text(i)//',')
             do j = 1, n
-               call put(number_text(written(chains%draws(j, i, chain), j > k))//',')
+               call put(to_text(written(chains%draws(j, i, chain), j > k), all_digits)//',')
             end do
-            call put(number_text(chains%log_density(i, chain))//newline)
+            call put(to_text(chains%log_density(i, chain), all_digits)//newline)
          end do
       end do
       call replace_file(path, page(:filled), error)

@@ -1,6 +1,7 @@
 !> What the batch program does: indent the crystals, fit the surrogate. Each stage reads what the one before it wrote.
 module batch_stages
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use, intrinsic :: iso_fortran_env, only: error_unit
    use errors, only: error_type, exit_bad_input, raise
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_options_type, &
       & indentation_result_type, new_indentation_model, numerics_revision, simulate_indentation
@@ -31,6 +32,8 @@ module batch_stages
       integer :: status = waiting
       real(wp) :: modulus = 0.0_wp, seconds = 0.0_wp
       integer :: elements = 0
+      !> The curve, numbers separated by blanks: um, mN.
+      character(len=:), allocatable :: depths, forces
       character(len=:), allocatable :: message
    end type outcome_type
 
@@ -95,6 +98,8 @@ contains
          if (now - last_saved > interval*rate .and. .not. allocated(error)) then
             call save_outcomes(self, path, physics, outcomes, error)
             call system_clock(last_saved)
+            write (error_unit, '(4a)') 'simulate: ', to_text(count(outcomes%status /= waiting)), ' of ', &
+               & to_text(self%crystals%n)
          end if
          !$omp end critical (batch_outcomes)
       end subroutine simulate_one
@@ -112,6 +117,10 @@ contains
       outcome%modulus = result%modulus
       outcome%elements = result%elements
       outcome%seconds = result%seconds
+      if (.not. allocated(error)) then
+         outcome%depths = number_list(result%depth)
+         outcome%forces = number_list(result%force)
+      end if
       call conclude(outcome, error)
    end subroutine indent
 
@@ -131,6 +140,19 @@ contains
       call conclude(outcome, error)
    end subroutine evaluate
 
+   !> Numbers to the last bit, separated by blanks.
+   function number_list(numbers) result(list)
+      real(wp), intent(in) :: numbers(:)
+      character(len=:), allocatable :: list
+      integer :: i
+
+      list = ''
+      do i = 1, size(numbers)
+         if (i > 1) list = list//' '
+         list = list//number_text(numbers(i))
+      end do
+   end function number_list
+
    !> A simulation that fails is a recorded outcome.
    subroutine conclude(outcome, error)
       type(outcome_type), intent(inout) :: outcome
@@ -138,6 +160,8 @@ contains
 
       outcome%message = ''
       outcome%status = done
+      if (.not. allocated(outcome%depths)) outcome%depths = ''
+      if (.not. allocated(outcome%forces)) outcome%forces = ''
       if (.not. allocated(error)) return
       outcome%message = error%message
       outcome%status = failed
@@ -192,45 +216,25 @@ contains
       type(outcome_type), intent(inout) :: outcomes(:)
       type(error_type), allocatable, intent(out) :: error
       type(points_type) :: old
-      character(len=:), allocatable :: content, header, status
-      integer :: status_column, message_column, elements_column, seconds_column, i, j
-      real(wp) :: number
+      character(len=:), allocatable :: content
+      integer :: i, j
 
       call read_text_file(path, content, error)
       if (allocated(error)) then
          error%message = path//': '//error%message
          return
       end if
-      header = '# physics: '//physics//newline
-      if (index(content, header) /= 1) then
+      if (index(content, '# physics: '//physics//newline) /= 1) then
          call raise(error, path//': holds results of another physics than '//physics//'; choose another --output, or move ' &
             & //'the file away', exit_bad_input)
          return
       end if
       call read_crystals(path, path//': ', self%symmetry, old, error)
       if (allocated(error)) return
-      status_column = old%table%find('status')
-      message_column = old%table%find('message')
-      elements_column = old%table%find('elements')
-      seconds_column = old%table%find('seconds')
       do i = 1, self%crystals%n
          do j = 1, old%n
-            if (.not. same_point(self%crystals, i, old, j)) cycle
-            status = 'done'
-            if (status_column > 0) status = old%table%cell(status_column, j)
-            outcomes(i)%message = ''
-            if (message_column > 0) outcomes(i)%message = old%table%cell(message_column, j)
-            outcomes(i)%status = merge(failed, done, status == 'failed')
-            if (outcomes(i)%status == done) then
-               outcomes(i)%modulus = old%modulus_gpa(j)
-               if (elements_column > 0) then
-                  call old%table%number(elements_column, j, number, error)
-                  if (allocated(error)) exit
-                  outcomes(i)%elements = nint(number)
-               end if
-               if (seconds_column > 0) call old%table%number(seconds_column, j, outcomes(i)%seconds, error)
-            end if
-            exit
+            if (same_point(self%crystals, i, old, j)) call take(old, j, outcomes(i), error)
+            if (outcomes(i)%status /= waiting .or. allocated(error)) exit
          end do
          if (allocated(error)) then
             error%message = path//': '//error%message
@@ -238,6 +242,43 @@ contains
          end if
       end do
    end subroutine recall
+
+   !> The outcome in a row of an earlier table; one without modulus waits unless it says that it failed.
+   subroutine take(old, row, outcome, error)
+      type(points_type), intent(in) :: old
+      integer, intent(in) :: row
+      type(outcome_type), intent(inout) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: number
+
+      outcome%message = cell('message')
+      outcome%depths = cell('depth_um')
+      outcome%forces = cell('force_mn')
+      if (cell('status') == 'failed') then
+         outcome%status = failed
+      else if (ieee_is_finite(old%modulus_gpa(row))) then
+         outcome%status = done
+         outcome%modulus = old%modulus_gpa(row)
+         if (len(cell('elements')) > 0) then
+            call old%table%number(old%table%find('elements'), row, number, error)
+            if (allocated(error)) return
+            outcome%elements = nint(number)
+         end if
+         if (len(cell('seconds')) > 0) call old%table%number(old%table%find('seconds'), row, outcome%seconds, error)
+      end if
+
+   contains
+
+      function cell(name)
+         character(len=*), intent(in) :: name
+         character(len=:), allocatable :: cell
+         integer :: column
+
+         cell = ''
+         column = old%table%find(name)
+         if (column > 0) cell = old%table%cell(column, row)
+      end function cell
+   end subroutine take
 
    !> The same crystal in the same orientation, to the last bit.
    pure logical function same_point(a, i, b, j)
@@ -254,8 +295,8 @@ contains
       character(len=*), intent(in) :: path, physics
       type(outcome_type), intent(in) :: outcomes(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: names(5) = [character(len=23) :: 'indentation_modulus_gpa', 'elements', 'seconds', &
-         & 'status', 'message']
+      character(len=*), parameter :: names(7) = [character(len=23) :: 'indentation_modulus_gpa', 'elements', 'seconds', &
+         & 'depth_um', 'force_mn', 'status', 'message']
       logical :: kept(self%crystals%table%columns)
       character(len=:), allocatable :: page, row
       integer :: i, j
@@ -280,9 +321,9 @@ contains
                row = row(:len(row) - 1)
             else if (outcomes(i)%status == done) then
                row = row//number_text(outcomes(i)%modulus)//','//to_text(outcomes(i)%elements)//',' &
-                  & //to_text(outcomes(i)%seconds, 4)//',done,'
+                  & //to_text(outcomes(i)%seconds, 4)//','//outcomes(i)%depths//','//outcomes(i)%forces//',done,'
             else
-               row = row//',,,failed,'//csv_cell(outcomes(i)%message)
+               row = row//',,,,,failed,'//csv_cell(outcomes(i)%message)
             end if
             page = page//row//newline
          end do

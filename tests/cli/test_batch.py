@@ -107,6 +107,8 @@ def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
     again = table(tmp_path / "again" / "simulations.csv")
     assert [row["note"] for row in again] == ["a, b"] * len(simulations)
     assert [row["indentation_modulus_gpa"] for row in again] == [row["indentation_modulus_gpa"] for row in simulations]
+    assert all(len(row["force_mn"].split()) == len(row["depth_um"].split()) for row in again)
+    assert all(bool(row["force_mn"]) == (int(row["elements"]) > 0) for row in again)
     # The same simulations give the same surrogate.
     one, other = Surrogate.load(built / "surrogate.nc"), Surrogate.read_text(tmp_path / "again" / "surrogate.nml")
     assert other.coefficients == pytest.approx(one.coefficients, abs=1e-10)

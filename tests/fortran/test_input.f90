@@ -4,7 +4,8 @@ program test_input
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, parse_namelist
    use namelist_schema, only: kind_integer, kind_real, new_schema, schema_type
-   use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
+   use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
+   use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
    use testing, only: check, check_refused, check_success, finish
    implicit none
@@ -41,7 +42,30 @@ contains
       call check_integer('2147483648', 0, number_not_finite)
       call check_integer('1.0', 0, number_malformed)
       call check_integer('+', 0, number_malformed)
+      call test_round_trip()
    end subroutine test_numbers
+
+   !> Text and back, to the last bit, over all magnitudes.
+   subroutine test_round_trip()
+      type(random_stream_type) :: stream
+      real(wp) :: value, again, u
+      integer :: i, outcome
+      logical :: same
+
+      stream = new_random_stream(1, 1)
+      same = .true.
+      do i = 1, 2000
+         call stream%normal(value)
+         call stream%uniform(u)
+         value = value*10.0_wp**(600.0_wp*u - 300.0_wp)
+         if (mod(i, 2) == 0) value = value*10.0_wp**(-600.0_wp*u + 300.0_wp)
+         call read_real(number_text(value), again, outcome)
+         same = same .and. outcome == number_ok .and. .not. abs(again - value) > 0.0_wp
+      end do
+      call check('2000 numbers as text and back', same)
+      call check('few digits where few do', number_text(0.1_wp) == '0.1' .and. number_text(16.0_wp) == '16.0' &
+         & .and. number_text(225.125_wp) == '225.125')
+   end subroutine test_round_trip
 
    subroutine check_real(string, expected, expected_outcome)
       character(len=*), intent(in) :: string
