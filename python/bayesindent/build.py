@@ -131,7 +131,6 @@ def physics_identity(problem) -> dict:
     return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
 
 
-<<<<<<< HEAD
 def new_indentation(problem):
     """The `Indentation` that &simulation asks for."""
     from .indentation import Indentation
@@ -141,15 +140,6 @@ def new_indentation(problem):
     element = setting(problem, "simulation", "element")
     try:
         return Indentation(**options, **({"element": element} if element else {}))
-=======
-def indentation_of(problem):
-    """The finite element model that &simulation describes."""
-    from .indentation import Indentation
-
-    names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    try:
-        return Indentation(**{name: setting(problem, "simulation", name) for name in names})
->>>>>>> 037e8bc (simulate writes fields for ParaView and decks)
     except InputError as error:
         raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
 
@@ -168,11 +158,7 @@ def simulator_of(problem) -> Callable:
             )
 
         return missing
-<<<<<<< HEAD
     indentation = new_indentation(problem)
-=======
-    indentation = indentation_of(problem)
->>>>>>> 037e8bc (simulate writes fields for ParaView and decks)
 
     def simulate(stiffness, euler_deg):
         result = indentation.run(stiffness, euler_deg)

@@ -11,11 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-<<<<<<< HEAD
 from .build import new_indentation, physics_identity, simulator_of
-=======
-from .build import indentation_of, physics_identity, simulator_of
->>>>>>> 037e8bc (simulate writes fields for ParaView and decks)
 from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import halfspace_modulus
@@ -35,7 +31,6 @@ Stage = Callable[[Problem, Path, Progress], dict]
 def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
     """Finite element indentation of the crystals: moduli.csv, curves.csv, and the document of `simulate`.
 
-    With vtu or inp also crystal_001.vtu or .inp and so on: the fields at the last depth, or the same problem as a deck.
     Every simulation is a row of campaign.sqlite as soon as it is done; those that are there are not repeated.
     """
     points = problem.crystals
@@ -48,11 +43,7 @@ def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
     moduli = [np.nan if row.modulus_gpa is None else row.modulus_gpa for row in rows]
     write_moduli(output / "moduli.csv", problem, points, moduli)
     write_curves(output / "curves.csv", rows)
-<<<<<<< HEAD
     write_fields(problem, [i for i, row in enumerate(rows) if row.status == "done"], output, progress)
-=======
-    write_fields(output, problem, points, [row.modulus_gpa is not None for row in rows], progress)
->>>>>>> 037e8bc (simulate writes fields for ParaView and decks)
     results = [
         identified(points, i)
         | {"indentation_modulus_gpa": row.modulus_gpa, "elements": row.elements, "seconds": row.seconds}
@@ -61,23 +52,6 @@ def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
     ]
     failures = [f"crystal {i + 1} could not be simulated: {row.message}" for i, row in enumerate(rows) if row.modulus_gpa is None]
     return {"results": results, "new_simulations": len(todo), "failed": len(failures), "warnings": failures}
-
-
-def write_fields(output: Path, problem: Problem, points: Points, done: list[bool], progress: Progress) -> None:
-    """Write crystal_001.vtu and crystal_001.inp, and so on, of the crystals that could be simulated, where vtu and inp ask for them."""
-    vtu, inp = problem["simulation"]["vtu"], problem["simulation"]["inp"]
-    if not (vtu or inp) or problem["simulation"]["simulator"] != "fe":
-        return
-    indentation = indentation_of(problem)
-    with progress.bar("fields and decks", sum(done)) as advance:
-        for i in np.flatnonzero(done):
-            crystal = points.stiffness[i], points.euler_deg[i]
-            if vtu:
-                indentation.write_vtu(output / f"crystal_{i + 1:03d}.vtu", *crystal)
-            if inp:
-                title = f"crystal {i + 1}, Bunge angles {', '.join(f'{angle:g}' for angle in points.euler_deg[i])} degrees"
-                (output / f"crystal_{i + 1:03d}.inp").write_text(indentation.deck(*crystal, title=title))
-            advance(1)
 
 
 def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress: Progress) -> None:

@@ -77,7 +77,6 @@ def test_a_mesh_that_cannot_be_meant_is_refused(bayesindent, tmp_path):
 
 
 def test_fields_and_decks(bayesindent, tmp_path):
-<<<<<<< HEAD
     (tmp_path / "files.nml").write_text(
         f"&problem\n symmetry = 'cubic'\n/\n&crystals\n points = '{SOURCE}/inputs/data/isotropic.csv'\n/\n"
         "&simulation\n refine = 0.6\n vtu = .true.\n inp = .true.\n/\n"
@@ -91,15 +90,3 @@ def test_fields_and_decks(bayesindent, tmp_path):
     tip = np.argmin(np.linalg.norm(mesh.points, axis=1))
     assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-9)
     assert (output / "crystal_0001.inp").read_text().startswith("*HEADING\n")
-=======
-    (tmp_path / "points.csv").write_text(f"C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n{','.join(map(str, ZINC))},0,30,0\n")
-    (tmp_path / "block.nml").write_text(
-        "&problem\n symmetry = 'hexagonal'\n/\n&crystals\n points = 'points.csv'\n/\n"
-        "&simulation\n mesh = 'paper'\n refine = 0.65\n vtu = .true.\n inp = .true.\n/\n"
-    )
-    done = bayesindent("simulate", "block.nml")
-    assert done.returncode == 0, done.stderr
-    output = tmp_path / "runs" / "block"
-    assert "*ELASTIC, TYPE=ANISO" in (output / "crystal_001.inp").read_text()
-    assert "displacement_um" in (output / "crystal_001.vtu").read_text(errors="replace")
->>>>>>> 037e8bc (simulate writes fields for ParaView and decks)
