@@ -68,3 +68,34 @@ subroutine coefficient_prior(symmetry, coordinates, truncation, degree, bandlimi
    weights = prior_weights(basis, prior)
    if (allocated(coefficients)) mean = coefficients
 end subroutine coefficient_prior
+
+!> The factor on every sd with which it covers what truncation alone leaves out (see `truncation_factor`): `mean` are the
+!> coefficients of the theory, `covariance` and `beta` the posterior's.
+subroutine coefficient_misfit(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, c_min, c_max, &
+   & anisotropy_cap, n, mean, covariance, beta, factor, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use errors, only: error_type
+   use surrogate_basis, only: basis_type, new_basis
+   use surrogate_fit, only: domain_type, truncation_factor
+   implicit none
+   !f2py threadsafe
+   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, m, k, n
+   real(c_double), intent(in) :: lower(m), upper(m), c_min(k), c_max(k), anisotropy_cap, mean(n), covariance(n, n), beta
+   real(c_double), intent(out) :: factor
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(basis_type) :: basis
+   type(error_type), allocatable :: error
+
+   status = 0
+   message = ''
+   factor = 0
+   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
+   if (.not. allocated(error)) then
+      call truncation_factor(basis, domain_type(symmetry, c_min, c_max, anisotropy_cap), mean, covariance, beta, factor, error)
+   end if
+   if (allocated(error)) then
+      status = error%status
+      message = error%message
+   end if
+end subroutine coefficient_misfit

@@ -7,6 +7,7 @@ module surrogate_fit
       & new_regression, regression_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: pi, wp
+   use linear_algebra, only: multiply
    use surrogate_basis, only: basis_type, coordinate_count, coordinates_box, coordinates_dimensionless, evaluate_terms, &
       & new_basis, raw_coordinates
    use surrogate_model, only: surrogate_type
@@ -14,7 +15,7 @@ module surrogate_fit
    implicit none
    private
    public :: domain_type, fit_options_type, fit_surrogate, coordinate_ranges, prior_weights, theory_coefficients, spread_crystals
-   public :: least_noise_of, number_crystals, learn_inflation
+   public :: least_noise_of, number_crystals, learn_inflation, truncation_factor
    public :: prior_zero, prior_theory, prior_from_name
 
    integer, parameter :: prior_zero = 1, prior_theory = 2
@@ -42,6 +43,9 @@ module surrogate_fit
    real(wp), parameter :: least_noise_box = 0.05_wp, least_noise_dimensionless = 5.0e-4_wp
    !> Fewest points from which a factor on the sds is learnt, and its range.
    integer, parameter :: few = 8
+   !> Evaluations of the theory against which the sds must hold, and the share of them that z = `normal_90` must cover.
+   integer, parameter :: misfit_points = 2000
+   real(wp), parameter :: covered = 0.9_wp, normal_90 = 1.6448536269514722_wp
    real(wp), parameter :: inflation_least = 0.5_wp, inflation_most = 3.0_wp
 
 contains
@@ -250,6 +254,48 @@ contains
       factor = min(inflation_most, max(inflation_least, sqrt(sum((residual/sd)**2)/size(sd))))
    end function learn_inflation
 
+   !> The factor on every sd with which it covers what truncation alone leaves out: the difference between the half-space theory
+   !> and its own fit `mean`, at random crystals. Simulations chosen where the variance is large say little of it.
+   subroutine truncation_factor(basis, domain, mean, covariance, beta, factor, error)
+      type(basis_type), intent(in) :: basis
+      type(domain_type), intent(in) :: domain
+      !> Coefficients of the theory; posterior covariance and precision of the noise, in units of y.
+      real(wp), intent(in) :: mean(:), covariance(:, :), beta
+      real(wp), intent(out) :: factor
+      type(error_type), allocatable, intent(out) :: error
+      type(halfspace_type) :: theory
+      real(wp), allocatable :: constants(:, :), euler(:, :), terms(:, :), product(:, :)
+      real(wp) :: z(misfit_points), y, low, high
+      integer :: i, step
+
+      factor = 0.0_wp
+      call spread_crystals(domain, misfit_points, constants, euler, error)
+      if (allocated(error)) return
+      allocate (terms(basis%n_terms, misfit_points), product(basis%n_terms, misfit_points))
+      do i = 1, misfit_points
+         call halfspace_modulus(new_stiffness(domain%symmetry, constants(:, i)), euler(:, i), theory, error)
+         if (allocated(error)) return
+         call observe(basis, constants(:, i), euler(:, i), theory%modulus, terms(:, i), y)
+         z(i) = abs(y - dot_product(terms(:, i), mean))
+      end do
+      call multiply(covariance, terms, product)
+      do i = 1, misfit_points
+         z(i) = z(i)/sqrt(max(0.0_wp, dot_product(terms(:, i), product(:, i))) + 1.0_wp/beta)
+      end do
+      ! The quantile by bisection.
+      low = 0.0_wp
+      high = maxval(z)
+      do step = 1, 60
+         factor = 0.5_wp*(low + high)
+         if (count(z <= factor) < covered*misfit_points) then
+            low = factor
+         else
+            high = factor
+         end if
+      end do
+      factor = high/normal_90
+   end subroutine truncation_factor
+
    !> Fit a surrogate to simulated moduli by evidence maximisation.
    subroutine fit_surrogate(domain, options, constants, euler, modulus, surrogate, error)
       type(domain_type), intent(in) :: domain
@@ -260,6 +306,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(regression_type) :: regression
       real(wp), allocatable :: lower(:), upper(:), mean(:), terms(:, :), y(:), residual(:), sd(:)
+      real(wp) :: factor
       integer :: n, i
 
       n = size(modulus)
@@ -298,6 +345,9 @@ contains
          surrogate%coefficients = reshape(coefficient_mean(regression), [basis%n_harmonics, basis%n_polynomials])
          allocate (surrogate%covariance(basis%n_terms, basis%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)
+         if (options%prior /= prior_theory) return
+         call truncation_factor(basis, domain, mean, surrogate%covariance, surrogate%beta, factor, error)
+         surrogate%sd_inflation = max(surrogate%sd_inflation, factor)
       end associate
    end subroutine fit_surrogate
 end module surrogate_fit

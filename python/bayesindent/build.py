@@ -19,7 +19,7 @@ from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import CONSTANTS, anisotropy_index, halfspace_modulus
 from .domain import DEFAULT_BOUNDS, Domain, directions
-from .surrogate import SHIPPED, Basis, Surrogate, new_design, raw_coordinates, stiffness_rows
+from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor, stiffness_rows
 
 __all__ = ["ask", "build", "tell"]
 
@@ -65,9 +65,6 @@ DEFAULTS = {
     "execution": {"workers": 0},
 }
 
-#: Points of an informative prior before alpha and beta are first learnt from the data.
-FEW = 8
-
 #: alpha and beta until then, by prior and coordinates: sd of a coefficient of weight 1 and of the noise, in units of y.
 FIRST_SD = {
     ("zero", "box"): (100.0, 1.0),
@@ -75,9 +72,6 @@ FIRST_SD = {
     ("theory", "box"): (30.0, 0.5),
     ("theory", "dimensionless"): (0.1, 0.003),
 }
-
-#: Range of the factor on every sd that is learnt from crystals left out.
-INFLATION = (0.5, 3.0)
 
 #: The error improved if it fell below this share of the best before.
 IMPROVEMENT = 0.98
@@ -577,7 +571,7 @@ class Loop:
     def conclude(self, stopped: str) -> dict:
         """Write the surrogate and say how good it is."""
         errors = self.errors()
-        inflation = float(np.clip(np.sqrt(np.mean(errors["z"] ** 2)), *INFLATION)) if self.n >= FEW else 1.0
+        inflation = sd_factor(self.basis, self.domain, self.prior, self.design, errors["z"])
         data = {name: np.array(values) for name, values in self.data.items()}
         document = {
             "simulations": self.n,

@@ -20,6 +20,10 @@ TRUNCATIONS = {"tensor": 1, "total": 2}
 #: Surrogates that come with the package.
 SHIPPED = ("cubic", "hexagonal")
 
+#: Points of an informative prior before alpha and beta are first learnt from the data, and before their errors say how honest an sd is;
+#: range of the factor on every sd that is learnt from crystals left out.
+FEW, INFLATION = 8, (0.5, 3.0)
+
 #: Version of the layout of surrogate.nc.
 FORMAT = 1
 
@@ -101,7 +105,9 @@ class Design:
 
     def __init__(self, weights, prior_mean, least_noise: float):
         self._handle = 0
+        self.prior_mean = np.asarray(prior_mean, dtype=float)
         self.n_terms, self.n_data, self.n_candidates = len(weights), 0, 0
+        self.beta = least_noise**-2
         self._handle, status, message = native.design_new(weights, prior_mean, least_noise)
         check(status, message)
 
@@ -130,6 +136,7 @@ class Design:
         """Posterior from all data at alpha and beta (default: those of largest evidence). Gives alpha, beta, log evidence."""
         alpha, beta, evidence, status, message = native.design_fit(self._handle, alpha, beta)
         check(status, message)
+        self.beta = beta
         return alpha, beta, evidence
 
     def evidence(self, alpha, beta) -> np.ndarray:
@@ -246,7 +253,17 @@ class Surrogate:
         terms, scale = basis.terms(constants, euler_deg)
         design.add(terms, basis.to_y(modulus_gpa, scale))
         alpha, beta, _ = design.fit()
-        return cls(basis, design.mean(), design.covariance(), anisotropy_cap=domain.anisotropy_cap, alpha=alpha, beta=beta)
+        crystals = np.unique(np.asarray(constants, dtype=float), axis=0, return_inverse=True)[1].ravel()
+        residual, sd = design.leave_out(crystals)
+        return cls(
+            basis,
+            design.mean(),
+            design.covariance(),
+            anisotropy_cap=domain.anisotropy_cap,
+            alpha=alpha,
+            beta=beta,
+            sd_inflation=sd_factor(basis, domain, prior, design, residual / sd),
+        )
 
     @classmethod
     def load(cls, name) -> "Surrogate":
@@ -378,3 +395,23 @@ def new_design(basis: Basis, domain: Domain, prior: str) -> Design:
     )
     check(status, message)
     return Design(weights, mean, least_noise)
+
+
+def sd_factor(basis: Basis, domain: Domain, prior: str, design: Design, z) -> float:
+    """The factor on every sd: the root mean square of the z-scores of crystals left out, and enough for what truncation leaves out."""
+    factor = float(np.clip(np.sqrt(np.mean(np.square(z))), *INFLATION)) if len(z) >= FEW else 1.0
+    if prior == "theory":
+        misfit, status, message = native.coefficient_misfit(
+            *basis._key,
+            basis.lower,
+            basis.upper,
+            domain.c_min,
+            domain.c_max,
+            domain.anisotropy_cap,
+            design.prior_mean,
+            design.covariance(),
+            design.beta,
+        )
+        check(status, message)
+        factor = max(factor, misfit)
+    return factor

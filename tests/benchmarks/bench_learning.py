@@ -19,7 +19,7 @@ from bayesindent.core import BayesindentError
 from bayesindent.crystal import halfspace_modulus
 from bayesindent.domain import Domain
 from bayesindent.progress import Progress
-from bayesindent.surrogate import Basis, new_design, stiffness_rows
+from bayesindent.surrogate import Basis, new_design, sd_factor, stiffness_rows
 
 #: Bases: degree and bandlimit of total truncation; a flat prior needs one that grows with the data.
 MODELS = {
@@ -137,7 +137,7 @@ def curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed: 
             else:
                 design.settle()
         residual, sd = design.leave_out(np.arange(n))
-        inflation = np.clip(np.sqrt(np.mean((residual / sd) ** 2)), 0.5, 3.0) if n >= 8 else 1.0
+        inflation = sd_factor(basis, domain, prior, design, residual / sd)
         mean = design.mean() @ terms[:, unseen]
         variance = np.einsum("in,in->n", terms[:, unseen], design.covariance() @ terms[:, unseen]) + 1 / beta
         z = np.abs(mean - y[unseen]) / (inflation * np.sqrt(variance))

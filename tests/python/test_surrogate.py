@@ -66,7 +66,7 @@ def test_box_and_dimensionless_terms_agree_with_their_model(cubic):
     y = cubic.coefficients @ terms
     variance = np.einsum("in,ij,jn->n", terms, cubic.covariance, terms) + 1 / cubic.beta
     assert mean == pytest.approx(scale * np.exp(y), rel=1e-12)
-    assert sd == pytest.approx(mean * np.sqrt(variance), rel=1e-10)
+    assert sd == pytest.approx(cubic.sd_inflation * mean * np.sqrt(variance), rel=1e-10)
     larger, larger_sd = cubic.predict(3 * constants, angles)
     assert larger == pytest.approx(3 * mean, rel=1e-12)
     assert larger_sd == pytest.approx(3 * sd, rel=1e-9)

@@ -1,0 +1,83 @@
+"""The surrogates that come with the package: small, honest about where they come from, and right."""
+
+import json
+from importlib import resources
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.build import physics_identity
+from bayesindent.surrogate import stiffness_rows
+
+METALS = {
+    "cubic": {
+        "aluminium": (107, 61, 28), "copper": (168.4, 121.4, 75.4), "gold": (192, 163, 42), "lead": (49.5, 42.3, 14.9),
+        "iron": (230, 135, 117), "Fe-3%Si": (225, 135, 124), "nickel": (247, 147, 125), "tungsten": (523, 203, 160),
+        "niobium": (246, 134, 28.7), "chromium": (350, 67.8, 100.8), "lithium": (13.5, 11.44, 8.78), "beta-brass": (129.1, 109.7, 82.4),
+    },
+    "hexagonal": {
+        "titanium": (162, 92, 47, 180, 69), "zirconium": (143.5, 72.5, 32.1, 164.9, 65.4), "magnesium": (59.7, 26.2, 16.4, 61.7, 21.7),
+        "zinc": (161.1, 34.2, 38.3, 61.1, 50.3), "cadmium": (115, 39.8, 20.4, 51.4, 40.6), "beryllium": (292.3, 26.7, 162.5, 336.4, 14),
+        "cobalt": (307, 165, 75.5, 358, 103), "rhenium": (616, 273, 161, 683, 206), "yttrium": (77.9, 29.2, 24.3, 76.9, 20),
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=["cubic", "hexagonal"])
+def shipped(request):
+    return bi.Surrogate.load(request.param)
+
+
+def test_they_are_small():
+    folder = resources.files("bayesindent") / "data"
+    assert sum((folder / f"{name}.nc").stat().st_size for name in METALS) <= 4 * 2**20
+
+
+def test_provenance(shipped):
+    physics = json.loads(shipped.provenance["physics"])
+    assert (physics["simulator"], physics["mesh"]) == ("fe", "halfspace")
+    assert "&design" in shipped.provenance["namelist"]
+    assert int(shipped.provenance["simulations"]) == len(shipped.data["modulus_gpa"])
+
+
+def test_common_metals_are_inside_and_right(shipped):
+    constants = np.array(list(METALS[shipped.symmetry].values()), dtype=float)
+    assert not shipped.outside(constants).any()
+    for euler in ([0, 0, 0], [20, 40, 60], [0, 90, 30]):
+        theory = bi.halfspace_modulus(stiffness_rows(shipped.symmetry, constants), euler)
+        mean, sd = shipped.predict(constants, np.tile(euler, (len(constants), 1)))
+        assert mean == pytest.approx(theory, rel=0.01)
+        assert (sd < 0.02 * mean).all()
+
+
+def test_error_over_the_domain_of_the_paper(shipped):
+    constants, angles = bi.Domain.default(shipped.symmetry).crystals(2000, 2024)
+    theory = bi.halfspace_modulus(stiffness_rows(shipped.symmetry, constants), angles)
+    error = np.abs(shipped.predict(constants, angles)[0] - theory)
+    assert error.mean() <= 0.5
+    assert np.quantile(error, 0.99) <= 3.0
+    assert shipped.outside(constants).mean() < 0.005
+
+
+def test_its_simulations_are_repeated_by_this_version(shipped):
+    physics = json.loads(shipped.provenance["physics"])
+    if physics != physics_identity({"problem": {}, "simulation": {"mesh": "halfspace"}}):
+        pytest.skip("the numerics of the simulation were revised since")
+    simulation = bi.Indentation(mesh="halfspace")
+    for row in (0, -1):
+        stiffness = stiffness_rows(shipped.symmetry, shipped.data["constants"][[row]])[0]
+        modulus = simulation.run(stiffness, shipped.data["euler_deg"][row]).indentation_modulus_gpa
+        assert modulus == pytest.approx(shipped.data["modulus_gpa"][row], rel=1e-6)
+
+
+def test_a_fit_to_its_simulations_gives_it_again(shipped):
+    basis, data = shipped.basis, shipped.data
+    domain = bi.Domain(shipped.symmetry, tuple(shipped.provenance["c_min"]), tuple(shipped.provenance["c_max"]), shipped.anisotropy_cap)
+    again = bi.Surrogate.fit(
+        shipped.symmetry, data["constants"], data["euler_deg"], data["modulus_gpa"], coordinates=basis.coordinates,
+        truncation=basis.truncation, degree=basis.degree, bandlimit=basis.bandlimit, prior=shipped.provenance["prior"], domain=domain,
+    )  # fmt: skip
+    constants, angles = domain.crystals(200, 5)
+    for values, expected in zip(again.predict(constants, angles), shipped.predict(constants, angles), strict=True):
+        assert values == pytest.approx(expected, rel=1e-5)
