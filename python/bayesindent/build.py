@@ -104,7 +104,7 @@ def tell(problem, output, points) -> dict:
     with Campaign(Path(output) / "campaign.sqlite", physics_identity(problem)) as campaign:
         new = campaign.tell(symmetry, points.constants_array(), points.euler_deg, points.modulus_gpa)
         simulations = sum(row.status == "done" for row in campaign.rows(symmetry))
-    return {"new": new, "simulations": simulations, "warnings": []}
+    return {"told": new, "simulations": simulations, "warnings": []}
 
 
 def setting(problem, group: str, name: str):

@@ -41,7 +41,10 @@ def show_moduli(document: dict) -> None:
 
 
 def show_build(document: dict) -> None:
-    """`build`."""
+    """`build`, and `build --tell`."""
+    if "told" in document:
+        print(f"Campaign: {document['told']} results taken, {document['simulations']} simulations in all")
+        return
     print(
         f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "
         f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa"

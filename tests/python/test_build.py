@@ -190,8 +190,8 @@ def test_ask_and_tell(tmp_path):
         + "\n"
     )
     points = read_crystals(table, "cubic")
-    assert tell(problem, tmp_path, points)["new"] == 12
-    assert tell(problem, tmp_path, points)["new"] == 0
+    assert tell(problem, tmp_path, points)["told"] == 12
+    assert tell(problem, tmp_path, points)["told"] == 0
     document = build(problem, tmp_path)
     assert (document["simulations"], document["new_simulations"]) == (12, 0)
     with pytest.raises(bi.InputError, match="imported results cannot simulate"):

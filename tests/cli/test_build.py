@@ -1,0 +1,51 @@
+"""`build --ask` and `build --tell`: points out, moduli of others in."""
+
+import csv
+import io
+import json
+
+import bayesindent as bi
+
+NAMELIST = """\
+&problem
+  symmetry = 'cubic'
+/
+&simulation
+  simulator = 'import'
+/
+&surrogate
+  degree = 2
+  bandlimit = 4
+/
+&design
+  n_candidates = 100
+  budget = 10
+/
+"""
+
+
+def test_ask_and_tell(bayesindent, tmp_path):
+    file = tmp_path / "mine.nml"
+    file.write_text(NAMELIST)
+    asked = bayesindent("build", file, "--ask", "10")
+    assert asked.returncode == 0, asked.stderr
+    header, *rows = csv.reader(io.StringIO(asked.stdout))
+    assert (header, len(rows)) == (["C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg"], 10)
+    results = tmp_path / "results.csv"
+    with open(results, "w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow([*header, "modulus_gpa"])
+        for row in rows:
+            c11, c12, c44, *euler = map(float, row)
+            writer.writerow([*row, float(bi.halfspace_modulus(bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), euler))])
+    told = bayesindent("build", file, "--tell", results)
+    assert (told.returncode, told.stdout) == (0, "Campaign: 10 results taken, 10 simulations in all\n"), told.stderr
+    assert json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["told"] == 0
+    built = json.loads(bayesindent("build", file, "--json").stdout)
+    assert (built["simulations"], built["new_simulations"]) == (10, 0)
+    # The same points with other moduli: refused as a whole.
+    lines = results.read_text().splitlines()
+    results.write_text("\n".join([lines[0], *(f"{line.rsplit(',', 1)[0]},77.5" for line in lines[1:])]) + "\n")
+    refused = bayesindent("build", file, "--tell", results)
+    assert refused.returncode == 2
+    assert "one of them is wrong or of another physics" in refused.stderr
