@@ -504,12 +504,25 @@ contains
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer :: budget, n, initial
-      character(len=:), allocatable :: candidates
+      character(len=:), allocatable :: candidates, simulator, file
 
       call check_bounds(self, 'domain', error)
       if (.not. allocated(error)) call check_bounds(self, 'prior', error)
       if (.not. allocated(error)) call check_pairs(self, error)
       if (allocated(error)) return
+      call self%get('simulation', 'simulator', simulator)
+      if (simulator == 'import' .and. self%has_group('crystals') .and. self%command /= 'theory') then
+         call raise(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
+            & //'''fe'', ''theory''', exit_bad_input)
+         return
+      end if
+      call self%get('surrogate', 'file', file)
+      if (any([character(len=9) :: 'cubic', 'hexagonal'] == file) .and. (self%command == 'build' &
+         & .or. (self%command == 'run' .and. self%has_group('design')))) then
+         call raise(error, place(self%path, 'surrogate', 'file')//''''//file//''' is a surrogate that comes with the package; ' &
+            & //'build writes its own file, for example surrogate.nc', exit_bad_input)
+         return
+      end if
       if (self%is_set('design', 'budget')) then
          call self%get('design', 'budget', budget)
          call self%get('design', 'n_candidates', n)
