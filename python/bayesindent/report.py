@@ -431,8 +431,13 @@ def identifiability_section(results: Results) -> str:
 
 def quantity_in_words(name: str) -> str:
     """The name of a quantity of the crystal as people write it."""
-    words = name.replace("_", " ").replace("youngs", "Young's").replace("poisson", "Poisson's").replace("zener", "Zener")
-    return words.replace("Young's ", "Young's modulus along ") if words[-1].isdigit() and "Young" in words else words
+    first, *rest = name.split("_")
+    if first == "ratio":
+        return "/".join(rest)
+    if first == "youngs" and rest != ["modulus"]:
+        return f"Young's modulus along {'45° to c' if rest == ['45'] else ' '.join(rest)}"
+    owner = {"youngs": "Young's", "poisson": "Poisson's", "zener": "Zener"}
+    return " ".join([owner.get(first, first), *rest])
 
 
 def powers_as_html(exponents: dict[str, float]) -> str:

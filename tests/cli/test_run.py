@@ -77,6 +77,19 @@ def test_whole_path(finished, bayesindent):
     assert 0 < sd < 10
 
 
+def test_step_two_alone_with_a_shipped_surrogate(bayesindent):
+    """Titanium: no simulation is needed, and what the data decide is what the reference posterior says."""
+    done = bayesindent("run", SOURCE / "inputs" / "titanium.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert list(document) == ["extract", "next", "report", "warnings"]
+    reference = json.loads((REFERENCE / "hex_titanium.json").read_text())
+    for item, mean, sd in zip(document["extract"]["predicted"], reference["predicted_mean"], reference["predicted_sd"], strict=True):
+        assert item["mean"] == pytest.approx(mean, abs=1.0)
+        assert item["sd"] == pytest.approx(sd, rel=0.25)
+    assert any("C12 piles up at its bound" in warning for warning in document["warnings"])
+
+
 class Page(html.parser.HTMLParser):
     """What matters of a page: that its elements close, its pictures have words, and nothing comes from elsewhere."""
 
