@@ -4,6 +4,7 @@ Constants and moduli in GPa, angles in degrees. The densities and the chains are
 """
 
 import json
+import math
 import os
 import time
 import warnings
@@ -346,12 +347,18 @@ def summary(result) -> dict:
 
 
 def plain(value):
-    """Numbers of numpy as Python's."""
+    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
     if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def identifiability(result) -> list[dict]:

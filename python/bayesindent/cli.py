@@ -252,7 +252,7 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
 
 def finish(arguments: argparse.Namespace, document: dict, output: Path | None = None) -> int:
     """Tell the warnings on standard error and the document on standard output, as JSON or in words."""
-    from .stages import plain
+    from .calibration import plain
 
     for warning in document["warnings"]:
         log.warning("%s", warning)

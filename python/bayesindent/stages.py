@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from .build import new_indentation, physics_identity, simulator_of
+from .calibration import plain
 from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import halfspace_modulus
 from .problem import Points, Problem, read_crystals, schema
 from .progress import Progress
 
-__all__ = ["asked", "moduli_of_three_kinds", "perform", "plain", "predict", "report"]
+__all__ = ["asked", "moduli_of_three_kinds", "perform", "predict", "report"]
 
 log = logging.getLogger("bayesindent")
 
@@ -229,18 +230,3 @@ def write_csv(file: Path, header: list[str], rows: list[list]) -> None:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
-
-
-def plain(value):
-    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
