@@ -199,3 +199,25 @@ def test_ask_and_tell(tmp_path):
     (tmp_path / "bare.csv").write_text(text)
     with pytest.raises(bi.InputError, match="modulus_gpa"):
         tell(problem, tmp_path, read_crystals(tmp_path / "bare.csv", "cubic"))
+
+
+def test_candidates_of_a_table(tmp_path):
+    rows = bi.Domain.default("cubic").crystals(30, 3)
+    outside = "100,99,120,0,0,0"
+    lines = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()), outside]
+    (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
+    document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 12}), tmp_path)
+    assert document["warnings"] == ["1 of 31 candidates are outside the domain and are left out"]
+    known = {tuple(row) for row in np.hstack(rows).tolist()}
+    data = Surrogate.load(tmp_path / "surrogate.nc").data
+    assert {tuple(row) for row in np.hstack([data["constants"], data["euler_deg"]]).tolist()} <= known
+    document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 31}), tmp_path)
+    assert document["simulations"] == 30
+    assert "no candidate is left" in document["warnings"][-1]
+
+
+def test_stopping_without_improvement(tmp_path):
+    # The theory learns nothing from itself: the error settles at what truncation leaves out.
+    document = build(make_problem(tmp_path, design={"n_candidates": 200, "budget": 150, "patience": 20}), tmp_path)
+    assert document["simulations"] < 150
+    assert "did not improve over the last 20" in document["stopped"]
