@@ -115,7 +115,8 @@ std::vector<integer> order_groups(integer n, const integer *start, const integer
 
 class workspace {
 public:
-  std::unique_ptr<double[]> factor, stack[2], panel, scratch;
+  // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its own memory.
+  std::unique_ptr<double[]> arena, stack, panel, scratch;
   std::size_t scratch_size = 0;
 };
 
@@ -134,6 +135,14 @@ public:
 private:
   integer columns_of(integer s) const { return first[s + 1] - first[s]; }
   integer rows_of(integer s) const { return static_cast<integer>(row_start[s + 1] - row_start[s]); }
+  std::size_t update_size(integer s) const {
+    const std::size_t m = rows_of(s) - columns_of(s);
+    return m * m;
+  }
+  // The update matrix of a supernode, `below` entries above the foot of its stack.
+  double *update_matrix(workspace &work, integer s, std::size_t below) const {
+    return parity[s] == upper ? work.arena.get() + arena_size - below - update_size(s) : work.stack.get() + below;
+  }
   void add_child(const double *update, integer child, integer parent, double *into, bool columns) const;
 
   integer n, kept, supernodes;
@@ -149,7 +158,8 @@ private:
   std::vector<unsigned char> parity;       // of the depth of each supernode in the tree
   std::vector<integer> entry_start, entry; // entries of the matrix that each supernode receives
   std::vector<integer> target;             // place of each of them in the supernode's columns
-  std::size_t factor_size = 0, stack_size[2] = {0, 0}, panel_size = 0;
+  std::size_t arena_size = 0, stack_size = 0, panel_size = 0;
+  int upper = 0; // parity of the stack in the arena
   std::mutex pool_lock;
   std::vector<std::unique_ptr<workspace>> pool;
 };
@@ -209,7 +219,6 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
       operations += m * m;
     }
   }
-  factor_size = block_start[supernodes];
 
   parent.assign(supernodes, -1);
   relative.assign(rows.size(), -1);
@@ -235,15 +244,18 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
     if (parent[k] >= 0)
       parity[k] = 1 - parity[parent[k]];
   }
-  // Update matrices of even and odd depth go to stacks of their own: a parent's is written beside its children's, and each
-  // stack is last in, first out.
-  std::size_t depth[2] = {0, 0};
+  // Update matrices of even and odd depth go to stacks of their own, last in, first out: a parent's is written while its
+  // children's are still there. One stack lives in the memory that the last columns of the factor will fill.
+  std::size_t depth[2] = {0, 0}, alone[2] = {0, 0}, shared[2] = {0, 0};
   for (integer k = 0; k < supernodes; ++k) {
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = static_cast<integer>(p - row_start[k]);
     const std::size_t m = rows_of(k) - columns_of(k);
     depth[parity[k]] += m * m;
-    stack_size[parity[k]] = std::max(stack_size[parity[k]], depth[parity[k]]);
+    for (int side = 0; side < 2; ++side) {
+      alone[side] = std::max(alone[side], depth[side]);
+      shared[side] = std::max(shared[side], block_start[k + 1] + depth[side]);
+    }
     panel_size = std::max(panel_size, static_cast<std::size_t>(rows_of(k)) * panel_width);
     for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
       const integer d = child[c];
@@ -258,6 +270,10 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = -1;
   }
+
+  upper = shared[0] + alone[1] <= shared[1] + alone[0] ? 0 : 1;
+  arena_size = shared[upper];
+  stack_size = alone[1 - upper];
 
   std::vector<integer> column_count(n + 1, 0);
   const integer entries_given = start[n];
@@ -286,7 +302,7 @@ analysis::analysis(integer n_, const integer *start, const integer *row, const i
     for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
       local[rows[p]] = -1;
   }
-  bytes = 8.0 * static_cast<double>(factor_size + stack_size[0] + stack_size[1] + panel_size);
+  bytes = 8.0 * static_cast<double>(arena_size + stack_size + panel_size);
   // A workspace that the machine cannot hold would be killed while it is filled, not refused when it is asked for.
   if (bytes > 0.9 * static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGESIZE)))
     throw refusal{sparse_cholesky_no_memory};
@@ -302,9 +318,8 @@ std::unique_ptr<workspace> analysis::acquire() {
     }
   }
   auto work = std::make_unique<workspace>();
-  work->factor.reset(new double[factor_size]);
-  work->stack[0].reset(new double[stack_size[0]]);
-  work->stack[1].reset(new double[stack_size[1]]);
+  work->arena.reset(new double[arena_size]);
+  work->stack.reset(new double[stack_size]);
   work->panel.reset(new double[panel_size]);
   return work;
 }
@@ -379,20 +394,17 @@ integer analysis::factor(workspace &work, const double *values, integer *unknown
   for (integer k = 0; k < supernodes; ++k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
     const int mine = parity[k], theirs = 1 - mine;
-    double *const block = work.factor.get() + block_start[k];
+    double *const block = work.arena.get() + block_start[k];
     std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
     for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
       block[target[e]] = values[entry[e]];
     std::size_t base = depth[theirs];
+    for (integer c = child_start[k]; c < child_start[k + 1]; ++c)
+      base -= update_size(child[c]);
+    std::size_t at = base;
     for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-      const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
-      base -= m * m;
-    }
-    const double *update = work.stack[theirs].get() + base;
-    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-      const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
-      add_child(update, child[c], k, block, true);
-      update += m * m;
+      add_child(update_matrix(work, child[c], at), child[c], k, block, true);
+      at += update_size(child[c]);
     }
     const integer failed = factor_columns(block, height, own, work.panel.get());
     if (failed != 0) {
@@ -400,15 +412,14 @@ integer analysis::factor(workspace &work, const double *values, integer *unknown
       return sparse_cholesky_indefinite;
     }
     if (rest > 0) {
-      double *const front = work.stack[mine].get() + depth[mine];
+      double *const front = update_matrix(work, k, depth[mine]);
       dsyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
-      update = work.stack[theirs].get() + base;
+      at = base;
       for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-        const std::size_t m = rows_of(child[c]) - columns_of(child[c]);
-        add_child(update, child[c], k, front, false);
-        update += m * m;
+        add_child(update_matrix(work, child[c], at), child[c], k, front, false);
+        at += update_size(child[c]);
       }
-      depth[mine] += static_cast<std::size_t>(rest) * rest;
+      depth[mine] += update_size(k);
     }
     depth[theirs] = base;
   }
@@ -421,7 +432,7 @@ void analysis::kept_factor(const workspace &work, double *factor) const {
   for (integer k = supernodes - 1; k >= 0 && first[k + 1] > offset; --k) {
     const integer height = rows_of(k);
     for (integer j = std::max(first[k], offset); j < first[k + 1]; ++j) {
-      const double *column = work.factor.get() + block_start[k] + static_cast<std::size_t>(j - first[k]) * height;
+      const double *column = work.arena.get() + block_start[k] + static_cast<std::size_t>(j - first[k]) * height;
       for (integer i = j - first[k]; i < height; ++i)
         factor[static_cast<std::size_t>(j - offset) * kept + rows[row_start[k] + i] - offset] = column[i];
     }
@@ -445,7 +456,7 @@ void analysis::solve(workspace &work, integer count, double *x) const {
       y[static_cast<std::size_t>(c) * n + k] = x[static_cast<std::size_t>(c) * n + unknown_at[k]];
   for (integer k = 0; k < supernodes; ++k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
-    const double *block = work.factor.get() + block_start[k];
+    const double *block = work.arena.get() + block_start[k];
     const integer *below = rows.data() + row_start[k] + own;
     dtrsm_("L", "L", "N", "N", &own, &count, &one, block, &height, y + first[k], &n);
     if (rest == 0)
@@ -457,7 +468,7 @@ void analysis::solve(workspace &work, integer count, double *x) const {
   }
   for (integer k = supernodes - 1; k >= 0; --k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
-    const double *block = work.factor.get() + block_start[k];
+    const double *block = work.arena.get() + block_start[k];
     const integer *below = rows.data() + row_start[k] + own;
     if (rest > 0) {
       for (integer c = 0; c < count; ++c)
