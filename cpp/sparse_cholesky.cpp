@@ -47,12 +47,12 @@ public:
     common.method[0].ordering = CHOLMOD_GIVEN;
     common.postorder = 1;
     // Dense BLAS wants wide supernodes: merge them as long as the explicit zeros stay a modest fraction.
-    common.nrelax[0] = 16;
-    common.nrelax[1] = 48;
-    common.nrelax[2] = 128;
-    common.zrelax[0] = 0.8;
-    common.zrelax[1] = 0.2;
-    common.zrelax[2] = 0.05;
+    common.nrelax[0] = 12;
+    common.nrelax[1] = 32;
+    common.nrelax[2] = 96;
+    common.zrelax[0] = 0.6;
+    common.zrelax[1] = 0.1;
+    common.zrelax[2] = 0.01;
   }
   ~analyser() {
     cholmod_free_factor(&factor, &common);
