@@ -1,0 +1,55 @@
+"""The two reference data sets, and surrogates fitted to the half-space theory they were made with."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from bayesindent.calibration import measurements_of
+from bayesindent.crystal import CONSTANTS, halfspace_modulus, stiffness
+from bayesindent.domain import Domain
+from bayesindent.surrogate import Basis, Surrogate
+
+__all__ = ["Case", "SYMMETRIES"]
+
+SYMMETRIES = ("cubic", "hexagonal")
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+FILES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}
+SIZES = {"cubic": (6, 10), "hexagonal": (5, 8)}
+
+
+class Case:
+    """A reference data set: surrogate, angles, moduli, sds, and the settings of its prior."""
+
+    def __init__(self, symmetry: str):
+        self.symmetry, self.names = symmetry, CONSTANTS[symmetry]
+        document = json.loads((REFERENCE / f"{FILES[symmetry]}.json").read_text())
+        self.truth = np.array(document["truth"])
+        self.lower, self.upper = np.array(document["bounds"])
+        self.settings = {
+            "bounds": dict(zip(self.names, zip(*document["bounds"], strict=True), strict=True)),
+            "anisotropy_cap": document["anisotropy_cap"],
+        }
+        self.euler_deg, self.modulus_gpa, self.sd_gpa = measurements_of(REFERENCE / f"{FILES[symmetry]}.csv")
+        self.surrogate = theory_surrogate(symmetry)
+
+    def theory(self, constants, euler_deg) -> np.ndarray:
+        """Half-space moduli of one crystal in many orientations."""
+        return halfspace_modulus(stiffness(self.symmetry, **dict(zip(self.names, constants, strict=True))), euler_deg)
+
+
+def theory_surrogate(symmetry: str, points: int = 6000) -> Surrogate:
+    """Least squares on the half-space theory over the paper's domain, in dimensionless coordinates."""
+    domain = Domain.default(symmetry)
+    constants, angles = domain.crystals(points, seed=2)
+    basis = Basis(symmetry, "dimensionless", "total", *SIZES[symmetry], *domain.ranges("dimensionless"))
+    modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], constants.T, strict=True))), angles)
+    terms, scale = basis.terms(constants, angles)
+    y = basis.to_y(modulus, scale)
+    normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
+    coefficients = np.linalg.solve(normal, terms @ y)
+    variance = np.mean((y - coefficients @ terms) ** 2)
+    return Surrogate(
+        basis, coefficients, variance * np.linalg.inv(normal), anisotropy_cap=domain.anisotropy_cap, alpha=1.0, beta=1 / variance
+    )
