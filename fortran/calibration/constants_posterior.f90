@@ -29,6 +29,8 @@ module constants_posterior
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
 
+   !> More, in GPa, is taken for MPa.
+   real(wp), parameter :: greatest_modulus = 2000.0_wp
    !> Work arrays of a thread are on its stack.
    integer, parameter :: most_grains = 5000
 
@@ -73,6 +75,9 @@ module constants_posterior
       procedure :: moduli
       procedure :: map_modulus
       procedure :: draw_moduli
+      procedure :: to_working
+      procedure :: from_working
+      procedure :: log_volume
    end type posterior_type
 
 contains
@@ -129,6 +134,9 @@ contains
          call raise(error, to_text(n)//' grains are more than the '//to_text(most_grains)//' that are allowed', exit_bad_input)
       else if (.not. (all(measured > 0.0_wp .and. measured < huge(1.0_wp)) .and. all(abs(euler) < huge(1.0_wp)))) then
          call raise(error, 'a measured modulus is not positive, or a value is not finite', exit_bad_input)
+      else if (any(measured > greatest_modulus)) then
+         call raise(error, 'a measured modulus of '//to_text(maxval(measured))//' GPa looks like MPa; allowed up to ' &
+            & //to_text(greatest_modulus)//' GPa', exit_bad_input)
       else if (.not. all(sd > 0.0_wp .and. sd < huge(1.0_wp))) then
          call raise(error, 'the sd of a measurement must be positive and finite', exit_bad_input)
       else if (likelihood%modulus_kind < kind_indentation .or. likelihood%modulus_kind > kind_sample) then
@@ -197,6 +205,54 @@ contains
       log_density = self%prior%log_density(x)
       if (.not. self%likelihood%prior_only) log_density = log_density + self%log_likelihood(x)
    end function log_density
+
+   !> Logarithms of stiffnesses, in which moduli are nearly linear and ridges nearly straight. Cubic: bulk modulus, C11 - C12, C44.
+   !> Hexagonal, with r = sqrt(C11 C33): r - C13, r + C13, C44, C11 - C12 and the ratio C33/C11. All exist for stable crystals.
+   pure subroutine to_working(self, x, w)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: w(:)
+      real(wp) :: r
+
+      w = x(:self%dimension)
+      if (self%n_constants == 3) then
+         w(:3) = log([x(1) + 2.0_wp*x(2), x(1) - x(2), x(3)])
+      else
+         r = sqrt(x(1)*x(4))
+         w(:5) = log([r - x(5), r + x(5), x(3), x(1) - x(2), x(4)/x(1)])
+      end if
+   end subroutine to_working
+
+   pure subroutine from_working(self, w, x)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: w(:)
+      real(wp), intent(out) :: x(:)
+      real(wp) :: e(5), r, ratio
+
+      x = w(:self%dimension)
+      e(:self%n_constants) = exp(min(50.0_wp, w(:self%n_constants)))
+      if (self%n_constants == 3) then
+         x(1) = (e(1) + 2.0_wp*e(2))/3.0_wp
+         x(2) = (e(1) - e(2))/3.0_wp
+         x(3) = e(3)
+      else
+         r = 0.5_wp*(e(1) + e(2))
+         ratio = sqrt(e(5))
+         x(1) = r/ratio
+         x(2) = x(1) - e(4)
+         x(3) = e(3)
+         x(4) = r*ratio
+         x(5) = 0.5_wp*(e(2) - e(1))
+      end if
+   end subroutine from_working
+
+   pure real(wp) function log_volume(self, w)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: w(:)
+
+      log_volume = sum(w(:3))
+      if (self%n_constants == 5) log_volume = log_volume + w(4) + log(exp(w(1)) + exp(w(2)))
+   end function log_volume
 
    !> y(h) = sum over q of A(h, q) P_q at a crystal, its scale s, and its coordinates in [-1, 1].
    pure subroutine evaluate_surrogate(self, c, y, scale, x)

@@ -306,31 +306,37 @@ contains
       end do
    end subroutine set_covariance
 
-   !> The mixture with every covariance scaled by `inflation`, and one more component of weight `share` that spans all of them:
-   !> the mixture's own mean, `spread` times its covariance.
-   subroutine widen_mixture(mixture, inflation, share, spread, wide)
+   !> The mixture with heavier tails: a share `tails` of each component has `spread` times its covariance, the rest `inflation`
+   !> times, and a share `whole` of all has the mean of the mixture and `spread` times its covariance.
+   subroutine widen_mixture(mixture, inflation, tails, whole, spread, wide)
       type(mixture_type), intent(in) :: mixture
-      real(wp), intent(in) :: inflation, share, spread
+      real(wp), intent(in) :: inflation, tails, whole, spread
       type(mixture_type), intent(out) :: wide
       real(wp) :: covariance(mixture%n, mixture%n), own(mixture%n, mixture%n), mean(mixture%n), d(mixture%n)
-      integer :: m, j
+      integer :: m, j, n
 
-      call allocate_mixture(wide, mixture%n, mixture%components + 1)
+      n = count(mixture%weight > 0.0_wp)
+      call allocate_mixture(wide, mixture%n, 2*n + 1)
       mean = matmul(mixture%mean, mixture%weight)
       covariance = 0.0_wp
+      n = 0
       do m = 1, mixture%components
-         wide%weight(m) = (1.0_wp - share)*mixture%weight(m)
-         wide%mean(:, m) = mixture%mean(:, m)
+         if (.not. mixture%weight(m) > 0.0_wp) cycle
          own = matmul(mixture%factor(:, :, m), transpose(mixture%factor(:, :, m)))
-         call set_covariance(wide, m, inflation*own)
+         wide%weight(n + 1) = (1.0_wp - whole)*(1.0_wp - tails)*mixture%weight(m)
+         wide%weight(n + 2) = (1.0_wp - whole)*tails*mixture%weight(m)
+         do j = 1, 2
+            n = n + 1
+            wide%mean(:, n) = mixture%mean(:, m)
+            call set_covariance(wide, n, merge(inflation, spread, j == 1)*own)
+         end do
          d = mixture%mean(:, m) - mean
          do j = 1, mixture%n
             covariance(:, j) = covariance(:, j) + mixture%weight(m)*(own(:, j) + d(j)*d)
          end do
       end do
-      m = mixture%components + 1
-      wide%weight(m) = share
-      wide%mean(:, m) = mean
-      call set_covariance(wide, m, spread*covariance)
+      wide%weight(n + 1) = whole
+      wide%mean(:, n + 1) = mean
+      call set_covariance(wide, n + 1, spread*covariance)
    end subroutine widen_mixture
 end module gaussian_mixture

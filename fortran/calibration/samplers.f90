@@ -4,10 +4,10 @@
 !> acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 !>
 !> `method_ensemble`: each chain is on its own. An ensemble of points first finds the posterior by differential evolution (ter
-!> Braak, Stat. Comput. 16, 239, 2006). Principal axes and quadratic regressions then straighten the ridge, and a normal mixture
-!> is fitted to the straightened points and improved by importance sampling. What follows is a plain Markov chain with a fixed
-!> kernel: mostly independent draws from the mixture, redrawn until they are in the support, now and then a step along the
-!> difference of two points of the burn-in. One sample is one step.
+!> Braak, Stat. Comput. 16, 239, 2006) in the target's working coordinates. Principal axes and quadratic regressions straighten
+!> what is left of a ridge's curvature, and a normal mixture is fitted to the straightened points and improved by importance
+!> sampling. What follows is a plain Markov chain with a fixed kernel: mostly independent draws from the mixture, redrawn until
+!> they are in the support, now and then a step along the difference of two points of the burn-in. One sample is one step.
 !>
 !> Chain k uses the random stream (seed, k), whatever thread runs it.
 module samplers
@@ -29,7 +29,7 @@ module samplers
 
    type :: sampler_type
       integer :: method = method_ensemble
-      !> Kept per chain; before them: sweeps (scmh) or evaluations of the density (ensemble).
+      !> Kept per chain; before them, sweeps: as many evaluations of the density as there are parameters.
       integer :: samples = 10000, burn_in = 20000
       integer :: chains = 4, threads = 1, seed = 0
    end type sampler_type
@@ -179,7 +179,7 @@ contains
       acceptance = real(accepted, wp)/(real(sampler%samples, wp)*target%dimension)
    end subroutine run_scmh
 
-   !> A chain of the ensemble sampler.
+   !> A chain of the ensemble sampler, in working coordinates w.
    subroutine run_ensemble(target, sampler, stream, draws, density, acceptance, status)
       class(target_type), intent(in) :: target
       type(sampler_type), intent(in) :: sampler
@@ -189,35 +189,36 @@ contains
       real(wp), allocatable :: archive(:, :)
       type(straightening_type) :: straight
       type(mixture_type) :: mixture
-      real(wp) :: x(target%dimension), u(target%dimension), proposal(target%dimension), current, proposed
-      real(wp) :: own, other, ratio, v, quality, share
+      real(wp) :: w(target%dimension), u(target%dimension), proposal(target%dimension), current, proposed
+      real(wp) :: own, other, v, quality, share
       integer :: i, a, b, accepted, counted
       logical :: admitted
 
-      call evolve_population(target, sampler%burn_in, stream, archive, status)
+      call evolve_population(target, sampler%burn_in*target%dimension, stream, archive, status)
       if (status /= 0) return
       call fit_straightening(archive, straight)
       call fit_proposal(target, straight, archive, stream, mixture, quality)
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
-      share = min(0.9_wp, max(0.2_wp, quality))
+      share = min(0.85_wp, max(0.2_wp, quality))
       call stream%pick(size(archive, 2), i)
-      x = archive(:, i)
-      current = target%log_density(x)
-      call to_straight(straight, x, u)
+      w = archive(:, i)
+      call evaluate(target, w, draws(:, 1), current, admitted)
+      call to_straight(straight, w, u)
       own = log_mixture(mixture, u)
       accepted = 0
       counted = 0
       do i = 1, sampler%samples
+         if (i > 1) draws(:, i) = draws(:, i - 1)
          call stream%uniform(v)
          if (v < share) then
             counted = counted + 1
-            call draw_admitted(target, straight, mixture, stream, proposal, u, admitted)
+            call draw_admitted(target, straight, mixture, stream, proposal, u, proposed, admitted)
             if (admitted) then
-               proposed = target%log_density(proposal)
                other = log_mixture(mixture, u)
                call stream%uniform(v)
                if (log(v) < proposed - current + own - other) then
-                  x = proposal
+                  w = proposal
+                  call target%from_working(w, draws(:, i))
                   current = proposed
                   own = other
                   accepted = accepted + 1
@@ -226,42 +227,79 @@ contains
          else
             call stream%pick(size(archive, 2), a)
             call stream%pick(size(archive, 2), b)
-            call stream%uniform(v)
-            ratio = 2.38_wp/sqrt(2.0_wp*target%dimension)
-            if (v < 0.2_wp) ratio = 1.0_wp
-            if (v > 0.7_wp) ratio = 0.3_wp*ratio
-            proposal = x + ratio*(archive(:, a) - archive(:, b))
-            if (target%admits(proposal)) then
-               proposed = target%log_density(proposal)
-               call stream%uniform(v)
-               if (log(v) < proposed - current) then
-                  x = proposal
-                  current = proposed
-                  call to_straight(straight, x, u)
-                  own = log_mixture(mixture, u)
-               end if
+            call step_length(target%dimension, stream, v)
+            proposal = w + v*(archive(:, a) - archive(:, b))
+            call try_step(target, stream, proposal, current, w, draws(:, i), admitted)
+            if (admitted) then
+               call to_straight(straight, w, u)
+               own = log_mixture(mixture, u)
             end if
          end if
-         draws(:, i) = x
-         density(i) = current
+         density(i) = current - target%log_volume(w)
       end do
       acceptance = real(accepted, wp)/max(1, counted)
    end subroutine run_ensemble
 
-   !> A point of the mixture in the support; `admitted` is false if a thousand draws were all outside.
-   subroutine draw_admitted(target, straight, mixture, stream, x, u, admitted)
+   !> The parameters at working coordinates and the log density there (of the working coordinates), if they are in the support.
+   subroutine evaluate(target, w, x, density, admitted)
+      class(target_type), intent(in) :: target
+      real(wp), intent(in) :: w(:)
+      real(wp), intent(out) :: x(:), density
+      logical, intent(out) :: admitted
+
+      call target%from_working(w, x)
+      density = -huge(1.0_wp)
+      admitted = target%admits(x)
+      if (admitted) density = target%log_density(x) + target%log_volume(w)
+   end subroutine evaluate
+
+   !> A Metropolis step from `w` to `proposal`; `x` and `current` follow if it is `accepted`.
+   subroutine try_step(target, stream, proposal, current, w, x, accepted)
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(in) :: proposal(:)
+      real(wp), intent(inout) :: current, w(:), x(:)
+      logical, intent(out) :: accepted
+      real(wp) :: proposed, v, there(target%dimension)
+
+      call evaluate(target, proposal, there, proposed, accepted)
+      if (.not. accepted) return
+      call stream%uniform(v)
+      accepted = log(v) < proposed - current
+      if (.not. accepted) return
+      w = proposal
+      x = there
+      current = proposed
+   end subroutine try_step
+
+   !> Factor of a difference of two points: ter Braak's, now and then one, or shorter.
+   subroutine step_length(n, stream, length)
+      integer, intent(in) :: n
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(out) :: length
+      real(wp) :: v
+
+      call stream%uniform(v)
+      length = 2.38_wp/sqrt(2.0_wp*n)
+      if (v < 0.15_wp) length = 1.0_wp
+      if (v > 0.75_wp) length = 0.35_wp*length
+   end subroutine step_length
+
+   !> A point of the mixture in the support, with its log density; `admitted` is false if a thousand draws were all outside.
+   subroutine draw_admitted(target, straight, mixture, stream, w, u, density, admitted)
       class(target_type), intent(in) :: target
       type(straightening_type), intent(in) :: straight
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(out) :: x(:), u(:)
+      real(wp), intent(out) :: w(:), u(:), density
       logical, intent(out) :: admitted
+      real(wp) :: x(target%dimension)
       integer :: attempt
 
       do attempt = 1, 1000
          call draw_mixture(mixture, stream, u)
-         call from_straight(straight, u, x)
-         admitted = target%admits(x)
+         call from_straight(straight, u, w)
+         call evaluate(target, w, x, density, admitted)
          if (admitted) return
       end do
    end subroutine draw_admitted
@@ -275,8 +313,9 @@ contains
       integer, intent(out) :: status
       integer, parameter :: most = 3000
       real(wp), allocatable :: points(:, :), density(:)
-      real(wp) :: proposal(target%dimension), proposed, ratio, v, z
-      integer :: n, walkers, found, generations, generation, first, w, a, b, i, kept, stride
+      real(wp) :: proposal(target%dimension), x(target%dimension), length, z, spread(target%dimension)
+      integer :: n, walkers, found, generations, generation, first, k, a, b, i, kept, stride
+      logical :: accepted
 
       n = target%dimension
       walkers = max(24, 10*n)
@@ -284,39 +323,35 @@ contains
       call draw_uniform(target, stream, points, density, found)
       status = merge(1, 0, found == 0)
       if (found == 0) return
-      ! The better half of the points, and every other of the rest, so that the start is wide.
       call keep_best(points, density, found, walkers)
       walkers = min(walkers, found)
+      do k = 1, walkers
+         x = points(:, k)
+         call target%to_working(x, points(:, k))
+         density(k) = density(k) + target%log_volume(points(:, k))
+      end do
+      do i = 1, n
+         spread(i) = maxval(points(i, :walkers)) - minval(points(i, :walkers))
+      end do
       generations = max(20, evaluations/walkers)
       first = generations/2
       stride = max(1, ((generations - first)*walkers + most - 1)/most)
       allocate (archive(n, ((generations - first)*walkers)/stride + 1))
       kept = 0
-      i = 0
       do generation = 1, generations
-         do w = 1, walkers
-            call pick_pair(stream, walkers, w, a, b)
-            call stream%uniform(v)
-            ratio = 2.38_wp/sqrt(2.0_wp*n)
-            if (v < 0.1_wp) ratio = 1.0_wp
-            if (v > 0.8_wp) ratio = 0.4_wp*ratio
-            proposal = points(:, w) + ratio*(points(:, a) - points(:, b))
+         do k = 1, walkers
+            call pick_pair(stream, walkers, k, a, b)
+            call step_length(n, stream, length)
+            proposal = points(:, k) + length*(points(:, a) - points(:, b))
             do i = 1, n
                call stream%normal(z)
-               proposal(i) = proposal(i) + 1.0e-5_wp*(target%upper(i) - target%lower(i))*z
+               proposal(i) = proposal(i) + 1.0e-5_wp*spread(i)*z
             end do
-            if (target%admits(proposal)) then
-               proposed = target%log_density(proposal)
-               call stream%uniform(v)
-               if (log(v) < proposed - density(w)) then
-                  points(:, w) = proposal
-                  density(w) = proposed
-               end if
-            end if
+            call try_step(target, stream, proposal, density(k), points(:, k), x, accepted)
             if (generation > first) then
-               if (mod((generation - first - 1)*walkers + w - 1, stride) == 0) then
+               if (mod((generation - first - 1)*walkers + k - 1, stride) == 0) then
                   kept = kept + 1
-                  archive(:, kept) = points(:, w)
+                  archive(:, kept) = points(:, k)
                end if
             end if
          end do
@@ -460,14 +495,15 @@ contains
       end do
    end function spread_product
 
-   pure subroutine to_straight(straight, x, u)
+   !> From working to straight coordinates.
+   pure subroutine to_straight(straight, w, u)
       type(straightening_type), intent(in) :: straight
-      real(wp), intent(in) :: x(:)
+      real(wp), intent(in) :: w(:)
       real(wp), intent(out) :: u(:)
       real(wp) :: z(straight%n), f(feature_count(straight%n - 1))
       integer :: j, m
 
-      z = matmul(straight%forward, x - straight%centre)
+      z = matmul(straight%forward, w - straight%centre)
       do j = 1, straight%n
          m = feature_count(j - 1)
          call evaluate_features(z(:j - 1), f(:m))
@@ -475,10 +511,11 @@ contains
       end do
    end subroutine to_straight
 
-   pure subroutine from_straight(straight, u, x)
+   !> And back.
+   pure subroutine from_straight(straight, u, w)
       type(straightening_type), intent(in) :: straight
       real(wp), intent(in) :: u(:)
-      real(wp), intent(out) :: x(:)
+      real(wp), intent(out) :: w(:)
       real(wp) :: z(straight%n), f(feature_count(straight%n - 1))
       integer :: j, m
 
@@ -487,12 +524,12 @@ contains
          call evaluate_features(z(:j - 1), f(:m))
          z(j) = u(j)*straight%width(j) + sum(straight%bend(:m, j)*f(:m))
       end do
-      x = straight%centre + matmul(straight%backward, z)
+      w = straight%centre + matmul(straight%backward, z)
    end subroutine from_straight
 
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
-   !> count as data of their own, so that it does not shy away from the bounds. `quality` estimates the effective share of
-   !> its draws.
+   !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
+   !> that the mixture has lost comes back. `quality` estimates the effective share of its draws.
    subroutine fit_proposal(target, straight, archive, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(straightening_type), intent(in) :: straight
@@ -500,56 +537,60 @@ contains
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
-      integer, parameter :: components = 16, draws = 3000, most_outside = 3000, rounds = 4
+      integer, parameter :: components = 16, draws = 3000, most_outside = 3000, least_rounds = 4, most_rounds = 12
+      real(wp), parameter :: archive_share = 0.15_wp
       type(mixture_type) :: fitted
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), outside(:, :)
-      real(wp) :: x(target%dimension), u(target%dimension), ones(size(archive, 2)), cap
-      integer :: i, round, n, out
+      real(wp) :: x(target%dimension), w(target%dimension), u(target%dimension), density, cap
+      integer :: i, round, kept, inside, out, few
+      logical :: admitted, last
 
-      n = target%dimension
-      allocate (points(max(size(archive, 2), draws + most_outside), n))
-      do i = 1, size(archive, 2)
+      kept = size(archive, 2)
+      allocate (points(kept + draws + most_outside, target%dimension), weights(kept + draws + most_outside))
+      allocate (log_weights(draws), outside(most_outside, target%dimension))
+      do i = 1, kept
          call to_straight(straight, archive(:, i), u)
          points(i, :) = u
       end do
-      ones = 1.0_wp
-      call new_mixture(points(:size(archive, 2), :), components, fitted)
-      call fit_mixture(points(:size(archive, 2), :), ones, 15, fitted)
-      allocate (weights(draws + most_outside), log_weights(draws), outside(most_outside, n))
-      do round = 1, rounds
-         call widen_mixture(fitted, merge(1.3_wp, 1.05_wp, round < rounds), merge(0.1_wp, 0.03_wp, round < rounds), 4.0_wp, &
-            & mixture)
-         i = 0
+      weights = 1.0_wp
+      call new_mixture(points(:kept, :), components, fitted)
+      call fit_mixture(points(:kept, :), weights(:kept), 15, fitted)
+      quality = 0.0_wp
+      do round = 1, most_rounds
+         last = round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)
+         call widen_mixture(fitted, 1.05_wp, 0.1_wp, 0.03_wp, 4.0_wp, mixture)
+         inside = 0
          out = 0
-         do while (i < draws .and. out < 50*draws)
+         do while (inside < draws .and. out < 50*draws)
             call draw_mixture(mixture, stream, u)
-            call from_straight(straight, u, x)
-            if (target%admits(x)) then
-               i = i + 1
-               points(i, :) = u
-               log_weights(i) = target%log_density(x) - log_mixture(mixture, u)
+            call from_straight(straight, u, w)
+            call evaluate(target, w, x, density, admitted)
+            if (admitted) then
+               inside = inside + 1
+               points(kept + inside, :) = u
+               log_weights(inside) = density - log_mixture(mixture, u)
             else
                out = out + 1
                if (out <= most_outside) outside(out, :) = u
             end if
          end do
          quality = 0.0_wp
-         if (i == 0) return
-         weights(:i) = exp(log_weights(:i) - maxval(log_weights(:i)))
-         quality = sum(weights(:i))**2/sum(weights(:i)**2)/i
-         if (round == rounds) exit
+         if (inside == 0) return
+         log_weights(:inside) = exp(log_weights(:inside) - maxval(log_weights(:inside)))
+         quality = sum(log_weights(:inside))**2/sum(log_weights(:inside)**2)/inside
+         if (last) exit
          ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from taking over.
-         weights(:i) = weights(:i)*i/sum(weights(:i))
-         cap = sqrt(real(i, wp))
-         weights(:i) = min(weights(:i), cap)
-         weights(:i) = weights(:i)*i/sum(weights(:i))
-         if (out > 0) then
-            n = min(out, most_outside)
-            points(i + 1:i + n, :) = outside(:n, :)
-            weights(i + 1:i + n) = real(out, wp)/n
-            i = i + n
+         cap = sum(log_weights(:inside))/sqrt(real(inside, wp))
+         log_weights(:inside) = min(log_weights(:inside), cap)
+         weights(:kept) = archive_share*inside/kept
+         weights(kept + 1:kept + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
+         few = min(out, most_outside)
+         i = kept + inside
+         if (few > 0) then
+            points(i + 1:i + few, :) = outside(:few, :)
+            weights(i + 1:i + few) = real(out, wp)/few
          end if
-         call fit_mixture(points(:i, :), weights(:i), 6, fitted)
+         call fit_mixture(points(:i + few, :), weights(:i + few), 6, fitted)
       end do
    end subroutine fit_proposal
 end module samplers

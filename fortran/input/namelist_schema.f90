@@ -166,7 +166,7 @@ contains
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
       call add(s, 'samples', 'integer', '', '10000', '[10, 100000000]', 'samples kept of each chain, after burn-in')
       call add(s, 'burn_in', 'integer', '', '20000', '[0, 100000000]', &
-         & 'before the samples of each chain: sweeps (scmh), or points that its ensemble tries (ensemble)')
+         & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
       call add(s, 'chains', 'integer', '', '4', '[1, 1000]', 'independent chains')
       call add(s, 'surrogate_variance', 'choice', '', 'full', 'full, none', &
          & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')

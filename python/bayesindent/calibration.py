@@ -229,7 +229,7 @@ def extract(
     seconds = time.perf_counter() - start
     prior = Posterior(surrogate, euler_deg, modulus, sd, prior_only=True, **settings)
     k = len(posterior.names)
-    before = prior.sample(method="ensemble", samples=2500, burn_in=20000, chains=4, threads=threads, seed=seed)[0][:, :, :k]
+    before = prior.sample(method="ensemble", samples=2500, burn_in=5000, chains=4, threads=threads, seed=seed)[0][:, :, :k]
     return inference_data(posterior, draws, density, before, {
         "method": method, "seed": seed, "burn_in": burn_in, "acceptance": [float(a) for a in acceptance], "seconds": seconds,
     })  # fmt: skip

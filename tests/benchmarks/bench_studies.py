@@ -49,7 +49,7 @@ def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
 def sample(case: Case, euler_deg, measured, sd, seed: int, threads: int, samples: int = 5000, **settings):
     """The posterior of one data set and its draws (chains, samples, k)."""
     posterior = Posterior(case.surrogate, euler_deg, measured, sd, **case.settings, **settings)
-    draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=20000, chains=4, threads=threads, seed=seed)
+    draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=8000, chains=4, threads=threads, seed=seed)
     return posterior, draws
 
 
@@ -159,7 +159,9 @@ def study_truths(cases, arguments) -> int:
             low, high = np.quantile(predicted, [0.05, 0.95], axis=0)
             of_moduli.append(np.mean((moduli >= low) & (moduli <= high)))
         shares = ", ".join(f"{name} {100 * share:.0f}" for name, share in zip(case.names, np.mean(of_constants, axis=0), strict=True))
-        print(f"{case.symmetry} at {case.truth}: coverage of 90 % intervals in %: {shares}; moduli {100 * np.mean(of_moduli):.1f}", flush=True)
+        print(
+            f"{case.symmetry} at {case.truth}: coverage of 90 % intervals in %: {shares}; moduli {100 * np.mean(of_moduli):.1f}", flush=True
+        )
     return 0
 
 

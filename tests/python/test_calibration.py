@@ -367,6 +367,8 @@ def test_refusals(surrogates):
             bi.extract(model, table, **settings)
     with pytest.raises(bi.InputError, match="sd"):
         bi.extract(model, table | {"sd_gpa": 0 * sd})
+    with pytest.raises(bi.InputError, match="looks like MPa"):
+        bi.extract(model, table | {"modulus_gpa": 1000 * measured})
     with pytest.raises(bi.InputError, match="at least one grain"):
         bi.extract(model, {"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []})
     box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
@@ -406,12 +408,12 @@ def test_simulation_based_calibration(surrogates):
     _, settings = reference("cubic")
     angles, measured, sd = columns("cubic")
     prior = Posterior(model, angles, measured, sd, prior_only=True, **settings)
-    truths = prior.sample(method="ensemble", samples=2000, burn_in=20000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
+    truths = prior.sample(method="ensemble", samples=2000, burn_in=5000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
     ranks = []
     for k, truth in enumerate(truths):
         modulus, _ = model.predict(np.repeat([truth], len(angles), axis=0), angles)
         posterior = Posterior(model, angles, modulus + sd * rng.normal(size=len(sd)), sd, surrogate_variance="none", **settings)
-        draws = posterior.sample(method="ensemble", samples=2000, burn_in=20000, chains=1, threads=1, seed=k)[0][0, ::21]
+        draws = posterior.sample(method="ensemble", samples=2000, burn_in=8000, chains=1, threads=1, seed=k)[0][0, ::21]
         statistics = np.column_stack([draws, posterior.evaluate(draws)[1]])
         ranks.append((statistics < np.append(truth, posterior.evaluate(truth)[1])).mean(axis=0))
     for values in np.array(ranks).T:
