@@ -67,12 +67,12 @@ contains
       call add(s, 'simulator', 'choice', '', 'fe', 'fe, theory, import', &
          & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
       call add(s, 'mesh', 'choice', '', 'halfspace', 'halfspace, paper', &
-         & 'a dome that stands for the half-space, or the block of the paper')
+         & 'bricks and infinite elements that make a half-space, or the block of the paper')
       call add(s, 'element', 'choice', '', '', 'c3d8, c3d8i', 'the brick element; empty: the one the mesh was made for')
       call add(s, 'integration', 'choice', '', 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
       call add(s, 'refine', 'real', '', '1.0', '[0.3, 4]', 'elements per contact radius, relative to the default mesh')
-      call add(s, 'extrapolate', 'logical', '', '.false.', '', 'solve on two meshes and extrapolate the depth at equal load')
+      call add(s, 'extrapolate', 'logical', '', '.false.', '', 'solve on a second, coarser mesh too and extrapolate in mesh size')
       call add(s, 'radius_um', 'real', 'um', '16.0', '[0.001, 1e6]', 'radius of the indenter')
       call add(s, 'depths', 'integer', '', '10', '[1, 1000]', 'points of the load-depth curve')
       call add(s, 'vtu', 'logical', '', '.false.', '', 'write displacement and stress for ParaView')

@@ -20,13 +20,22 @@ def block():
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian package calculix-ccx) is not installed")
-def test_calculix_solves_the_deck_to_the_same_curve(block, tmp_path):
-    (tmp_path / "deck.inp").write_text(block.deck(ZINC, ANGLES))
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"mesh": "paper", "refine": 0.65, "depths": 3},
+        {"mesh": "halfspace", "refine": 0.6, "depths": 1, "element": "c3d8"},
+    ],
+    ids=["block", "half-space with springs and hanging nodes"],
+)
+def test_calculix_solves_the_deck_to_the_same_curve(options, tmp_path):
+    model = bi.Indentation(integration="full", **options)
+    (tmp_path / "deck.inp").write_text(model.deck(ZINC, ANGLES))
     subprocess.run(["ccx", "deck"], cwd=tmp_path, check=True, capture_output=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
     steps = (tmp_path / "deck.dat").read_text().split("forces (fx,fy,fz)")[1:]
     force = [-float(step.splitlines()[2].split()[3]) for step in steps]
     # Both solve the same discrete problem; what is left is CalculiX' convergence and printing.
-    assert force == pytest.approx(block.run(ZINC, ANGLES).force_mn, rel=1e-4)
+    assert force == pytest.approx(model.run(ZINC, ANGLES).force_mn, rel=1e-4)
 
 
 def test_stress_balances_the_force_on_every_plane(block):
