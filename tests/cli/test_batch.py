@@ -3,6 +3,7 @@
 import csv
 import os
 import subprocess
+import time
 from pathlib import Path
 
 import f90nml
@@ -76,6 +77,30 @@ def table(path):
     """The rows of a CSV after its comments."""
     with open(path, newline="") as stream:
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
+
+
+def test_kill_costs_no_finished_simulation(batch, tmp_path):
+    points = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(f"200,120,90,0,{angle},0" for angle in range(0, 40, 2))]
+    (tmp_path / "points.csv").write_text("\n".join(points) + "\n")
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
+    )
+    simulations = tmp_path / "out" / "simulations.csv"
+
+    def finished():
+        rows = table(simulations) if simulations.exists() else []
+        return [row for row in rows if row["indentation_modulus_gpa"]]
+
+    process = subprocess.Popen([PROGRAM, "a.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    while not finished() and process.poll() is None:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    before = finished()
+    assert 0 < len(before) < 20
+    done = batch("a.nml", "--output", "out")
+    assert (done.returncode, f"{20 - len(before)} new" in done.stdout) == (0, True), done.stdout + done.stderr
+    assert finished()[: len(before)] == before
 
 
 SMALL = """
