@@ -30,7 +30,7 @@ namespace {
 using integer = std::int32_t;
 
 // Columns that a front factors at a time.
-constexpr integer panel_width = 64;
+constexpr integer panel_width = 48;
 
 struct refusal {
   integer status;
