@@ -112,7 +112,7 @@ def curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed: 
     coordinates, prior = model
     rows = []
     for n in sizes:
-        if n < 2 or n > len(pool):
+        if n == 1 or n > len(pool) or (n == 0 and prior == "zero"):
             continue
         # The largest basis with an informative prior; under a flat one the largest that has no more terms than points.
         bases = [Basis(domain.symmetry, coordinates, "total", *size, *domain.ranges(coordinates)) for size in MODELS[model]]
@@ -125,6 +125,10 @@ def curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed: 
         design = new_design(basis, domain, prior)
         design.set_candidates(terms[:, pool])
         design.fit(*(sd**-2 for sd in FIRST_SD[prior, coordinates]))
+        if n == 0:
+            error = np.mean(np.abs(basis.to_modulus(design.mean() @ terms[:, unseen], scale[unseen]) - modulus[unseen]))
+            rows.append({"model": f"{coordinates}, {prior}", "simulations": 0, "seed": seed, "error_gpa": error})
+            continue
         used = 0
         while used < n:
             count = min(8, n) if used == 0 else 1
@@ -184,9 +188,12 @@ def draw(rows, sizes, arguments, output: Path) -> None:
             coordinates, prior = model.split(", ")
             axes.plot(n, [values[size] for size in n], marker="o", ms=4, color=COLORS[coordinates], mfc=None if prior == "theory" else "w",
                       ls="-" if prior == "theory" else "-.", label=f"{coordinates} coordinates, prior {prior}")  # fmt: skip
-    axes.set(xlabel="simulations", ylabel="mean absolute error on unseen crystals, GPa", yscale="log", xscale="symlog",
+    axes.set(xlabel="simulations", ylabel="mean absolute error on unseen crystals, GPa", yscale="log",
              title=f"{arguments.symmetry}, {arguments.mesh} mesh, {arguments.seeds} partitions")  # fmt: skip
-    axes.set_xlim(0, max(sizes))
+    axes.set_xscale("symlog", linthresh=10, linscale=0.5)
+    axes.set_xlim(-0.3, max(sizes))
+    axes.set_xticks([n for n in sizes if n != 15], [str(n) for n in sizes if n != 15])
+    axes.minorticks_off()
     axes.legend(fontsize=8)
     axes.grid(alpha=0.3)
     figure.savefig(output / "learning.svg", metadata={"Date": None, "Creator": None})
