@@ -16,8 +16,8 @@ import numpy as np
 from theory_cases import SYMMETRIES, Case
 
 from bayesindent.calibration import Posterior
-from bayesindent.crystal import SYMMETRIES as NUMBERS
 from bayesindent.core import native
+from bayesindent.crystal import SYMMETRIES as NUMBERS
 
 
 def main(argv=None) -> int:

@@ -10,7 +10,7 @@ from bayesindent.crystal import CONSTANTS, halfspace_modulus, stiffness
 from bayesindent.domain import Domain
 from bayesindent.surrogate import Basis, Surrogate
 
-__all__ = ["Case", "SYMMETRIES"]
+__all__ = ["SYMMETRIES", "Case"]
 
 SYMMETRIES = ("cubic", "hexagonal")
 
