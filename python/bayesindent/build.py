@@ -643,7 +643,7 @@ class Loop:
             "seed": setting(self.problem, "problem", "seed"),
             "loocv_gpa": document["loocv_gpa"],
             "leave_crystal_out_gpa": document["leave_crystal_out_gpa"],
-            "namelist": getattr(self.problem, "resolved", "") or "",
+            "namelist": without_folders(self.problem),
         }
 
     def validate(self, surrogate: Surrogate) -> dict:
@@ -713,6 +713,12 @@ class Loop:
         for number in numbers:
             writer.writerow([repr(float(v)) for v in (*self.constants[number], *self.euler_deg[number])])
         return text.getvalue()
+
+
+def without_folders(problem) -> str:
+    """The resolved namelist; the file that it came from by its name alone, since a surrogate travels between machines."""
+    resolved, path = getattr(problem, "resolved", "") or "", getattr(problem, "path", None)
+    return resolved.replace(str(path), path.name) if path else resolved
 
 
 def scan_pairs(text: str) -> list[tuple[int, int]]:
