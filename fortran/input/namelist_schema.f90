@@ -75,6 +75,7 @@ contains
       call add(s, 'extrapolate', 'logical', '', '.false.', '', 'solve on a second, coarser mesh too and extrapolate in mesh size')
       call add(s, 'radius_um', 'real', 'um', '16.0', '[0.001, 1e6]', 'radius of the indenter')
       call add(s, 'depths', 'integer', '', '10', '[1, 1000]', 'points of the load-depth curve')
+      call add(s, 'both_meshes', 'logical', '', '.false.', '', 'simulate the crystals on the other mesh too, for comparison')
       call add(s, 'vtu', 'logical', '', '.false.', '', 'write displacement and stress for ParaView')
       call add(s, 'inp', 'logical', '', '.false.', '', 'write the same problem as an Abaqus/CalculiX deck')
 

@@ -113,8 +113,8 @@ def setting(problem, group: str, name: str):
     return DEFAULTS[group].get(name) if value is None else value
 
 
-def physics_identity(problem) -> dict:
-    """What makes two simulations the same physics."""
+def physics_identity(problem, mesh: str = "") -> dict:
+    """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
     simulator = setting(problem, "simulation", "simulator")
     if simulator != "fe":
         return {"simulator": simulator}
@@ -122,15 +122,17 @@ def physics_identity(problem) -> dict:
 
     names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
     identity = {"simulator": simulator, **{name: setting(problem, "simulation", name) for name in names}}
+    identity["mesh"] = mesh or identity["mesh"]
     return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
 
 
-def new_indentation(problem):
-    """The `Indentation` that &simulation asks for."""
+def new_indentation(problem, mesh: str = ""):
+    """The `Indentation` that &simulation asks for; `mesh` takes the place of its own."""
     from .indentation import Indentation
 
     names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
     options = {name: setting(problem, "simulation", name) for name in names}
+    options["mesh"] = mesh or options["mesh"]
     element = setting(problem, "simulation", "element")
     try:
         return Indentation(**options, **({"element": element} if element else {}))
@@ -138,7 +140,7 @@ def new_indentation(problem):
         raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
 
 
-def simulator_of(problem) -> Callable:
+def simulator_of(problem, mesh: str = "") -> Callable:
     """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
     kind = setting(problem, "simulation", "simulator")
     if kind == "theory":
@@ -152,7 +154,7 @@ def simulator_of(problem) -> Callable:
             )
 
         return missing
-    indentation = new_indentation(problem)
+    indentation = new_indentation(problem, mesh)
 
     def simulate(stiffness, euler_deg):
         result = indentation.run(stiffness, euler_deg)

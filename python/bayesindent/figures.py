@@ -95,21 +95,24 @@ def load_depth(results: Sequence[dict], radius_um: float, shown: int = 6) -> Fig
     return figure
 
 
-def modulus_over_declination(declination_deg, simulated, theory) -> Figure:
-    """Simulated moduli of one crystal and the exact theory over the declination Φ, with their ratio."""
+def modulus_over_declination(declination_deg, simulated: dict[str, Sequence], theory) -> Figure:
+    """Moduli of one crystal simulated on one mesh or two and the exact theory over the declination Φ, with the differences."""
     order = np.argsort(declination_deg)
-    angle, simulated, theory = (np.asarray(values, dtype=float)[order] for values in (declination_deg, simulated, theory))
+    angle, theory = (np.asarray(values, dtype=float)[order] for values in (declination_deg, theory))
     figure = Figure(figsize=(WIDTH, 4.4))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 1))
     top.plot(angle, theory, color=BLACK, label="half-space theory")
-    top.plot(angle, simulated, "o", color=BLUE, label="finite elements")
+    bottom.axhline(0, color=BLACK, lw=0.8)
+    differences = []
+    for (mesh, values), color, marker in zip(simulated.items(), (BLUE, ORANGE), "os", strict=False):
+        moduli = np.asarray(values, dtype=float)[order]
+        top.plot(angle, moduli, marker, color=color, label=f"finite elements, {mesh} mesh")
+        differences.append(100 * (moduli / theory - 1))
+        bottom.plot(angle, differences[-1], f"{marker}-", color=color, lw=0.8)
+    room_about_zero(bottom, np.concatenate(differences))
     top.set_ylabel("indentation modulus (GPa)")
     top.legend()
-    difference = 100 * (simulated / theory - 1)
-    bottom.axhline(0, color=BLACK, lw=0.8)
-    bottom.plot(angle, difference, "o-", color=BLUE, lw=0.8)
     bottom.set(xlabel="declination Φ (degrees)", ylabel="difference (%)")
-    room_about_zero(bottom, difference)
     return figure
 
 

@@ -6,7 +6,7 @@ import logging
 import math
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import numpy as np
@@ -35,12 +35,7 @@ def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
     Every simulation is a row of campaign.sqlite as soon as it is done; those that are there are not repeated.
     """
     points = problem.crystals
-    keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
-    with Campaign(output / "campaign.sqlite", physics_identity(problem)) as campaign:
-        todo = {key: points.stiffness[i] for i, key in enumerate(keys) if campaign.find(*key) is None}
-        if todo:
-            perform_and_store(problem, campaign, todo, progress)
-        rows = [campaign.find(*key) for key in keys]
+    rows, new = simulated_rows(problem, output, progress)
     moduli = [np.nan if row.modulus_gpa is None else row.modulus_gpa for row in rows]
     write_moduli(output / "moduli.csv", problem, points, moduli)
     write_curves(output / "curves.csv", rows)
@@ -52,12 +47,29 @@ def simulate(problem: Problem, output: Path, progress: Progress) -> dict:
         for i, row in enumerate(rows)
     ]
     failures = [f"crystal {i + 1} could not be simulated: {row.message}" for i, row in enumerate(rows) if row.modulus_gpa is None]
-    return {"results": results, "new_simulations": len(todo), "failed": len(failures), "warnings": failures}
+    document = {"results": results, "new_simulations": new, "failed": len(failures), "warnings": failures}
+    if problem["simulation"]["both_meshes"]:
+        mesh = "paper" if problem["simulation"]["mesh"] == "halfspace" else "halfspace"
+        rows, new = simulated_rows(problem, output, progress, mesh)
+        document["other_mesh"] = {"mesh": mesh, "indentation_modulus_gpa": [row.modulus_gpa for row in rows]}
+        document["new_simulations"] += new
+    return document
 
 
-def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress: Progress) -> None:
+def simulated_rows(problem: Problem, output: Path, progress: Progress, mesh: str = "") -> tuple[list, int]:
+    """The campaign's row of each crystal of the file, on `mesh` or the problem's own, and how many were simulated now."""
+    points = problem.crystals
+    keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
+    with Campaign(output / "campaign.sqlite", physics_identity(problem, mesh)) as campaign:
+        todo = {key: points.stiffness[i] for i, key in enumerate(keys) if campaign.find(*key) is None}
+        if todo:
+            perform_and_store(problem, campaign, todo, progress, mesh)
+        return [campaign.find(*key) for key in keys], len(todo)
+
+
+def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress: Progress, mesh: str) -> None:
     """Simulate the points of `todo` (symmetry, constants, angles: stiffness) and store each; one that fails is stored as failed."""
-    simulator = simulator_of(problem)
+    simulator = simulator_of(problem, mesh)
     workers = problem["execution"]["workers"] or len(os.sched_getaffinity(0))
 
     def attempt(item) -> dict:
@@ -67,9 +79,11 @@ def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress
         except BayesindentError as error:
             return {"message": str(error)}
 
-    with progress.bar("indentations", len(todo)) as advance, ThreadPoolExecutor(workers) as pool:
-        for key, result in zip(todo, pool.map(attempt, todo.items())):
-            campaign.add(*key, **result)
+    label = f"indentations, {mesh} mesh" if mesh else "indentations"
+    with progress.bar(label, len(todo)) as advance, ThreadPoolExecutor(workers) as pool:
+        futures = {pool.submit(attempt, item): item[0] for item in todo.items()}
+        for future in as_completed(futures):
+            campaign.add(*futures[future], **future.result())
             advance(1)
 
 

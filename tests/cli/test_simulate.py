@@ -90,3 +90,23 @@ def test_fields_and_decks(bayesindent, tmp_path):
     tip = np.argmin(np.linalg.norm(mesh.points, axis=1))
     assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-9)
     assert (output / "crystal_0001.inp").read_text().startswith("*HEADING\n")
+
+
+def test_both_meshes_stand_side_by_side(bayesindent, tmp_path):
+    (tmp_path / "points.csv").write_text(
+        "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n" + "".join(f"161.1,34.2,38.3,61.1,50.3,0,{a},0\n" for a in (0, 90))
+    )
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6, both_meshes = .true. /\n"
+    )
+    done = bayesindent("run", "a.nml", "--output", "out", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    half = [row["indentation_modulus_gpa"] for row in document["simulate"]["results"]]
+    other = document["simulate"]["other_mesh"]
+    assert other["mesh"] == "paper"
+    # The clamped block is stiffer than the half-space by 4 to 16 %, more where the crystal is stiffer in the plane.
+    bias = [block / space - 1 for block, space in zip(other["indentation_modulus_gpa"], half, strict=True)]
+    assert 0.04 < bias[0] < bias[1] < 0.16
+    assert "paper mesh" in (tmp_path / "out" / "report.html").read_text()
+    assert json.loads(bayesindent("run", "a.nml", "--output", "out", "--json").stdout)["simulate"]["new_simulations"] == 0
