@@ -97,7 +97,7 @@ def test_both_meshes_stand_side_by_side(bayesindent, tmp_path):
         "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n" + "".join(f"161.1,34.2,38.3,61.1,50.3,0,{a},0\n" for a in (0, 90))
     )
     (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.7, both_meshes = .true. /\n"
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation both_meshes = .true. /\n"
     )
     done = bayesindent("run", "a.nml", "--output", "out", "--json")
     assert done.returncode == 0, done.stderr
