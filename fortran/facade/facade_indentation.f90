@@ -67,9 +67,9 @@ end subroutine indentation_free
 
 !> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `moduli` (GPa): estimate, slope
 !> with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds, seconds of factorisation, contact residual,
-!> equilibrium residual.
-subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn, contact_radius_um, moduli, diagnostics, status, &
-   & message)
+!> equilibrium residual. `elements`: of all solves.
+subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn, contact_radius_um, moduli, diagnostics, &
+   & elements, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
    use errors, only: error_type
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
@@ -79,7 +79,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    integer(c_int), intent(in) :: depths
    real(c_double), intent(in) :: stiffness(6, 6), euler(3)
    real(c_double), intent(out) :: depth_um(depths), force_mn(depths), contact_radius_um(depths), moduli(5), diagnostics(4)
-   integer(c_int), intent(out) :: status
+   integer(c_int), intent(out) :: elements, status
    character(len=512), intent(out) :: message
    type(indentation_model_type), pointer :: model
    type(indentation_result_type) :: result
@@ -94,6 +94,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    contact_radius_um = 0.0_c_double
    moduli = 0.0_c_double
    diagnostics = 0.0_c_double
+   elements = 0
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
    call simulate_indentation(model, stiffness, euler, result, error)
@@ -108,6 +109,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    n = size(result%modulus_of_mesh)
    moduli(:3) = [result%modulus, result%modulus_slope, result%modulus_last]
    moduli(4:3 + n) = result%modulus_of_mesh
+   elements = result%elements
    diagnostics = [result%seconds, result%seconds_factor, result%contact_residual, result%equilibrium_residual]
 end subroutine indentation_run
 

@@ -59,9 +59,8 @@ module fe_indentation
       type(grid_type), allocatable :: grid(:)
       !> Largest contact radius (Hertz), um.
       real(wp) :: contact_radius = 0.0_wp
-      !> Depths (um), and those of them that the estimate of the modulus uses.
+      !> Depths of the curve (um); see `simulate_indentation` for crystals with a very long contact ellipse.
       real(wp), allocatable :: depth(:)
-      logical, allocatable :: used(:)
       !> Elements of all meshes.
       integer :: elements = 0
    end type indentation_model_type
@@ -81,6 +80,8 @@ module fe_indentation
       real(wp) :: contact_residual = 0.0_wp
       !> Imbalance of indenter force and reactions, relative.
       real(wp) :: equilibrium_residual = 0.0_wp
+      !> The contact left the refined zone of the mesh.
+      logical :: left_zone = .false.
    end type indentation_result_type
 
    !> Contact radius over indenter radius at the last depth.
@@ -89,6 +90,8 @@ module fe_indentation
    real(wp), parameter :: block_size = 4.8_wp, block_contact = 0.5_wp
    !> A depth counts for the modulus from this many elements per contact radius on.
    real(wp), parameter :: least_elements = 5.0_wp
+   !> Contact radii are multiplied by this where the contact leaves the refined zone.
+   real(wp), parameter :: shrink = 0.85_wp
 
 contains
 
@@ -134,15 +137,23 @@ contains
          end if
          model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
       end do
-      model%used = sqrt(options%radius_um*model%depth) &
-         & >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
-      if (.not. any(model%used)) then
+      if (.not. any(is_resolved(model, model%depth))) then
          call raise(error, 'the contact radius spans '//to_text(model%contact_radius/model%grid(1)%mesh%element_size, 3) &
             & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
             & //to_text(options%refine)//', radius_um = '//to_text(options%radius_um)//')', exit_bad_input)
          call free_indentation_model(model)
       end if
    end subroutine new_indentation_model
+
+   !> Whether the contact radius (Hertz) at each depth spans enough elements for the estimate of the modulus.
+   pure function is_resolved(model, depth)
+      type(indentation_model_type), intent(in) :: model
+      real(wp), intent(in) :: depth(:)
+      logical :: is_resolved(size(depth))
+
+      is_resolved = sqrt(model%options%radius_um*depth) &
+         & >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
+   end function is_resolved
 
    !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
    pure real(wp) function coarse_ratio()
@@ -250,43 +261,65 @@ contains
    end subroutine free_indentation_model
 
    !> Indent a crystal: the whole curve and its modulus.
+   !>
+   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, the depths shrink until it fits, as long
+   !> as the last one is resolved.
    subroutine simulate_indentation(model, stiffness, euler, result, error)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
       real(wp), intent(in) :: stiffness(6, 6), euler(3)
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      type(indentation_result_type) :: coarse
-      real(wp), allocatable :: force(:)
-      real(wp) :: c(6, 6), ratio
+      real(wp) :: c(6, 6), depth(size(model%depth))
       integer(i8) :: start, finish, rate
+      integer :: solves
 
       call system_clock(start, rate)
       call check_crystal(stiffness, euler, error)
       if (allocated(error)) return
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
-      result%depth = model%depth
-      call indent_grid(model, model%grid(1), c, result, error)
+      depth = model%depth
+      do solves = 1, huge(solves)
+         call simulate_depths(model, c, depth, result, error)
+         if (.not. result%left_zone) exit
+         if (.not. any(is_resolved(model, shrink**2*depth))) exit
+         depth = shrink**2*depth
+      end do
       if (allocated(error)) return
-      result%modulus_of_mesh = [modulus_of(model, result%force)]
-      if (size(model%grid) > 1) then
-         call indent_grid(model, model%grid(2), c, coarse, error)
-         if (allocated(error)) return
-         ! The error of both meshes falls with the square of the element size.
-         ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
-         force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
-         result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse%force)]
-         result%force = force
-         result%seconds_factor = result%seconds_factor + coarse%seconds_factor
-         result%contact_residual = max(result%contact_residual, coarse%contact_residual)
-         result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
-      end if
-      call estimate_modulus(model%options%radius_um, result%depth, result%force, model%used, result%modulus, &
+      call estimate_modulus(model%options%radius_um, result%depth, result%force, is_resolved(model, depth), result%modulus, &
          & result%modulus_slope, result%modulus_last)
-      result%elements = model%elements
+      result%elements = solves*model%elements
       call system_clock(finish)
       result%seconds = real(finish - start, wp)/real(rate, wp)
    end subroutine simulate_indentation
+
+   !> The curve at given depths, extrapolated where the model has a second mesh.
+   subroutine simulate_depths(model, c, depth, result, error)
+      type(indentation_model_type), intent(in) :: model
+      !> Stiffness in the sample frame, GPa; um.
+      real(wp), intent(in) :: c(6, 6), depth(:)
+      type(indentation_result_type), intent(out) :: result
+      type(error_type), allocatable, intent(out) :: error
+      type(indentation_result_type) :: coarse
+      real(wp) :: ratio
+
+      result%depth = depth
+      call indent_grid(model, model%grid(1), c, result, error)
+      if (allocated(error)) return
+      result%modulus_of_mesh = [modulus_of(model, result)]
+      if (size(model%grid) == 1) return
+      coarse%depth = depth
+      call indent_grid(model, model%grid(2), c, coarse, error)
+      result%left_zone = coarse%left_zone
+      if (allocated(error)) return
+      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
+      ! The error of both meshes falls with the square of the element size.
+      ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
+      result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
+      result%seconds_factor = result%seconds_factor + coarse%seconds_factor
+      result%contact_residual = max(result%contact_residual, coarse%contact_residual)
+      result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
+   end subroutine simulate_depths
 
    pure subroutine check_crystal(stiffness, euler, error)
       real(wp), intent(in) :: stiffness(6, 6), euler(3)
@@ -298,12 +331,13 @@ contains
          & //to_text(euler(2))//', '//to_text(euler(3))//') radians is not finite', exit_bad_input)
    end subroutine check_crystal
 
-   pure real(wp) function modulus_of(model, force)
+   pure real(wp) function modulus_of(model, result)
       type(indentation_model_type), intent(in) :: model
-      real(wp), intent(in) :: force(:)
+      type(indentation_result_type), intent(in) :: result
       real(wp) :: slope, last
 
-      call estimate_modulus(model%options%radius_um, model%depth, force, model%used, modulus_of, slope, last)
+      call estimate_modulus(model%options%radius_um, result%depth, result%force, is_resolved(model, result%depth), modulus_of, &
+         & slope, last)
    end function modulus_of
 
    !> The modulus of a curve: least squares through the origin over the depths that are used.
@@ -333,6 +367,7 @@ contains
       type(grid_type), intent(in) :: grid
       !> Stiffness in the sample frame, GPa.
       real(wp), intent(in) :: c(6, 6)
+      !> In: its depths, um.
       type(indentation_result_type), intent(inout) :: result
       type(error_type), allocatable, intent(out) :: error
       type(factor_type) :: factor
@@ -344,9 +379,9 @@ contains
       if (allocated(error)) return
       call solve_curve(model, grid, c, factor, forces, result, error)
       if (.not. allocated(error)) then
-         call solve_displacement(grid, factor, forces(:, size(model%depth)), u)
+         call solve_displacement(grid, factor, forces(:, size(result%depth)), u)
          call reaction(grid%mesh, model%formulation, c, u, held)
-         total = sum(forces(:, size(model%depth)))
+         total = sum(forces(:, size(result%depth)))
          result%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
       end if
       call release_factor(grid%cholesky, factor)
@@ -360,6 +395,7 @@ contains
       type(factor_type), intent(inout) :: factor
       !> Nodal forces into the material, mN (contact nodes, depths).
       real(wp), allocatable, intent(out) :: forces(:, :)
+      !> In: its depths, um.
       type(indentation_result_type), intent(inout) :: result
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: values(:), compliance(:, :)
@@ -382,21 +418,22 @@ contains
       associate (x => grid%mesh%x(:, grid%mesh%contact))
          edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_reach - grid%mesh%element_size
       end associate
-      allocate (forces(n, size(model%depth)), active(n), result%force(size(model%depth)))
-      if (.not. allocated(result%contact_radius)) allocate (result%contact_radius(size(model%depth)))
-      active = grid%gap < 0.5_wp*model%depth(1)
-      do i = 1, size(model%depth)
-         call solve_contact(compliance, grid%gap, model%depth(i), active, forces(:, i), error)
+      allocate (forces(n, size(result%depth)), active(n), result%force(size(result%depth)))
+      if (.not. allocated(result%contact_radius)) allocate (result%contact_radius(size(result%depth)))
+      active = grid%gap < 0.5_wp*result%depth(1)
+      do i = 1, size(result%depth)
+         call solve_contact(compliance, grid%gap, result%depth(i), active, forces(:, i), error)
          if (allocated(error)) return
-         if (any(active .and. edge)) then
-            call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(model%depth(i)) &
+         result%left_zone = any(active .and. edge)
+         if (result%left_zone) then
+            call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(result%depth(i)) &
                & //' um (it may reach '//to_text(grid%mesh%contact_reach - grid%mesh%element_size)//' um)')
             return
          end if
          result%force(i) = sum(forces(:, i))
          result%contact_radius(i) = sqrt(count(forces(:, i) > 0.0_wp)/acos(-1.0_wp))*grid%mesh%element_size
          result%contact_residual = max(result%contact_residual, &
-            & contact_residual(compliance, grid%gap, model%depth(i), forces(:, i)))
+            & contact_residual(compliance, grid%gap, result%depth(i), forces(:, i)))
       end do
    end subroutine solve_curve
 
@@ -426,7 +463,7 @@ contains
       !> Stiffness in the sample frame, GPa.
       real(wp), intent(out) :: c(6, 6)
       type(error_type), allocatable, intent(out) :: error
-      type(indentation_result_type) :: result
+      type(indentation_result_type) :: result, curve
       type(factor_type) :: factor
       real(wp), allocatable :: forces(:, :)
 
@@ -439,9 +476,13 @@ contains
          return
       end if
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
+      ! The simulation finds the depths that fit this crystal.
+      call simulate_indentation(model, stiffness, euler, result, error)
+      if (allocated(error)) return
+      curve%depth = result%depth
       call acquire_factor(model%grid(1)%cholesky, factor, error)
       if (allocated(error)) return
-      call solve_curve(model, model%grid(1), c, factor, forces, result, error)
+      call solve_curve(model, model%grid(1), c, factor, forces, curve, error)
       if (.not. allocated(error)) call solve_displacement(model%grid(1), factor, forces(:, step), u)
       call release_factor(model%grid(1)%cholesky, factor)
    end subroutine indentation_fields

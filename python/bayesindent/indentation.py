@@ -100,7 +100,7 @@ class Indentation:
 
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
-        depth, force, radius, moduli, diagnostics, status, message = native.indentation_run(
+        depth, force, radius, moduli, diagnostics, elements, status, message = native.indentation_run(
             self._handle, self.depths, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
         )
         check(status, message)
@@ -108,7 +108,7 @@ class Indentation:
             indentation_modulus_gpa=float(moduli[0]),
             depth_um=depth,
             force_mn=force,
-            elements=self.elements,
+            elements=elements,
             seconds=float(diagnostics[0]),
             modulus_slope_gpa=float(moduli[1]),
             modulus_last_gpa=float(moduli[2]),

@@ -9,6 +9,7 @@ program test_fe
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_options_type, &
       & indentation_result_type, new_indentation_model, simulate_indentation
    use fe_mesh, only: mesh_plan_type, mesh_type, new_mesh
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
    use random, only: new_random_stream, random_stream_type
@@ -407,7 +408,9 @@ contains
       type(indentation_options_type) :: options
       type(indentation_model_type) :: model
       type(indentation_result_type) :: result
+      type(halfspace_type) :: theory
       type(error_type), allocatable :: error
+      real(wp) :: elongated(6, 6)
 
       options%refine = 0.6_wp
       call new_indentation_model(options, model, error)
@@ -419,6 +422,17 @@ contains
       call simulate_indentation(model, new_stiffness(symmetry_hexagonal, [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
          & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
       call check_refused('contact beyond the refined zone', error, 'the contact leaves the refined zone')
+      ! A long ellipse that fits once the depths shrink.
+      options%refine = 1.0_wp
+      call free_indentation_model(model)
+      call new_indentation_model(options, model, error)
+      elongated = new_stiffness(symmetry_hexagonal, [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
+      call simulate_indentation(model, elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, result, error)
+      call check_success('a long contact ellipse', error)
+      call check('its depths have shrunk, and both solves count', result%depth(10) < 0.9_wp*model%depth(10) &
+         & .and. result%elements == 2*model%elements)
+      call halfspace_modulus(elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, theory, error)
+      call check_close('its modulus', result%modulus/theory%modulus, 1.0_wp, 0.01_wp)
       call free_indentation_model(model)
       options%refine = 0.3_wp
       call new_indentation_model(options, model, error)
