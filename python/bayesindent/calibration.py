@@ -113,7 +113,7 @@ class Posterior:
         self.dimension = int(dimension)
 
     def __del__(self):
-        if self._handle:
+        if getattr(self, "_handle", 0):
             native.calibration_free(self._handle)
 
     def _bounds(self, bounds: Mapping | None) -> tuple[np.ndarray, np.ndarray]:
@@ -169,23 +169,47 @@ class Posterior:
 
 
 def measurements_of(table, sd_optional: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Angles (n, 3), moduli (n,) and sds (n,) or None of a CSV file, a mapping or data frame of its columns, or an object with
-    euler_deg, modulus_gpa and sd_gpa."""
+    """Angles (n, 3) in degrees, moduli (n,) and sds (n,) or None, of a CSV file, a mapping, data frame or structured array of its
+    columns, a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
+    modulus and sd."""
     if isinstance(table, str | os.PathLike):
         from .problem import read_measurements
 
         table = read_measurements(table, sd_optional=sd_optional)
-    if hasattr(table, "euler_deg"):
-        return table.euler_deg, table.modulus_gpa, table.sd_gpa
-    try:
-        if "euler_deg" in table:
-            angles = np.asarray(table["euler_deg"], dtype=float)
+    if isinstance(table, list | tuple):
+        named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
+        table = {name: [row.get(name) for row in table] for name in table[0]} if named else _array(table)
+    if isinstance(table, np.ndarray):
+        if table.dtype.names:
+            table = {name: table[name] for name in table.dtype.names}
+        elif table.ndim == 2 and table.shape[1] in (4, 5):
+            table = {"euler_deg": table[:, :3], "modulus_gpa": table[:, 3]} | ({"sd_gpa": table[:, 4]} if table.shape[1] == 5 else {})
         else:
-            angles = np.column_stack([np.asarray(table[name], dtype=float) for name in ("phi1_deg", "Phi_deg", "phi2_deg")])
-        sd = np.asarray(table["sd_gpa"], dtype=float) if "sd_gpa" in table else None
-        return angles, np.asarray(table["modulus_gpa"], dtype=float), sd
-    except KeyError as error:
-        raise InputError(f"the measurements have no column {error}") from None
+            raise InputError(f"an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), not {table.shape}")
+    if hasattr(table, "euler_deg"):
+        angles, modulus, sd = table.euler_deg, table.modulus_gpa, table.sd_gpa
+    else:
+        try:
+            if "euler_deg" in table:
+                angles = _array(table["euler_deg"])
+            else:
+                angles = np.column_stack([_array(table[name]) for name in ("phi1_deg", "Phi_deg", "phi2_deg")])
+            sd = _array(table["sd_gpa"]) if "sd_gpa" in table else None
+            modulus = _array(table["modulus_gpa"])
+        except KeyError as error:
+            raise InputError(f"the measurements have no column {error}") from None
+    tilt = np.atleast_2d(angles)[:, 1:2]
+    if not np.all((tilt >= 0) & (tilt <= 180)):
+        raise InputError(f"Phi of a measurement is {tilt[~((tilt >= 0) & (tilt <= 180))][0]:g}; allowed: 0 to 180 degrees")
+    return angles, modulus, sd
+
+
+def _array(values) -> np.ndarray:
+    """Numbers of a table."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"the measurements are no table of numbers: {str(values)[:60]}") from None
 
 
 def extract(

@@ -190,9 +190,10 @@ def run_stage(arguments: argparse.Namespace) -> int:
     from .problem import Problem
 
     problem = Problem(arguments.file, arguments.command)
-    if getattr(arguments, "check", False):
-        return finish(arguments, {"file": str(arguments.file), "stages": stages.asked(problem), "warnings": problem.warnings})
     output = output_folder(arguments, arguments.file)
+    if getattr(arguments, "check", False):
+        stages.check(problem, output)
+        return finish(arguments, {"file": str(arguments.file), "stages": stages.asked(problem), "warnings": problem.warnings})
     output.mkdir(parents=True, exist_ok=True)
     open_log(output, arguments)
     (output / "resolved.nml").write_text(problem.resolved)

@@ -51,13 +51,15 @@ def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: 
 
     `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
     `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse. Raises `InputError` for
-    a crystal that is not finite or not stable.
+    a crystal or an angle that is not finite, or a crystal that is not stable.
     """
     matrices = np.asarray(stiffness, dtype=float)
     angles = np.radians(np.asarray(euler_deg, dtype=float))
     shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
     matrices = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     angles = np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)
+    if not np.isfinite(angles).all():
+        raise InputError("an Euler angle is not finite")
     modulus, vlassak_nix, status, message = native.theory_moduli(np.moveaxis(matrices, 0, -1), angles.T, threads)
     check(status, message)
     return (vlassak_nix if circular else modulus).reshape(shape)

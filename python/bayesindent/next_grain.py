@@ -1,5 +1,6 @@
 """Which grain to measure next: what one more modulus, over all orientations, is expected to add to a posterior."""
 
+import os
 import re
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -116,7 +117,7 @@ def next_grain(surrogate, measurements, *, sd_gpa: float = 0.0, target: str = "a
         sd_gpa = factor * float(np.median(posterior.sd_gpa))
     return suggest(
         posterior, np.stack(draws, axis=1), sd_gpa=sd_gpa, target=target, count=count, seed=settings.get("seed", 1),
-        threads=settings.get("threads", 0) or 2,
+        threads=settings.get("threads", 0) or len(os.sched_getaffinity(0)),
     )  # fmt: skip
 
 

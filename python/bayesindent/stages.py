@@ -19,7 +19,7 @@ from .crystal import halfspace_modulus
 from .problem import Points, Problem, read_crystals, schema
 from .progress import Progress
 
-__all__ = ["asked", "moduli_of_three_kinds", "perform", "predict", "report"]
+__all__ = ["asked", "check", "moduli_of_three_kinds", "perform", "predict", "report"]
 
 log = logging.getLogger("bayesindent")
 
@@ -125,6 +125,15 @@ def asked(problem: Problem) -> list[str]:
     return [stage for name in problem.stages for stage in ((name, "theory") if name == "simulate" else (name,))]
 
 
+def check(problem: Problem, output: Path) -> None:
+    """What the reader cannot see of a file: whether the surrogate is there, which no stage before builds, and of the symmetry."""
+    from .calibration import surrogate_of
+
+    needed = asked(problem)
+    if "build" not in needed and {"extract", "next"} & set(needed):
+        surrogate_of(problem, output)
+
+
 def perform(command: str, problem: Problem, output: Path, progress: Progress) -> dict:
     """Perform a stage, or all that the file asks for and a report; documents are kept in the output folder for reports."""
     if command == "run":
@@ -160,7 +169,10 @@ def predict(surrogate: str, table: Path, output: Path) -> dict:
     output.mkdir(parents=True, exist_ok=True)
     write_csv(output / "predictions.csv", header, rows)
     results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in range(len(points))]
-    return {"results": results, "file": str(output / "predictions.csv"), "warnings": []}
+    outside = np.flatnonzero(model.outside(points.constants_array())) + 1
+    listed = ", ".join(map(str, outside[:10])) + (", .." if len(outside) > 10 else "")
+    warnings = [f"{table}: {len(outside)} of {len(points)} rows are outside the surrogate's domain: {listed}"] if len(outside) else []
+    return {"results": results, "file": str(output / "predictions.csv"), "warnings": warnings}
 
 
 def identified(points: Points, row: int) -> dict:

@@ -42,3 +42,27 @@ def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):
     assert float(row["C13"]) == 50.3
     assert float(row["effective_modulus_gpa"]) == pytest.approx(1 / (1 / modulus + (1 - 0.07**2) / 1140), rel=1e-8)
     assert float(row["sample_modulus_gpa"]) == pytest.approx((1 - 0.3**2) * modulus, rel=1e-8)
+
+
+SURROGATES = {
+    "nowhere.nc": "SURROGATE.nml: &surrogate file: nowhere.nc: there is no such surrogate; allowed: a file, cubic, hexagonal\n",
+    "hexagonal": "SURROGATE.nml: &surrogate file: hexagonal is for hexagonal crystals, not cubic ones\n",
+}
+
+
+@pytest.mark.parametrize("file", SURROGATES)
+def test_check_looks_at_the_surrogate(bayesindent, tmp_path, file):
+    (tmp_path / "SURROGATE.nml").write_text(
+        f"&problem\n symmetry = 'cubic'\n/\n&surrogate\n file = '{file}'\n/\n"
+        f"&measurements\n file = '{SOURCE / 'inputs' / 'data' / 'fe3si.csv'}'\n/\n"
+    )
+    done = bayesindent("run", "SURROGATE.nml", "--check", "--json")
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", SURROGATES[file])
+
+
+def test_predictions_outside_the_domain_are_told_of(bayesindent, tmp_path):
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,118,0,0,0\n225,220,3,0,45,0\n")
+    done = bayesindent("predict", "--surrogate", "cubic", "--points", "points.csv", "--json")
+    warning = "points.csv: 1 of 2 rows are outside the surrogate's domain: 2"
+    assert (done.returncode, done.stderr) == (0, f"warning: {warning}\n")
+    assert json.loads(done.stdout)["warnings"] == [warning]

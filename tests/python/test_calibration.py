@@ -376,6 +376,26 @@ def test_refusals(surrogates):
         bi.extract(box, table, bounds={"C44": (121, 160)})
 
 
+def test_tables_of_measurements():
+    names = ("phi1_deg", "Phi_deg", "phi2_deg", "modulus_gpa", "sd_gpa")
+    rows = np.array([[46.3, 88.7, 199.3, 219.0, 4.5], [10.0, 20.0, 30.0, 210.0, 4.0]])
+    columns = dict(zip(names, rows.T, strict=True))
+    structured = np.array([tuple(row) for row in rows], dtype=[(name, float) for name in names])
+    named = [dict(zip(names, row, strict=True)) for row in rows]
+    for table in (columns, structured, structured.view(np.recarray), named, rows, rows.tolist()):
+        angles, modulus, sd = measurements_of(table)
+        assert np.array_equal(np.column_stack([angles, modulus, sd]), rows)
+    assert measurements_of(rows[:, :4])[2] is None
+    for table, said in (
+        (rows[:, :3], "an array of measurements"),
+        (columns | {"Phi_deg": [200.0, 20.0]}, "Phi of a measurement is 200; allowed: 0 to 180 degrees"),
+        (columns | {"sd_gpa": ["a", "b"]}, "no table of numbers"),
+        ({"Phi_deg": [1.0]}, "no column 'phi1_deg'"),
+    ):
+        with pytest.raises(bi.InputError, match=said):
+            measurements_of(table)
+
+
 def test_bounds_partly_outside_are_cut_and_told(surrogates):
     box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
     result = bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
