@@ -1,6 +1,8 @@
 """The command line: what was asked, to which stage, in which words, with which exit status."""
 
 import argparse
+import csv
+import io
 import json
 import logging
 import os
@@ -211,7 +213,11 @@ def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
     from .problem import read_crystals
 
     if arguments.ask is not None:
-        print(ask(problem, output, arguments.ask), end="", flush=True)
+        table = ask(problem, output, arguments.ask)
+        if arguments.json:
+            rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(io.StringIO(table))]
+            return finish(arguments, {"points": rows, "warnings": problem.warnings})
+        print(table, end="", flush=True)
         return DONE
     points = read_crystals(arguments.tell, problem.symmetry)
     return finish(arguments, tell_results(problem, output, points), output)

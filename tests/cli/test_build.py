@@ -31,6 +31,8 @@ def test_ask_and_tell(bayesindent, tmp_path):
     assert asked.returncode == 0, asked.stderr
     header, *rows = csv.reader(io.StringIO(asked.stdout))
     assert (header, len(rows)) == (["C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg"], 10)
+    document = json.loads(bayesindent("build", file, "--ask", "10", "--json").stdout)
+    assert [[point[name] for name in header] for point in document["points"]] == [[float(cell) for cell in row] for row in rows]
     results = tmp_path / "results.csv"
     with open(results, "w", newline="") as stream:
         writer = csv.writer(stream)
