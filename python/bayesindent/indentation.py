@@ -185,5 +185,6 @@ class Indentation:
             self._handle, self.infinite_elements, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
         )
         element = self.element or ("c3d8" if self.mesh == "paper" else "c3d8i")
-        depths = (np.arange(1, self.depths + 1) / self.depths) ** 2 * self.depth_max_um
+        # The simulation finds the depths that fit this crystal.
+        depths = self.run(stiffness, euler_deg).depth_um
         return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, element.upper(), title)
