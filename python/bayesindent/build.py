@@ -23,48 +23,6 @@ from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinat
 
 __all__ = ["ask", "build", "tell"]
 
-#: Values of variables that a problem does not have.
-DEFAULTS = {
-    "problem": {"seed": 1},
-    "simulation": {
-        "simulator": "fe",
-        "mesh": "halfspace",
-        "element": "",
-        "integration": "selective",
-        "refine": 1.0,
-        "extrapolate": False,
-        "radius_um": 16.0,
-        "depths": 10,
-    },
-    "domain": {},
-    "surrogate": {
-        "file": "surrogate.nc",
-        "coordinates": "dimensionless",
-        "truncation": "total",
-        "degree": 4,
-        "bandlimit": 8,
-        "prior": "theory",
-        "scan": "",
-    },
-    "design": {
-        "candidates": "latin",
-        "n_candidates": 2000,
-        "initial": 0,
-        "initial_set": "variance",
-        "orientations": "sphere",
-        "n_directions": 9,
-        "variance_of": "modulus",
-        "budget": 40,
-        "batch": 1,
-        "refit": 1,
-        "target_gpa": 0.0,
-        "patience": 0,
-        "validation": 0,
-        "reuse": "all",
-    },
-    "execution": {"workers": 0},
-}
-
 #: alpha and beta until then, by prior and coordinates: sd of a coefficient of weight 1 and of the noise, in units of y.
 FIRST_SD = {
     ("zero", "box"): (100.0, 1.0),
@@ -107,21 +65,15 @@ def tell(problem, output, points) -> dict:
     return {"told": new, "simulations": simulations, "warnings": []}
 
 
-def setting(problem, group: str, name: str):
-    """A variable of the problem, or its default."""
-    value = problem[group].get(name) if group in problem else None
-    return DEFAULTS[group].get(name) if value is None else value
-
-
 def physics_identity(problem, mesh: str = "") -> dict:
     """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    simulator = setting(problem, "simulation", "simulator")
+    simulator = problem["simulation"]["simulator"]
     if simulator != "fe":
         return {"simulator": simulator}
     from . import indentation
 
     names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    identity = {"simulator": simulator, **{name: setting(problem, "simulation", name) for name in names}}
+    identity = {"simulator": simulator, **{name: problem["simulation"][name] for name in names}}
     identity["mesh"] = mesh or identity["mesh"]
     return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
 
@@ -131,18 +83,18 @@ def new_indentation(problem, mesh: str = ""):
     from .indentation import Indentation
 
     names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
-    options = {name: setting(problem, "simulation", name) for name in names}
+    options = {name: problem["simulation"][name] for name in names}
     options["mesh"] = mesh or options["mesh"]
-    element = setting(problem, "simulation", "element")
+    element = problem["simulation"]["element"]
     try:
         return Indentation(**options, **({"element": element} if element else {}))
     except InputError as error:
-        raise InputError(f"{getattr(problem, 'path', 'problem')}: &simulation: {error}") from None
+        raise InputError(f"{problem.path}: &simulation: {error}") from None
 
 
 def simulator_of(problem, mesh: str = "") -> Callable:
     """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
-    kind = setting(problem, "simulation", "simulator")
+    kind = problem["simulation"]["simulator"]
     if kind == "theory":
         return lambda stiffness, euler_deg: {"modulus_gpa": float(halfspace_modulus(stiffness, euler_deg))}
     if kind == "import":
@@ -192,7 +144,7 @@ class Loop:
         self.prior = self.of_surrogate("prior")
         self.budget = self.of_design("budget")
         self.check()
-        self.workers = setting(problem, "execution", "workers") or os.cpu_count()
+        self.workers = problem["execution"]["workers"] or os.cpu_count()
         self.constants, self.euler_deg = self.candidates()
         self.terms, self.scale = self.basis.terms(self.constants, self.euler_deg)
         self.initial = self.initial_numbers()
@@ -223,17 +175,17 @@ class Loop:
         self.campaign.close()
 
     def of_design(self, name: str):
-        return setting(self.problem, "design", name)
+        return self.problem["design"][name]
 
     def of_surrogate(self, name: str):
-        return setting(self.problem, "surrogate", name)
+        return self.problem["surrogate"][name]
 
     @property
     def n(self) -> int:
         return len(self.data["modulus_gpa"])
 
     def refuse(self, group: str, name: str, message: str):
-        raise InputError(f"{getattr(self.problem, 'path', 'problem')}: &{group} {name}: {message}")
+        raise InputError(f"{self.problem.path}: &{group} {name}: {message}")
 
     def check(self) -> None:
         """Refuse what cannot be meant."""
@@ -257,8 +209,8 @@ class Loop:
 
     def candidates(self) -> tuple[np.ndarray, np.ndarray]:
         """The crystals and angles to choose from."""
-        kind, n, seed = self.of_design("candidates"), self.of_design("n_candidates"), setting(self.problem, "problem", "seed")
-        table = getattr(self.problem, "candidates", None)
+        kind, n, seed = self.of_design("candidates"), self.of_design("n_candidates"), self.problem["problem"]["seed"]
+        table = self.problem.candidates
         if table is not None:
             constants, euler_deg = table.constants_array(), np.array(table.euler_deg)
             keep = ~self.outside(constants)
@@ -642,7 +594,7 @@ class Loop:
             "c_min": list(self.domain.c_min),
             "c_max": list(self.domain.c_max),
             "simulations": self.n,
-            "seed": setting(self.problem, "problem", "seed"),
+            "seed": self.problem["problem"]["seed"],
             "loocv_gpa": document["loocv_gpa"],
             "leave_crystal_out_gpa": document["leave_crystal_out_gpa"],
             "namelist": without_folders(self.problem),
@@ -719,7 +671,7 @@ class Loop:
 
 def without_folders(problem) -> str:
     """The resolved namelist; the file that it came from by its name alone, since a surrogate travels between machines."""
-    resolved, path = getattr(problem, "resolved", "") or "", getattr(problem, "path", None)
+    resolved, path = problem.resolved, problem.path
     return resolved.replace(str(path), path.name) if path else resolved
 
 

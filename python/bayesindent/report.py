@@ -198,7 +198,8 @@ def simulation_section(results: Results) -> str:
             "4/3 M √R, with M the indentation modulus.",
         ),
     ]
-    parts[1:1] = [mesh_figure(results, rows, mesh) for mesh in (["", other["mesh"]] if other else [""])]
+    if "simulation" in results.namelist:
+        parts[1:1] = [mesh_figure(results, rows, mesh) for mesh in (["", other["mesh"]] if other else [""])]
     if len(theory) == len(rows):
         simulated = [row["indentation_modulus_gpa"] for row in rows]
         angles = np.array([row["euler_deg"] for row in rows])

@@ -18,6 +18,7 @@ from bayesindent.campaign import Campaign
 from bayesindent.core import BayesindentError
 from bayesindent.crystal import halfspace_modulus
 from bayesindent.domain import Domain
+from bayesindent.problem import Problem
 from bayesindent.progress import Progress
 from bayesindent.surrogate import Basis, new_design, sd_factor, stiffness_rows
 
@@ -72,7 +73,11 @@ def main(argv=None) -> int:
 
 def simulated(arguments, domain: Domain, output: Path):
     """The moduli of the random crystals, from the campaign or simulated now."""
-    problem = {"problem": {"symmetry": domain.symmetry}, "simulation": {"simulator": arguments.simulator, "mesh": arguments.mesh}}
+    namelist = output / "learning.nml"
+    namelist.write_text(
+        f"&problem symmetry = '{domain.symmetry}' /\n&simulation simulator = '{arguments.simulator}', mesh = '{arguments.mesh}' /\n&design /\n"
+    )
+    problem = Problem(namelist, "build")
     # A larger number later adds to the crystals of a smaller one.
     constants, angles = (part[: arguments.points] for part in domain.crystals(max(2000, arguments.points), seed=1000))
     stiffness = stiffness_rows(domain.symmetry, constants)
