@@ -114,29 +114,25 @@ contains
       call cut_to_surrogate(surrogate, prior, error)
    end subroutine new_prior
 
-   !> Cut the support to the surrogate's domain, and estimate how much of the stated one is left.
+   !> Refuse bounds outside the box of a surrogate, cut the support to what it knows, and estimate how much of it is left.
    subroutine cut_to_surrogate(surrogate, prior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
       character(len=3), allocatable :: names(:)
       type(random_stream_type) :: stream
-      real(wp) :: c(prior%n_constants), u, stated_cap, stated_lower(prior%n_constants), stated_upper(prior%n_constants)
+      real(wp) :: c(prior%n_constants), u, stated_cap
       integer :: i, j, stated, inside
 
       names = constant_names(prior%symmetry)
       stated_cap = prior%anisotropy_cap
-      stated_lower = prior%lower
-      stated_upper = prior%upper
       prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%anisotropy_cap)
       if (prior%coordinates == coordinates_box) then
          do j = 1, prior%n_constants
-            prior%lower(j) = max(prior%lower(j), prior%range_lower(j))
-            prior%upper(j) = min(prior%upper(j), prior%range_upper(j))
-            if (.not. prior%upper(j) > prior%lower(j)) then
-               call raise(error, names(j)//': the bounds '//to_text(stated_lower(j))//' .. '//to_text(stated_upper(j)) &
-                  & //' GPa are outside the surrogate''s domain, '//to_text(prior%range_lower(j))//' .. ' &
-                  & //to_text(prior%range_upper(j))//' GPa', exit_bad_input)
+            if (prior%lower(j) < prior%range_lower(j) .or. prior%upper(j) > prior%range_upper(j)) then
+               call raise(error, names(j)//': the bounds '//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j)) &
+                  & //' GPa are outside the surrogate''s domain; allowed: '//to_text(prior%range_lower(j))//' .. ' &
+                  & //to_text(prior%range_upper(j))//' GPa, or a surrogate in dimensionless coordinates', exit_bad_input)
                return
             end if
          end do
@@ -147,7 +143,7 @@ contains
       do i = 1, trials
          do j = 1, prior%n_constants
             call stream%uniform(u)
-            c(j) = stated_lower(j) + u*(stated_upper(j) - stated_lower(j))
+            c(j) = prior%lower(j) + u*(prior%upper(j) - prior%lower(j))
          end do
          if (.not. is_born_stable(prior%symmetry, c)) cycle
          if (anisotropy_index(prior%symmetry, c) > stated_cap) cycle

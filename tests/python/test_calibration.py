@@ -396,10 +396,14 @@ def test_tables_of_measurements():
             measurements_of(table)
 
 
-def test_bounds_partly_outside_are_cut_and_told(surrogates):
+def test_bounds_outside_a_box_are_refused():
     box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
-    result = bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
-    assert result.posterior["C44"].max() <= 120
+    with pytest.raises(bi.InputError, match="C44: the bounds 100.0 .. 160.0 GPa are outside the surrogate's domain; allowed: 15.0 .. 120.0"):
+        bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
+
+
+def test_ratios_that_the_surrogate_does_not_know_are_cut_and_told(surrogates):
+    result = bi.extract(surrogates["cubic"], REFERENCE / "cubic_fe3si.csv", bounds={"C44": (1, 5000)}, samples=1000, chains=2)
     assert any("the surrogate knows" in line for line in bi.summary(result)["warnings"])
 
 
