@@ -7,13 +7,13 @@
 !> With `coordinates_box` the coordinates are the constants and the model is M = y. With `coordinates_dimensionless` they are
 !> ratios of the constants and M = s exp(y), s a stiffness: the modulus is homogeneous of degree one in the constants.
 module surrogate_basis
-   use crystal_elasticity, only: constant_count, constant_names, symmetry_cubic, symmetry_hexagonal
+   use crystal_elasticity, only: constant_count, symmetry_cubic, symmetry_hexagonal
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use text, only: to_text
    implicit none
    private
-   public :: basis_type, new_basis, harmonic_count, polynomial_count, coordinate_count, coordinate_names
+   public :: basis_type, new_basis, harmonic_count, polynomial_count, coordinate_count
    public :: coordinates_box, coordinates_dimensionless, coordinates_from_name, coordinates_name
    public :: truncation_tensor, truncation_total, truncation_from_name, truncation_name
    public :: evaluate_harmonics, evaluate_direction, evaluate_polynomials, evaluate_terms, raw_coordinates, is_in_ranges
@@ -84,23 +84,6 @@ contains
       n = constant_count(symmetry)
       if (coordinates == coordinates_dimensionless) n = n - 1
    end function coordinate_count
-
-   !> What the coordinates are, for messages and files.
-   pure function coordinate_names(symmetry, coordinates) result(names)
-      integer, intent(in) :: symmetry, coordinates
-      character(len=24), allocatable :: names(:)
-      character(len=3), allocatable :: constants(:)
-
-      if (coordinates == coordinates_box) then
-         constants = constant_names(symmetry)
-         allocate (names(size(constants)))
-         names = constants
-      else if (symmetry == symmetry_cubic) then
-         names = [character(len=24) :: 'K/(K+s)', 'log Zener']
-      else
-         names = [character(len=24) :: 'log (r-C13)/(r+C13)', 'log C44/C66', 'log (r^2-C13^2)/C44C66', 'log C33/C11']
-      end if
-   end function coordinate_names
 
    !> Number of symmetrised harmonics up to degree `bandlimit`: all are even; cubic ones are the polynomials in the two
    !> invariants of degree 4 and 6, hexagonal ones (transverse isotropy) are zonal.
