@@ -125,7 +125,7 @@ def draw_ranks(ranks: dict, repeats: int) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(1, len(ranks), figsize=(4.6 * len(ranks), 3.4), sharey=True, squeeze=False, layout="constrained")
+    figure, panels = plt.subplots(1, len(ranks), figsize=(4.6 * len(ranks), 4.4), sharey=True, squeeze=False, layout="constrained")
     x = np.linspace(0, 1, 201)
     uniform = np.sort(np.random.default_rng(0).random((4000, repeats)), axis=1)
     largest = np.abs(np.array([np.searchsorted(row, x, side="right") / repeats for row in uniform]) - x).max(axis=1)
@@ -135,7 +135,7 @@ def draw_ranks(ranks: dict, repeats: int) -> None:
         for name, column in zip(names, table.T, strict=True):
             axes.plot(x, np.searchsorted(np.sort(column), x, side="right") / repeats - x, lw=1.2, label=name)
         axes.set(title=f"{symmetry}, {repeats} data sets", xlabel="rank of the truth", xlim=(0, 1))
-        axes.legend(fontsize=6, loc="lower center", ncols=2)
+        axes.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2, frameon=False)
     panels[0][0].set_ylabel("share of ranks below, less the rank")
     FIGURES.mkdir(parents=True, exist_ok=True)
     figure.savefig(FIGURES / "sbc.png", dpi=110)
