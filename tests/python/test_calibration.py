@@ -398,7 +398,9 @@ def test_tables_of_measurements():
 
 def test_bounds_outside_a_box_are_refused():
     box = theory_surrogate("cubic", 2, 4, "box", 400, "tensor")
-    with pytest.raises(bi.InputError, match="C44: the bounds 100.0 .. 160.0 GPa are outside the surrogate's domain; allowed: 15.0 .. 120.0"):
+    with pytest.raises(
+        bi.InputError, match="C44: the bounds 100.0 .. 160.0 GPa are outside the surrogate's domain; allowed: 15.0 .. 120.0"
+    ):
         bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
 
 

@@ -56,15 +56,15 @@ def test_error_over_the_domain_of_the_paper(shipped):
     theory = bi.halfspace_modulus(stiffness_rows(shipped.symmetry, constants), angles)
     error = np.abs(shipped.predict(constants, angles)[0] - theory)
     assert error.mean() <= 0.5
-    assert np.quantile(error, 0.99) <= 3.0
+    # Measured: 0.54 (cubic) and 0.52 GPa (hexagonal).
+    assert np.quantile(error, 0.99) <= 1.0
     assert shipped.outside(constants).mean() < 0.005
 
 
 def test_its_simulations_are_repeated_by_this_version(shipped, tmp_path):
     physics = json.loads(shipped.provenance["physics"])
     (tmp_path / "a.nml").write_text(f"&problem symmetry = '{shipped.symmetry}' /\n&simulation mesh = 'halfspace' /\n&design /\n")
-    if physics != physics_identity(bi.Problem(tmp_path / "a.nml", "build")):
-        pytest.skip("the numerics of the simulation were revised since")
+    assert physics == physics_identity(bi.Problem(tmp_path / "a.nml", "build")), "build the shipped surrogates anew: inputs/*.nml"
     simulation = bi.Indentation(mesh="halfspace")
     for row in (0, -1):
         stiffness = stiffness_rows(shipped.symmetry, shipped.data["constants"][[row]])[0]
