@@ -98,7 +98,7 @@ subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, 
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_type
    use evidence_regression, only: compute_spectrum, log_evidence, maximise_evidence, set_precisions, spectrum_type
-   use sequential_design, only: compute_variances, design_from_handle, design_type
+   use sequential_design, only: compute_variances, design_from_handle, design_type, take_in_choices
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -114,6 +114,7 @@ subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, 
    message = ''
    evidence = 0
    design => design_from_handle(handle)
+   call take_in_choices(design)
    if (alpha_in > 0) then
       call set_precisions(design%regression, alpha_in, beta_in, error)
    else
@@ -171,7 +172,7 @@ subroutine design_update(handle, n, term, y, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_type
    use evidence_regression, only: update_posterior
-   use sequential_design, only: design_from_handle, design_type
+   use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -185,6 +186,7 @@ subroutine design_update(handle, n, term, y, status, message)
    status = 0
    message = ''
    design => design_from_handle(handle)
+   call take_in_choices(design)
    call update_posterior(design%regression, term, y, error)
    if (allocated(error)) then
       status = error%status
@@ -266,7 +268,7 @@ end subroutine design_mean
 subroutine design_covariance(handle, n, covariance)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use evidence_regression, only: coefficient_covariance
-   use sequential_design, only: design_from_handle, design_type
+   use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -275,13 +277,14 @@ subroutine design_covariance(handle, n, covariance)
    type(design_type), pointer :: design
 
    design => design_from_handle(handle)
+   call take_in_choices(design)
    call coefficient_covariance(design%regression, covariance)
 end subroutine design_covariance
 
 !> Variance of y at each of the m candidates, noise not included.
 subroutine design_variances(handle, m, variance)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use sequential_design, only: design_from_handle, design_type
+   use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -290,6 +293,7 @@ subroutine design_variances(handle, m, variance)
    type(design_type), pointer :: design
 
    design => design_from_handle(handle)
+   call take_in_choices(design)
    variance = design%variance
 end subroutine design_variances
 
@@ -298,7 +302,7 @@ subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_type
    use evidence_regression, only: leave_groups_out
-   use sequential_design, only: design_from_handle, design_type
+   use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -313,6 +317,7 @@ subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    status = 0
    message = ''
    design => design_from_handle(handle)
+   call take_in_choices(design)
    call leave_groups_out(design%regression, groups, residual, sd, error)
    if (allocated(error)) then
       status = error%status

@@ -10,7 +10,7 @@ module evidence_regression
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior, update_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, whiten, symmetric_product, subtract_outer
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, whiten, symmetric_product
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type

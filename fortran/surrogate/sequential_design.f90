@@ -1,18 +1,29 @@
 !> Which simulation to do next: the candidate of largest predictive variance (paper's section 2.1).
 !>
 !> The variance does not depend on the values to come, so that a batch is chosen one after another as if each were already
-!> simulated, exactly, at frozen alpha and beta. Every choice costs O(candidates x terms).
+!> simulated, exactly, at frozen alpha and beta.
+!>
+!> A choice changes the covariance by one outer product and every variance by one square; done at once, both are limited by the
+!> memory they touch. So a few choices are kept apart as vectors, and are taken in together by matrix products. Until then the
+!> variances that lack them are upper bounds, since variances only fall: only candidates that might still be the largest are
+!> brought up to date, and the choice is that of the full computation.
 module sequential_design
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_null_ptr, c_ptr
    use errors, only: error_type, raise
-   use evidence_regression, only: compute_posterior, new_regression, refresh_interval, regression_type, subtract_outer, &
-      & symmetric_product, whiten
+   use evidence_regression, only: compute_posterior, new_regression, refresh_interval, regression_type, symmetric_product, whiten
    use kinds, only: i8, wp
-   use linear_algebra, only: multiply
+   use linear_algebra, only: add_gram, multiply
    implicit none
    private
-   public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, settle, design_to_handle, &
-      & design_from_handle
+   public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, take_in_choices, settle, &
+      & design_to_handle, design_from_handle
+
+   !> Choices that are kept apart before they are taken in together.
+   integer, parameter :: max_apart = 8
+   !> Candidates of one matrix product.
+   integer, parameter :: block_size = 256
+   !> Values closer than this share are equal: rounding does not decide between them.
+   real(wp), parameter :: tie = 1.0e-10_wp
 
    type :: design_type
       type(regression_type) :: regression
@@ -20,8 +31,13 @@ module sequential_design
       real(wp), allocatable :: candidates(:, :), variance(:)
       !> Candidates that may still be chosen.
       logical, allocatable :: available(:)
-      !> Choices since the last exact variances; the regression's covariance already includes them.
+      !> Choices since the last exact variances.
       integer :: n_choices = 0
+      !> The last `n_apart` choices, which the regression's covariance lacks: it is short of -Σ v vᵀ, v the columns (n_terms, max_apart).
+      integer :: n_apart = 0
+      real(wp), allocatable :: apart(:, :)
+      !> How many of them the variance of each candidate has already.
+      integer, allocatable :: included(:)
    end type design_type
 
 contains
@@ -50,7 +66,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_regression(weights, prior_mean, least_noise, design%regression, error)
-      allocate (design%candidates(size(weights), 0), design%variance(0), design%available(0))
+      allocate (design%candidates(size(weights), 0), design%variance(0), design%available(0), design%included(0))
+      allocate (design%apart(size(weights), max_apart))
    end subroutine new_design
 
    !> Give the candidates' terms (n_terms, n), all of them available.
@@ -59,18 +76,18 @@ contains
       real(wp), intent(in) :: terms(:, :)
       integer :: n
 
+      call take_in_choices(design)
       n = size(terms, 2)
-      deallocate (design%candidates, design%variance, design%available)
-      allocate (design%candidates(size(terms, 1), n), design%variance(n), design%available(n))
+      deallocate (design%candidates, design%variance, design%available, design%included)
+      allocate (design%candidates(size(terms, 1), n), design%variance(n), design%available(n), design%included(n))
       call whiten(design%regression, terms, design%candidates)
       design%available = .true.
       call compute_variances(design)
    end subroutine set_candidates
 
-   !> Variances of all candidates from the posterior covariance.
+   !> Variances of all candidates from the regression's covariance, which must lack no choice.
    subroutine compute_variances(design)
       type(design_type), intent(inout) :: design
-      integer, parameter :: block_size = 256
       real(wp), allocatable :: product(:, :)
       integer :: first, last, j
 
@@ -84,10 +101,12 @@ contains
          deallocate (product)
       end do
       design%n_choices = 0
+      design%n_apart = 0
+      design%included = 0
    end subroutine compute_variances
 
    !> Choose `size(chosen)` candidates, each of the largest importance^2 x (variance of y) given all chosen before; the lowest
-   !> index of equals. Their values are not needed: afterwards covariance and variances are those of all data and all chosen.
+   !> index of equals. Their values are not needed: afterwards the posterior's covariance is that of all data and all chosen.
    subroutine choose_candidates(design, importance, chosen, variance, threads, error)
       type(design_type), intent(inout) :: design
       !> |dM/dy| of each candidate for the variance of M, 1 for that of y.
@@ -97,49 +116,115 @@ contains
       real(wp), intent(out) :: variance(:)
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      integer :: k, j, best
-      real(wp) :: largest
+      real(wp) :: squared(size(importance))
+      integer :: k
 
+      squared = importance**2
       do k = 1, size(chosen)
-         best = 0
-         largest = -1.0_wp
-         do j = 1, size(design%variance)
-            if (.not. design%available(j)) cycle
-            if (importance(j)**2*design%variance(j) > largest) then
-               largest = importance(j)**2*design%variance(j)
-               best = j
-            end if
-         end do
-         if (best == 0) then
+         if (design%n_apart == max_apart) call take_in_choices(design, threads)
+         chosen(k) = most_uncertain(design, squared)
+         if (chosen(k) == 0) then
             call raise(error, 'no candidate is left to choose')
             return
          end if
-         chosen(k) = best
-         variance(k) = design%variance(best)
-         call condition_on(design, best, threads)
+         variance(k) = design%variance(chosen(k))
+         call condition_on(design, chosen(k))
       end do
    end subroutine choose_candidates
 
-   !> Covariance and variances as if candidate `chosen` were simulated.
-   subroutine condition_on(design, chosen, threads)
+   !> The available candidate of largest factor x variance, the lowest index of equals; 0 if there is none.
+   integer function most_uncertain(design, factor) result(best)
       type(design_type), intent(inout) :: design
-      integer, intent(in) :: chosen, threads
-      real(wp), allocatable :: gain(:)
-      real(wp) :: factor
+      real(wp), intent(in) :: factor(:)
+      real(wp) :: threshold
       integer :: j
 
-      design%available(chosen) = .false.
-      allocate (gain(design%regression%n_terms))
-      call symmetric_product(design%regression%covariance, design%candidates(:, chosen), gain)
-      factor = 1.0_wp/(1.0_wp/design%regression%beta + dot(design%candidates(:, chosen), gain))
-      !$omp parallel do num_threads(threads) schedule(static) if(threads > 1)
+      ! The candidate of largest upper bound gives a threshold below which no other need be looked at.
+      best = maxloc(factor*design%variance, 1, mask=design%available)
+      if (best == 0) return
+      call bring_up_to_date(design, best)
+      threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
       do j = 1, size(design%variance)
-         design%variance(j) = max(0.0_wp, design%variance(j) - factor*dot(design%candidates(:, j), gain)**2)
+         if (.not. design%available(j) .or. factor(j)*design%variance(j) < threshold) cycle
+         call bring_up_to_date(design, j)
+         threshold = max(threshold, (1.0_wp - tie)*factor(j)*design%variance(j))
       end do
-      !$omp end parallel do
-      call subtract_outer(design%regression%covariance, gain, factor)
+      ! All that reach the last threshold are up to date.
+      do j = 1, size(design%variance)
+         if (design%available(j) .and. factor(j)*design%variance(j) >= threshold) then
+            best = j
+            return
+         end if
+      end do
+   end function most_uncertain
+
+   !> The variance of one candidate with all choices so far.
+   subroutine bring_up_to_date(design, candidate)
+      type(design_type), intent(inout) :: design
+      integer, intent(in) :: candidate
+      integer :: k
+
+      do k = design%included(candidate) + 1, design%n_apart
+         design%variance(candidate) = max(0.0_wp, design%variance(candidate) &
+            & - dot(design%candidates(:, candidate), design%apart(:, k))**2)
+      end do
+      design%included(candidate) = design%n_apart
+   end subroutine bring_up_to_date
+
+   !> As if candidate `chosen` were simulated: one vector more that is kept apart.
+   subroutine condition_on(design, chosen)
+      type(design_type), intent(inout) :: design
+      integer, intent(in) :: chosen
+      integer :: n
+
+      design%available(chosen) = .false.
+      n = design%n_apart + 1
+      call present_product(design, design%candidates(:, chosen), design%apart(:, n))
+      design%apart(:, n) = design%apart(:, n) &
+         & /sqrt(1.0_wp/design%regression%beta + dot(design%candidates(:, chosen), design%apart(:, n)))
+      design%n_apart = n
       design%n_choices = design%n_choices + 1
    end subroutine condition_on
+
+   !> product = (covariance given all choices) vector.
+   subroutine present_product(design, vector, product)
+      type(design_type), intent(in) :: design
+      real(wp), intent(in), contiguous :: vector(:)
+      real(wp), intent(out), contiguous :: product(:)
+      integer :: k
+
+      call symmetric_product(design%regression%covariance, vector, product)
+      do k = 1, design%n_apart
+         product = product - dot(design%apart(:, k), vector)*design%apart(:, k)
+      end do
+   end subroutine present_product
+
+   !> Bring the regression's covariance and the variances of all candidates up to date with all choices. The result does not
+   !> depend on the number of threads (1 unless stated).
+   subroutine take_in_choices(design, threads)
+      type(design_type), intent(inout) :: design
+      integer, intent(in), optional :: threads
+      real(wp) :: vectors(design%n_apart, design%regression%n_terms), product(design%n_apart, block_size)
+      integer :: n, first, last, j, n_threads
+
+      n = design%n_apart
+      if (n == 0) return
+      n_threads = 1
+      if (present(threads)) n_threads = threads
+      vectors = transpose(design%apart(:, :n))
+      !$omp parallel do num_threads(n_threads) private(last, j, product) schedule(static) if(n_threads > 1)
+      do first = 1, size(design%variance), block_size
+         last = min(first + block_size - 1, size(design%variance))
+         call multiply(vectors, design%candidates(:, first:last), product(:, :last - first + 1))
+         do j = first, last
+            design%variance(j) = max(0.0_wp, design%variance(j) - sum(product(design%included(j) + 1:, j - first + 1)**2))
+         end do
+      end do
+      !$omp end parallel do
+      call add_gram(design%apart(:, :n), -1.0_wp, design%regression%covariance, transposed=.false.)
+      design%n_apart = 0
+      design%included = 0
+   end subroutine take_in_choices
 
    !> After the values of all chosen candidates were added as data: the posterior mean. From time to time, and always if
    !> `exactly` (a choice that failed and gave no value), everything is computed afresh.
@@ -152,8 +237,7 @@ contains
          call compute_posterior(design%regression, error)
          if (.not. allocated(error)) call compute_variances(design)
       else
-         call symmetric_product(design%regression%covariance, design%regression%beta*design%regression%moment, &
-            & design%regression%mean)
+         call present_product(design, design%regression%beta*design%regression%moment, design%regression%mean)
       end if
    end subroutine settle
 

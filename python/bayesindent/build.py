@@ -8,7 +8,6 @@ import io
 import json
 import os
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import CONSTANTS, anisotropy_index, halfspace_modulus
 from .domain import DEFAULT_BOUNDS, Domain, directions
+from .simulator import physics_identity, simulator_of
 from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor, stiffness_rows
 
 __all__ = ["ask", "build", "tell"]
@@ -36,6 +36,9 @@ IMPROVEMENT = 0.98
 
 #: Points over which the error of the next points is averaged.
 WINDOW = 20
+
+#: Numbers of simulations at which a scan of truncations is made.
+SCAN_COUNTS = 6
 
 
 def build(problem, output, progress=None) -> dict:
@@ -63,62 +66,6 @@ def tell(problem, output, points) -> dict:
         new = campaign.tell(symmetry, points.constants_array(), points.euler_deg, points.modulus_gpa)
         simulations = sum(row.status == "done" for row in campaign.rows(symmetry))
     return {"told": new, "simulations": simulations, "warnings": []}
-
-
-def physics_identity(problem, mesh: str = "") -> dict:
-    """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    simulator = problem["simulation"]["simulator"]
-    if simulator != "fe":
-        return {"simulator": simulator}
-    from . import indentation
-
-    names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    identity = {"simulator": simulator, **{name: problem["simulation"][name] for name in names}}
-    identity["mesh"] = mesh or identity["mesh"]
-    return identity | {"estimator": "least squares through the origin", "numerics": getattr(indentation, "NUMERICS_REVISION", 1)}
-
-
-def new_indentation(problem, mesh: str = ""):
-    """The `Indentation` that &simulation asks for; `mesh` takes the place of its own."""
-    from .indentation import Indentation
-
-    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
-    options = {name: problem["simulation"][name] for name in names}
-    options["mesh"] = mesh or options["mesh"]
-    element = problem["simulation"]["element"]
-    try:
-        return Indentation(**options, **({"element": element} if element else {}))
-    except InputError as error:
-        raise InputError(f"{problem.path}: &simulation: {error}") from None
-
-
-def simulator_of(problem, mesh: str = "") -> Callable:
-    """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
-    kind = problem["simulation"]["simulator"]
-    if kind == "theory":
-        return lambda stiffness, euler_deg: {"modulus_gpa": float(halfspace_modulus(stiffness, euler_deg))}
-    if kind == "import":
-
-        def missing(stiffness, euler_deg):
-            raise InputError(
-                "a campaign of imported results cannot simulate: print the next points with 'build --ask', import their "
-                "moduli with 'build --tell', or lower &design budget"
-            )
-
-        return missing
-    indentation = new_indentation(problem, mesh)
-
-    def simulate(stiffness, euler_deg):
-        result = indentation.run(stiffness, euler_deg)
-        return {
-            "modulus_gpa": result.indentation_modulus_gpa,
-            "elements": int(result.elements),
-            "seconds": result.seconds,
-            "depth_um": result.depth_um,
-            "force_mn": result.force_mn,
-        }
-
-    return simulate
 
 
 class Loop:
@@ -624,6 +571,8 @@ class Loop:
         z = np.abs(mean - modulus) / sd
         return {
             "points": len(modulus),
+            "constants": np.asarray(constants).tolist(),
+            "euler_deg": np.asarray(euler_deg).tolist(),
             "mean_absolute_gpa": float(np.mean(np.abs(mean - modulus))),
             "within_1_sd": float(np.mean(z <= 1)),
             "within_2_sd": float(np.mean(z <= 2)),
@@ -633,30 +582,38 @@ class Loop:
         }
 
     def scan(self, data) -> list[dict]:
-        """Evidence and leave-one-out errors of other truncations on the same simulations (Figs. 1 and 6)."""
+        """Evidence and leave-one-out errors of other truncations on the same simulations, as their number grows (Figs. 1 and 6)."""
+        counts = np.unique(np.linspace(self.n_first, self.n, SCAN_COUNTS).astype(int))
+        pairs = scan_pairs(self.of_surrogate("scan"))
         result = []
-        for degree, bandlimit in scan_pairs(self.of_surrogate("scan")):
-            other = Basis(
-                self.symmetry, self.basis.coordinates, self.basis.truncation, degree, bandlimit, self.basis.lower, self.basis.upper
-            )
-            design = new_design(other, self.domain, self.prior)
-            terms, scale = other.terms(data["constants"], data["euler_deg"])
-            y = other.to_y(data["modulus_gpa"], scale)
-            design.add(terms, y)
-            alpha, beta, evidence = design.fit()
-            residual, _ = design.leave_out(np.arange(self.n))
-            error = np.mean(np.abs(other.to_modulus(y - residual, scale) - data["modulus_gpa"]))
-            result.append(
-                {
-                    "degree": degree,
-                    "bandlimit": bandlimit,
-                    "terms": other.n_terms,
-                    "log_evidence": evidence,
-                    "loocv_gpa": float(error),
-                    "alpha": alpha,
-                    "beta": beta,
-                }
-            )
+        with self.bar("truncations", len(pairs)) as advance:
+            for degree, bandlimit in pairs:
+                other = Basis(
+                    self.symmetry, self.basis.coordinates, self.basis.truncation, degree, bandlimit, self.basis.lower, self.basis.upper
+                )
+                terms, scale = other.terms(data["constants"], data["euler_deg"])
+                y = other.to_y(data["modulus_gpa"], scale)
+                design, before, errors = new_design(other, self.domain, self.prior), 0, []
+                for count in counts:
+                    design.add(terms[:, before:count], y[before:count])
+                    alpha, beta, evidence = design.fit()
+                    residual, _ = design.leave_out(np.arange(count))
+                    left_out = other.to_modulus(y[:count] - residual, scale[:count])
+                    errors.append(float(np.mean(np.abs(left_out - data["modulus_gpa"][:count]))))
+                    before = count
+                result.append(
+                    {
+                        "degree": degree,
+                        "bandlimit": bandlimit,
+                        "terms": other.n_terms,
+                        "log_evidence": evidence,
+                        "loocv_gpa": errors[-1],
+                        "alpha": alpha,
+                        "beta": beta,
+                        "curve": {"simulations": counts.tolist(), "loocv_gpa": errors},
+                    }
+                )
+                advance(1)
         return result
 
     def table(self, numbers) -> str:

@@ -220,7 +220,9 @@ def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
         print(table, end="", flush=True)
         return DONE
     points = read_crystals(arguments.tell, problem.symmetry)
-    return finish(arguments, tell_results(problem, output, points), output)
+    document = tell_results(problem, output, points)
+    document["warnings"] = [*problem.warnings, *document["warnings"]]
+    return finish(arguments, document, output)
 
 
 def predict(arguments: argparse.Namespace) -> int:

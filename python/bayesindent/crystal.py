@@ -16,6 +16,9 @@ CONSTANTS = {
     "triclinic": tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7)),
 }
 
+#: A stiffness is symmetric if its halves differ by no more than this share of its largest entry.
+SYMMETRIC = 1e-6
+
 
 def constants_array(symmetry: str, constants: dict) -> np.ndarray:
     """Stack named constants (GPa, scalars or arrays that broadcast) into (..., k) in the order of `CONSTANTS`."""
@@ -46,20 +49,35 @@ def anisotropy_index(symmetry: str, constants) -> tuple[np.ndarray, np.ndarray]:
     return index.reshape(values.shape[:-1]), stable.astype(bool).reshape(values.shape[:-1])
 
 
+def oriented_crystals(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in radians of what users give, checked for shape, symmetry and finite angles."""
+    matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
+    if matrices.shape[-2:] != (6, 6):
+        raise InputError(f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it from constants")
+    if angles.shape[-1:] != (3,):
+        raise InputError(f"a crystal has three Euler angles (phi1, Phi, phi2) in degrees; their shape is {angles.shape}")
+    if not np.isfinite(angles).all():
+        raise InputError("an Euler angle is not finite")
+    transposed = np.swapaxes(matrices, -1, -2)
+    if np.any(np.abs(matrices - transposed) > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)):
+        raise InputError("a stiffness is not symmetric")
+    return matrices, np.radians(angles)
+
+
 def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: int = 1) -> np.ndarray:
     """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
 
     `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
     `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse. Raises `InputError` for
-    a crystal or an angle that is not finite, or a crystal that is not stable.
+    a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
     """
-    matrices = np.asarray(stiffness, dtype=float)
-    angles = np.radians(np.asarray(euler_deg, dtype=float))
-    shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
+    matrices, angles = oriented_crystals(stiffness, euler_deg)
+    try:
+        shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
+    except ValueError:
+        raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
     matrices = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     angles = np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)
-    if not np.isfinite(angles).all():
-        raise InputError("an Euler angle is not finite")
     modulus, vlassak_nix, status, message = native.theory_moduli(np.moveaxis(matrices, 0, -1), angles.T, threads)
     check(status, message)
     return (vlassak_nix if circular else modulus).reshape(shape)

@@ -26,6 +26,7 @@ __all__ = [
     "parity",
     "stamp_synthetic",
     "traces",
+    "truncations",
 ]
 
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
@@ -60,6 +61,9 @@ STYLE = {
 }
 #: Nodes of a brick's faces, in Abaqus' order of nodes.
 BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
+
+#: More points than that are drawn small.
+MANY = 400
 
 #: Width of a figure in inches.
 WIDTH = 7.0
@@ -190,18 +194,41 @@ def learning_curve(series: dict[str, tuple[Sequence, Sequence]], baselines: dict
     return figure
 
 
+def truncations(scan: Sequence[dict]) -> Figure:
+    """Leave-one-out error against the number of simulations: a colour for each degree, a marker for each bandlimit."""
+    figure = Figure(figsize=(WIDTH, 3.4))
+    axes = figure.subplots()
+    degrees, bandlimits = (sorted({entry[name] for entry in scan}) for name in ("degree", "bandlimit"))
+    for entry in scan:
+        axes.plot(
+            entry["curve"]["simulations"],
+            entry["curve"]["loocv_gpa"],
+            color=CYCLE[degrees.index(entry["degree"]) % len(CYCLE)],
+            marker=MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)],
+            ms=4,
+            lw=1,
+            label=f"degree {entry['degree']}, bandlimit {entry['bandlimit']}, {entry['terms']} terms",
+        )
+    axes.set(xlabel="simulations", ylabel="leave-one-out error (GPa)", yscale="log")
+    plain_log_ticks(axes.yaxis)
+    figure.legend(loc="outside right upper")
+    return figure
+
+
 def parity(simulated, predicted, sd) -> Figure:
     """Predicted against simulated moduli with one sd, and the residuals in units of the sd."""
     simulated, predicted, sd = (np.asarray(values, dtype=float) for values in (simulated, predicted, sd))
     figure = Figure(figsize=(WIDTH, 3.4))
     left, right = figure.subplots(1, 2)
     diagonal(left, simulated, predicted)
-    left.errorbar(simulated, predicted, sd, fmt="o", ms=3.5, lw=0.8, color=BLUE)
+    many = len(simulated) > MANY
+    size, colour = (1.5, SKY) if many else (3.5, BLUE)
+    left.errorbar(simulated, predicted, sd, fmt="o", ms=size, lw=0.4 if many else 0.8, color=BLUE, ecolor=colour)
     left.set(xlabel="simulated modulus (GPa)", ylabel="predicted modulus (GPa)")
     right.axhspan(-2, 2, color=SKY, alpha=0.2, lw=0)
     right.axhspan(-1, 1, color=SKY, alpha=0.3, lw=0)
     right.axhline(0, color=BLACK, lw=0.8)
-    right.plot(simulated, (predicted - simulated) / sd, "o", ms=3.5, color=BLUE)
+    right.plot(simulated, (predicted - simulated) / sd, "o", ms=size, color=BLUE)
     right.set(xlabel="simulated modulus (GPa)", ylabel="(predicted - simulated) / sd")
     return figure
 

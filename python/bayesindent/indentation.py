@@ -7,12 +7,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .core import BayesindentError, check, native
+from .core import BayesindentError, InputError, check, native
+from .crystal import oriented_crystals
 
 __all__ = ["NUMERICS_REVISION", "Indentation", "IndentationResult"]
 
 #: Counts changes of the numerics that change results; part of the identity of stored simulations.
 NUMERICS_REVISION = int(native.indentation_revision())
+
+
+def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness (6, 6) in GPa and angles (3,) in radians of one crystal."""
+    matrix, angles = oriented_crystals(stiffness, euler_deg)
+    if matrix.ndim != 2 or angles.ndim != 1:
+        raise InputError(f"one crystal at a time: (6, 6) and (3,), not {matrix.shape} and {angles.shape}; run_many takes more")
+    return matrix, angles
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,7 @@ class Indentation:
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
         depth, force, radius, moduli, diagnostics, elements, status, message = native.indentation_run(
-            self._handle, self.depths, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
+            self._handle, self.depths, *one_crystal(stiffness, euler_deg)
         )
         check(status, message)
         return IndentationResult(
@@ -139,8 +148,9 @@ class Indentation:
                 done(1)
             return result
 
-        matrices = np.asarray(stiffness, dtype=float).reshape(-1, 6, 6)
-        angles = np.asarray(euler_deg, dtype=float).reshape(-1, 3)
+        matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
+        if len(matrices) != len(angles):
+            raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
         with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
             return list(pool.map(one, zip(matrices, angles, strict=True)))
 
@@ -157,8 +167,9 @@ class Indentation:
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
         number = step + 1 if step >= 0 else self.depths + 1 + step
-        crystal = np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
-        u, stress, status, message = native.indentation_field(self._handle, number, self.nodes, self.bricks, *crystal)
+        u, stress, status, message = native.indentation_field(
+            self._handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg)
+        )
         check(status, message)
         return u.T, stress.T
 
@@ -181,9 +192,7 @@ class Indentation:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`)."""
         from .deck import write_deck
 
-        rotated, infinite = native.indentation_stiffness(
-            self._handle, self.infinite_elements, np.asarray(stiffness, dtype=float), np.radians(np.asarray(euler_deg, dtype=float))
-        )
+        rotated, infinite = native.indentation_stiffness(self._handle, self.infinite_elements, *one_crystal(stiffness, euler_deg))
         element = self.element or ("c3d8" if self.mesh == "paper" else "c3d8i")
         # The simulation finds the depths that fit this crystal.
         depths = self.run(stiffness, euler_deg).depth_um

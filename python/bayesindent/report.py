@@ -15,9 +15,9 @@ import numpy as np
 import xarray
 
 from . import figures
-from .build import new_indentation
 from .core import BayesindentError
 from .crystal import CONSTANTS
+from .simulator import new_indentation
 from .surrogate import Surrogate
 from .version import __version__
 
@@ -308,6 +308,28 @@ def surrogate_section(results: Results) -> str:
                 figures.parity(simulated, predicted, sd),
                 "Predicted against simulated moduli: the points lie on the diagonal.",
                 "The surrogate on the simulations that taught it, with one sd. The bands on the right are 1 and 2 sd.",
+            )
+        )
+    if validation := build.get("validation"):
+        error = number(validation["mean_absolute_gpa"], 2)
+        parts.append(
+            results.figure(
+                "validation",
+                figures.parity(validation["simulated"], validation["predicted"], validation["sd"]),
+                f"Predicted against simulated moduli of {validation['points']} points that the surrogate has not seen; mean error {error} GPa.",
+                f"The surrogate on {validation['points']} simulations that it has not seen, the next by variance: mean absolute error "
+                f"{error} GPa, {100 * validation['within_1_sd']:.0f} % within 1 sd and {100 * validation['within_2_sd']:.0f} % within 2.",
+            )
+        )
+    if scan := build.get("scan"):
+        best = max(scan, key=lambda entry: entry["log_evidence"])
+        parts.append(
+            results.figure(
+                "truncations",
+                figures.truncations(scan),
+                "Leave-one-out error of several truncations against the number of simulations.",
+                "Other truncations on the same simulations. The evidence is largest with degree "
+                f"{best['degree']} and bandlimit {best['bandlimit']}.",
             )
         )
     return "\n".join(parts)

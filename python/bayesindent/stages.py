@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .build import new_indentation, physics_identity, simulator_of
 from .calibration import plain
 from .campaign import Campaign
 from .core import BayesindentError, InputError
 from .crystal import halfspace_modulus
 from .problem import Points, Problem, read_crystals, schema
 from .progress import Progress
+from .simulator import new_indentation, physics_identity, simulator_of
 
 __all__ = ["asked", "check", "moduli_of_three_kinds", "perform", "predict", "report"]
 

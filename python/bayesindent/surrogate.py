@@ -43,6 +43,8 @@ def _columns(constants, euler_deg, symmetry: str) -> tuple[np.ndarray, np.ndarra
         raise InputError(
             f"a {symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, not {values.shape} and {angles.shape}"
         )
+    if len(values) != len(angles) and 1 not in (len(values), len(angles)):
+        raise InputError(f"there are {len(values)} crystals but {len(angles)} orientations")
     n = np.broadcast_shapes(values.shape[:1], angles.shape[:1])[0]
     values, angles = np.broadcast_to(values, (n, k)), np.broadcast_to(angles, (n, 3))
     if not (np.isfinite(values).all() and np.isfinite(angles).all()):
@@ -382,7 +384,12 @@ class Surrogate:
 
 
 def new_design(basis: Basis, domain: Domain, prior: str) -> Design:
-    """A regression with the stated prior over a basis: centred on zero (Eq. 6), or on the half-space theory over the domain."""
+    """A regression with the stated prior over a basis, without data."""
+    return Design(*coefficient_prior(basis, domain, prior))
+
+
+def coefficient_prior(basis: Basis, domain: Domain, prior: str) -> tuple[np.ndarray, np.ndarray, float]:
+    """Weights W and mean m of the prior N(m, 1/(alpha W)), centred on zero (Eq. 6) or on the half-space theory; least sd of the noise."""
     weights, mean, least_noise, status, message = native.coefficient_prior(
         *basis._key,
         basis.lower,
@@ -394,7 +401,7 @@ def new_design(basis: Basis, domain: Domain, prior: str) -> Design:
         basis.n_terms,
     )
     check(status, message)
-    return Design(weights, mean, least_noise)
+    return weights, mean, least_noise
 
 
 def sd_factor(basis: Basis, domain: Domain, prior: str, design: Design, z) -> float:

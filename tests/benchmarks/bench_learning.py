@@ -1,34 +1,66 @@
 """Learning curves of Step 1 with real simulations: error on unseen crystals against the number of simulations.
 
-Random crystals of the paper's domain are simulated once and kept in campaign.sqlite (run again to go on). For each seed half of them
-are unseen, and the design chooses among the others, by the variance of M. Compared are the four combinations of coordinates and prior,
-and the baselines: theory alone, and theory times one ratio that the same number of random simulations fits.
+Random crystals of the paper's domain are simulated once and kept in campaign.sqlite (run again to go on). For each seed some of them
+are unseen, and the design chooses among the others. Compared are the four combinations of coordinates and prior; other ways to choose,
+and other falls of the prior's variance per degree; and the baselines: theory alone, and theory times one ratio that the same number of
+random simulations fits.
 """
 
 import argparse
 import csv
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bayesindent.build import FIRST_SD, physics_identity, simulator_of
+from bayesindent.build import FIRST_SD
 from bayesindent.campaign import Campaign
 from bayesindent.core import BayesindentError
 from bayesindent.crystal import halfspace_modulus
 from bayesindent.domain import Domain
 from bayesindent.problem import Problem
 from bayesindent.progress import Progress
-from bayesindent.surrogate import Basis, new_design, sd_factor, stiffness_rows
+from bayesindent.simulator import physics_identity, simulator_of
+from bayesindent.surrogate import Basis, Design, coefficient_prior, sd_factor, stiffness_rows
 
-#: Bases: degree and bandlimit of total truncation; a flat prior needs one that grows with the data.
-MODELS = {
-    ("dimensionless", "theory"): [(4, 8)],
-    ("dimensionless", "zero"): [(1, 4), (2, 4), (3, 4), (3, 6), (4, 8)],
-    ("box", "theory"): [(4, 8)],
-    ("box", "zero"): [(1, 4), (2, 4), (3, 4), (3, 6), (4, 8)],
-}
+#: The fall of the prior's variance per degree that the package has.
+FALL = 4
+
+
+@dataclass(frozen=True)
+class Model:
+    """A way to learn: coordinates, prior, what decides the next simulation, fall of the prior's variance per degree."""
+
+    coordinates: str
+    prior: str
+    choice: str = "variance of M"
+    fall: int = FALL
+
+    @property
+    def label(self) -> str:
+        choice = "" if self.choice == "variance of M" else f", {self.choice}"
+        return f"{self.coordinates}, {self.prior}{choice}{'' if self.fall == FALL else f', fall {self.fall}'}"
+
+    def bases(self, domain: Domain) -> list[Basis]:
+        """Total truncations (degree, bandlimit); a flat prior needs one that grows with the data."""
+        sizes = [(4, 8)] if self.prior == "theory" else [(1, 4), (2, 4), (3, 4), (3, 6), (4, 8)]
+        return [Basis(domain.symmetry, self.coordinates, "total", *size, *domain.ranges(self.coordinates)) for size in sizes]
+
+    def design(self, basis: Basis, domain: Domain) -> Design:
+        """A regression without data."""
+        weights, mean, least_noise = coefficient_prior(basis, domain, self.prior)
+        weights[1:] **= np.log(self.fall) / np.log(FALL)
+        return Design(weights, mean, least_noise)
+
+
+OURS = Model("dimensionless", "theory")
+COMBINATIONS = (OURS, Model("dimensionless", "zero"), Model("box", "theory"), Model("box", "zero"))
+VARIANTS = (
+    *(Model("dimensionless", "theory", choice) for choice in ("variance of log M", "random")),
+    *(Model("dimensionless", "theory", "random", fall) for fall in (2, 8, 16)),
+)
 COLORS = {"dimensionless": "tab:blue", "box": "tab:orange"}
 
 
@@ -38,8 +70,9 @@ def main(argv=None) -> int:
     parser.add_argument("--symmetry", choices=("cubic", "hexagonal"), default="cubic")
     parser.add_argument("--mesh", choices=("paper", "halfspace"), default="paper")
     parser.add_argument("--simulator", choices=("fe", "theory"), default="fe", help="theory: no simulation, only to try the command")
-    parser.add_argument("--points", type=int, default=1000, help="random crystals (1000): half unseen, half to choose from")
-    parser.add_argument("--seeds", type=int, default=5, help="partitions over which errors are averaged (5)")
+    parser.add_argument("--points", type=int, default=700, help="random crystals (700)")
+    parser.add_argument("--unseen", type=int, default=500, help="of them unseen (500, at most half of a smaller number)")
+    parser.add_argument("--seeds", type=int, default=10, help="partitions over which all is averaged (10)")
     parser.add_argument("--sizes", default="0,5,10,15,20,30,40,60,80,100,150,200", help="numbers of simulations")
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/learning_SYMMETRY_MESH)")
@@ -50,16 +83,19 @@ def main(argv=None) -> int:
     constants, angles, modulus, failed = simulated(arguments, domain, output)
     theory = halfspace_modulus(stiffness_rows(arguments.symmetry, constants), angles)
     ratio = modulus / theory
-    print(f"{len(modulus)} simulations, {failed} failed; simulation over theory {ratio.mean():.4f}, sd {ratio.std():.4f}, "
-          f"{ratio.min():.4f} .. {ratio.max():.4f}")  # fmt: skip
-    sizes = sorted({int(word) for word in arguments.sizes.split(",")})
+    n_unseen = arguments.unseen if len(modulus) > arguments.unseen + 20 else len(modulus) // 2
+    print(f"{len(modulus)} simulations, {failed} failed, {n_unseen} unseen; simulation over theory {ratio.mean():.4f}, "
+          f"sd {ratio.std():.4f}, {ratio.min():.4f} .. {ratio.max():.4f}")  # fmt: skip
+    sizes = sorted({int(word) for word in arguments.sizes.split(",") if int(word) <= len(modulus) - n_unseen})
     rows = []
-    for seed in range(1, arguments.seeds + 1):
-        order = np.random.default_rng(seed).permutation(len(modulus))
-        unseen, pool = order[: len(order) // 2], order[len(order) // 2 :]
-        rows += baselines(theory, modulus, unseen, pool, sizes, seed)
-        for model in MODELS:
-            rows += curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed)
+    with Progress(True).bar("learning", arguments.seeds * len(COMBINATIONS + VARIANTS)) as advance:
+        for seed in range(1, arguments.seeds + 1):
+            order = np.random.default_rng(seed).permutation(len(modulus))
+            unseen, pool = order[:n_unseen], order[n_unseen:]
+            rows += baselines(theory, modulus, unseen, pool, sizes, seed)
+            for model in COMBINATIONS + VARIANTS:
+                rows += curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed)
+                advance(1)
     columns = ["model", "simulations", "seed", "degree", "bandlimit", "error_gpa", "within_1_sd", "within_2_sd", "z_99"]
     with open(output / "learning.csv", "w", newline="") as stream:
         writer = csv.DictWriter(stream, columns)
@@ -112,49 +148,51 @@ def baselines(theory, modulus, unseen, pool, sizes, seed: int) -> list[dict]:
     return rows
 
 
-def curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed: int) -> list[dict]:
-    """Errors of one combination of coordinates and prior, the design chosen by variance."""
-    coordinates, prior = model
-    rows = []
+def curve(domain, model: Model, constants, angles, modulus, unseen, pool, sizes, seed: int) -> list[dict]:
+    """Errors of a model on the unseen points, learning from those of the pool that it chooses."""
+    bases = model.bases(domain)
+    rows, stages = [], {}
     for n in sizes:
-        if n == 1 or n > len(pool) or (n == 0 and prior == "zero"):
-            continue
         # The largest basis with an informative prior; under a flat one the largest that has no more terms than points.
-        bases = [Basis(domain.symmetry, coordinates, "total", *size, *domain.ranges(coordinates)) for size in MODELS[model]]
-        bases = [basis for basis in bases if prior == "theory" or basis.n_terms <= n]
-        if not bases:
-            continue
-        basis = bases[-1]
+        fit = [basis for basis in bases if model.prior == "theory" or basis.n_terms <= n]
+        if fit and n != 1:
+            stages.setdefault(fit[-1], []).append(n)
+    for basis, stops in stages.items():
         terms, scale = basis.terms(constants, angles)
         y = basis.to_y(modulus, scale)
-        design = new_design(basis, domain, prior)
+        design = model.design(basis, domain)
         design.set_candidates(terms[:, pool])
-        design.fit(*(sd**-2 for sd in FIRST_SD[prior, coordinates]))
-        if n == 0:
-            error = np.mean(np.abs(basis.to_modulus(design.mean() @ terms[:, unseen], scale[unseen]) - modulus[unseen]))
-            rows.append({"model": f"{coordinates}, {prior}", "simulations": 0, "seed": seed, "error_gpa": error})
-            continue
-        used = 0
-        while used < n:
-            count = min(8, n) if used == 0 else 1
-            importance = basis.to_modulus(design.mean() @ terms[:, pool], scale[pool]) if coordinates == "dimensionless" else None
-            chosen = pool[design.choose(count, importance)[0]]
-            design.add(terms[:, chosen], y[chosen])
-            used += count
-            if basis.n_terms <= 100 or used % 10 == 0 or used == n:
-                _, beta, _ = design.fit()
-            else:
-                design.settle()
-        residual, sd = design.leave_out(np.arange(n))
-        inflation = sd_factor(basis, domain, prior, design, residual / sd)
-        mean = design.mean() @ terms[:, unseen]
-        variance = np.einsum("in,in->n", terms[:, unseen], design.covariance() @ terms[:, unseen]) + 1 / beta
-        z = np.abs(mean - y[unseen]) / (inflation * np.sqrt(variance))
-        error = np.mean(np.abs(basis.to_modulus(mean, scale[unseen]) - modulus[unseen]))
-        rows.append({"model": f"{coordinates}, {prior}", "simulations": n, "seed": seed, "degree": basis.degree,
-                     "bandlimit": basis.bandlimit, "error_gpa": error, "within_1_sd": np.mean(z <= 1), "within_2_sd": np.mean(z <= 2),
-                     "z_99": np.quantile(z, 0.99)})  # fmt: skip
+        _, beta, _ = design.fit(*(sd**-2 for sd in FIRST_SD[model.prior, model.coordinates]))
+        data = np.array([], dtype=int)
+        for stop in stops:
+            while len(data) < stop:
+                count = min(8, stop) if len(data) == 0 else 1
+                chosen = pool[choose(model, design, basis, terms[:, pool], scale[pool], count, len(data))]
+                design.add(terms[:, chosen], y[chosen])
+                data = np.concatenate([data, chosen])
+                if basis.n_terms <= 100 or len(data) % 10 == 0 or len(data) == stop:
+                    _, beta, _ = design.fit()
+                else:
+                    design.settle()
+            mean = design.mean() @ terms[:, unseen]
+            error = np.mean(np.abs(basis.to_modulus(mean, scale[unseen]) - modulus[unseen]))
+            row = {"model": model.label, "simulations": stop, "seed": seed, "degree": basis.degree, "bandlimit": basis.bandlimit,
+                   "error_gpa": error}  # fmt: skip
+            if stop > 1:
+                residual, sd = design.leave_out(np.arange(stop))
+                variance = np.einsum("in,in->n", terms[:, unseen], design.covariance() @ terms[:, unseen]) + 1 / beta
+                z = np.abs(mean - y[unseen]) / (sd_factor(basis, domain, model.prior, design, residual / sd) * np.sqrt(variance))
+                row |= {"within_1_sd": np.mean(z <= 1), "within_2_sd": np.mean(z <= 2), "z_99": np.quantile(z, 0.99)}
+            rows.append(row)
     return rows
+
+
+def choose(model: Model, design: Design, basis: Basis, terms, scale, count: int, used: int) -> np.ndarray:
+    """Numbers of the next candidates."""
+    if model.choice == "random":
+        return np.arange(used, used + count)
+    relative = model.choice == "variance of M" and model.coordinates == "dimensionless"
+    return design.choose(count, basis.to_modulus(design.mean() @ terms, scale) if relative else None)[0]
 
 
 def summary(rows, name: str) -> dict:
@@ -169,12 +207,12 @@ def summary(rows, name: str) -> dict:
 def print_table(rows, sizes) -> None:
     """Mean errors in GPa, and the coverage of our model."""
     errors = summary(rows, "error_gpa")
-    print(f"{'mean absolute error, GPa':26}" + "".join(f"{n:>8}" for n in sizes))
+    print(f"{'mean absolute error, GPa':42}" + "".join(f"{n:>8}" for n in sizes))
     for model, values in errors.items():
-        print(f"{model:26}" + "".join(f"{values[n]:8.3f}" if n in values else f"{'':8}" for n in sizes))
+        print(f"{model:42}" + "".join(f"{values[n]:8.3f}" if n in values else f"{'':8}" for n in sizes))
     for name in ("within_1_sd", "within_2_sd", "z_99"):
-        values = summary(rows, name)["dimensionless, theory"]
-        print(f"{'ours: ' + name:26}" + "".join(f"{values[n]:8.2f}" if n in values else f"{'':8}" for n in sizes))
+        values = summary(rows, name)[OURS.label]
+        print(f"{'ours: ' + name:42}" + "".join(f"{values[n]:8.2f}" if n in values else f"{'':8}" for n in sizes))
 
 
 def draw(rows, sizes, arguments, output: Path) -> None:
@@ -185,14 +223,14 @@ def draw(rows, sizes, arguments, output: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
-    for model, values in summary(rows, "error_gpa").items():
-        n = [size for size in sizes if size in values]
-        if model.startswith("theory"):
-            axes.plot(n, [values[size] for size in n], color="0.4", ls="--" if model == "theory" else ":", label=model)
-        else:
-            coordinates, prior = model.split(", ")
-            axes.plot(n, [values[size] for size in n], marker="o", ms=4, color=COLORS[coordinates], mfc=None if prior == "theory" else "w",
-                      ls="-" if prior == "theory" else "-.", label=f"{coordinates} coordinates, prior {prior}")  # fmt: skip
+    errors = summary(rows, "error_gpa")
+    for model in COMBINATIONS:
+        values = errors[model.label]
+        n, flat = [size for size in sizes if size in values], model.prior == "zero"
+        axes.plot(n, [values[size] for size in n], marker="o", ms=4, color=COLORS[model.coordinates], mfc="w" if flat else None,
+                  ls="-." if flat else "-", label=f"{model.coordinates} coordinates, {'flat' if flat else model.prior} prior")  # fmt: skip
+    for label, dashes in (("theory", "--"), ("theory x ratio", ":")):
+        axes.plot(sizes, [errors[label][size] for size in sizes], color="0.4", ls=dashes, label=label)
     axes.set(xlabel="simulations", ylabel="mean absolute error on unseen crystals, GPa", yscale="log",
              title=f"{arguments.symmetry}, {arguments.mesh} mesh, {arguments.seeds} partitions")  # fmt: skip
     axes.set_xscale("symlog", linthresh=10, linscale=0.5)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent import build as build_module
+from bayesindent import simulator as simulator_module
 from bayesindent.build import ask, build, tell
 from bayesindent.problem import Problem, read_crystals
 from bayesindent.surrogate import Surrogate, stiffness_rows
@@ -56,7 +56,7 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
 
     whole = build(problem(tmp_path / "a", 24), tmp_path / "a")
     # Killed after eleven simulations, in the middle of a batch.
-    made, real = [], build_module.halfspace_modulus
+    made, real = [], simulator_module.halfspace_modulus
 
     def dying(stiffness, euler_deg, **options):
         if np.ndim(stiffness) == 2:
@@ -65,10 +65,10 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
             made.append(1)
         return real(stiffness, euler_deg, **options)
 
-    monkeypatch.setattr(build_module, "halfspace_modulus", dying)
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", dying)
     with pytest.raises(KeyboardInterrupt):
         build(problem(tmp_path / "b", 24), tmp_path / "b")
-    monkeypatch.setattr(build_module, "halfspace_modulus", real)
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", real)
     assert 10 <= len(stored(tmp_path / "b")) <= 11
     resumed = build(problem(tmp_path / "b", 24), tmp_path / "b")
     assert resumed["new_simulations"] + len(made) in (24, 25)
@@ -93,7 +93,7 @@ def test_workers_do_not_change_the_numbers(tmp_path):
 
 
 def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
-    real, calls = build_module.halfspace_modulus, []
+    real, calls = simulator_module.halfspace_modulus, []
 
     def failing(stiffness, euler_deg, **options):
         if np.ndim(stiffness) == 2:
@@ -102,7 +102,7 @@ def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
                 raise bi.BayesindentError("the contact did not converge")
         return real(stiffness, euler_deg, **options)
 
-    monkeypatch.setattr(build_module, "halfspace_modulus", failing)
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
@@ -139,7 +139,10 @@ def test_designs(tmp_path, initial_set, candidates):
     assert document["simulations"] == 26
     assert document["terms"] == 16
     assert document["history"][0]["simulations"] == 20
-    assert document["validation"]["points"] == 5
+    validation = document["validation"]
+    assert validation["points"] == 5
+    theory = bi.halfspace_modulus(stiffness_rows("cubic", validation["constants"]), validation["euler_deg"])
+    assert validation["simulated"] == pytest.approx(theory.tolist())
     again = build(problem, tmp_path)
     assert again["new_simulations"] == 0
     assert again["validation"]["simulated"] == document["validation"]["simulated"]
@@ -170,6 +173,11 @@ def test_scan_compares_truncations(tmp_path):
     document = build(make_problem(tmp_path, surrogate={"degree": 2, "bandlimit": 4, "scan": "'1, 2 x 0, 4'"}), tmp_path)
     assert [(row["degree"], row["bandlimit"], row["terms"]) for row in document["scan"]] == [(1, 0, 3), (1, 4, 6), (2, 0, 6), (2, 4, 12)]
     assert document["scan"][3]["log_evidence"] == pytest.approx(document["log_evidence"], rel=1e-9)
+    assert document["scan"][3]["loocv_gpa"] == pytest.approx(document["loocv_gpa"], rel=1e-6)
+    for row in document["scan"]:
+        counts = row["curve"]["simulations"]
+        assert (counts[0], counts[-1]) == (document["history"][0]["simulations"], 16)
+        assert row["curve"]["loocv_gpa"][-1] == row["loocv_gpa"]
 
 
 def test_ask_and_tell(tmp_path):

@@ -39,6 +39,21 @@ def test_unstable_crystal_is_refused():
         bi.halfspace_modulus(bi.stiffness("cubic", C11=100, C12=120, C44=50), [0, 0, 0])
 
 
+@pytest.mark.parametrize(
+    "stiffness, angles, message",
+    [
+        (np.eye(3), [0, 0, 0], "a stiffness has the shape"),
+        (np.triu(np.ones((6, 6))), [0, 0, 0], "not symmetric"),
+        (np.eye(6), [0, 0], "three Euler angles"),
+        (np.eye(6), [0, np.nan, 0], "angle is not finite"),
+        (np.ones((2, 6, 6)), np.zeros((3, 3)), "do not broadcast"),
+    ],
+)
+def test_arrays_that_are_no_oriented_crystals_are_refused(stiffness, angles, message):
+    with pytest.raises(bi.InputError, match=message):
+        bi.halfspace_modulus(stiffness, angles)
+
+
 def test_wrappers_keep_double_precision():
     for name in dir(bi.core.native):
         documentation = getattr(bi.core.native, name).__doc__ or ""

@@ -92,5 +92,14 @@ def test_what_cannot_be_meant_is_refused(options, message):
 
 
 def test_orientation_that_is_not_finite_is_refused(coarse):
-    with pytest.raises(bi.InputError, match="orientation"):
+    with pytest.raises(bi.InputError, match="angle is not finite"):
         coarse.run(ZINC, (0, float("nan"), 0))
+
+
+def test_arrays_that_do_not_fit_are_refused(coarse):
+    with pytest.raises(bi.InputError, match="one crystal at a time"):
+        coarse.run(ZINC[None], (0, 0, 0))
+    with pytest.raises(bi.InputError, match="not symmetric"):
+        coarse.run(ZINC + np.triu(np.ones((6, 6)), 1), (0, 0, 0))
+    with pytest.raises(bi.InputError, match="2 crystals but 1 orientations"):
+        coarse.run_many(np.array([ZINC, COPPER]), np.zeros((1, 3)))

@@ -116,7 +116,9 @@ def test_choices_equal_exhaustive_search():
     design.set_candidates(candidates)
     alpha, beta = 1.0, 50.0
     design.fit(alpha, beta)
-    chosen, variance = design.choose(8, importance)
+    # Across the number of choices that are kept apart, one by one and several at once.
+    parts = [design.choose(count, importance) for count in (5, 1, 1, 4, 1, 19)]
+    chosen, variance = (np.concatenate(part) for part in zip(*parts, strict=True))
     data, left = terms, list(range(50))
     for choice, stated in zip(chosen, variance, strict=True):
         _, covariance = closed_form(data, weights, prior_mean, np.zeros(data.shape[1]), alpha, beta)
@@ -126,11 +128,13 @@ def test_choices_equal_exhaustive_search():
         assert stated == pytest.approx(values[best], rel=1e-8)
         data = np.column_stack([data, candidates[:, best]])
         left.remove(best)
-    values_chosen = rng.normal(size=8)
+    values_chosen = rng.normal(size=len(chosen))
     design.add(candidates[:, chosen], values_chosen)
     design.settle()
-    mean, _ = closed_form(data, weights, prior_mean, np.concatenate([y, values_chosen]), alpha, beta)
+    mean, covariance = closed_form(data, weights, prior_mean, np.concatenate([y, values_chosen]), alpha, beta)
     assert design.mean() == pytest.approx(mean, rel=1e-7, abs=1e-9)
+    assert design.variances() == pytest.approx(np.einsum("ij,ik,kj->j", candidates, covariance, candidates), rel=1e-8)
+    assert design.covariance() == pytest.approx(covariance, rel=1e-8, abs=1e-12)
 
 
 def test_equal_candidates_lowest_first_and_threads_alike():
@@ -139,6 +143,14 @@ def test_equal_candidates_lowest_first_and_threads_alike():
     design = Design(np.ones(6), np.zeros(6), 1e-3)
     design.set_candidates(np.repeat(base, 5, axis=1))
     assert design.choose(3)[0].tolist() == [0, 1, 2]
+    # Copies far apart among many others, over more choices than are kept apart.
+    many = rng.normal(size=(6, 700)) / 10
+    copies = [3, 260, 301, 555, 698]
+    many[:, copies] = base
+    design = Design(np.ones(6), np.zeros(6), 0.5)
+    design.set_candidates(many)
+    order = [number for _ in range(4) for number in design.choose(5)[0] if number in copies]
+    assert order == copies[: len(order)] and len(order) >= 3
     candidates = rng.normal(size=(20, 3000))
     sequences = []
     for threads in (1, 2, 4):

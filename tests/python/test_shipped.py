@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.build import physics_identity
+from bayesindent.simulator import physics_identity
 from bayesindent.surrogate import stiffness_rows
 
 METALS = {

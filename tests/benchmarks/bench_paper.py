@@ -1,0 +1,110 @@
+"""The paper's two surrogates, whole, for several seeds, and ours on the same unseen simulations.
+
+Runs inputs/case_studies/SYMMETRY_paper.nml once for each seed, as `build` does: every simulation is kept, and running again goes on.
+Then our surrogate (dimensionless coordinates, prior from theory) chooses a few of the simulations that the paper's learnt from, by
+variance, and predicts those that it did not see.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import f90nml
+import numpy as np
+from bench_learning import OURS, baselines, curve
+
+from bayesindent.crystal import halfspace_modulus
+from bayesindent.domain import Domain
+from bayesindent.problem import Problem
+from bayesindent.progress import Progress
+from bayesindent.report import write_report
+from bayesindent.stages import perform
+from bayesindent.surrogate import Surrogate, stiffness_rows
+
+INPUTS = Path(__file__).parents[2] / "inputs" / "case_studies"
+
+#: Simulations from which ours learns: what it is meant to need, and more.
+OUR_SIZES = {"cubic": [10, 20, 40, 100, 300], "hexagonal": [20, 40, 100, 200, 400]}
+
+
+def main(argv=None) -> int:
+    """Build, compare, print the tables."""
+    parser = argparse.ArgumentParser(prog="bench paper", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--symmetry", choices=("cubic", "hexagonal"), default="cubic")
+    parser.add_argument("--seeds", default="1", help="seeds, for example 1,2,3,4,5 (1)")
+    parser.add_argument("--cap", type=float, default=0.0, help="cap on the anisotropy index (default: the file's)")
+    parser.add_argument("--simulator", choices=("fe", "theory"), default="fe", help="theory: the half-space theory in place of simulations")
+    parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
+    parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)")
+    arguments = parser.parse_args(argv)
+    output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
+    rows, ours = [], []
+    for seed in map(int, arguments.seeds.split(",")):
+        folder = output / f"seed_{seed}"
+        problem = variant(arguments, seed, folder)
+        start = time.perf_counter()
+        document = perform("build", problem, folder, Progress(True))
+        seconds = time.perf_counter() - start
+        (folder / "resolved.nml").write_text(problem.resolved)
+        write_report(folder, kind_of_files="svg")
+        validation = document["validation"]
+        rows.append([seed, document["loocv_gpa"], document["leave_crystal_out_gpa"], validation["mean_absolute_gpa"],
+                     validation["within_1_sd"], validation["within_2_sd"], document["failed"], document["new_simulations"], seconds])  # fmt: skip
+        ours += on_same_unseen(problem, folder, document, seed)
+    unseen = f"{validation['points']} unseen"
+    print_rows(["seed", "leave-one-out", "one-crystal-out", unseen, "within 1 sd", "within 2 sd", "failed", "new", "seconds"], rows)
+    for entry in document.get("scan", []):
+        print(f"degree {entry['degree']}, bandlimit {entry['bandlimit']}: leave-one-out {entry['loocv_gpa']:.2f} GPa, "
+              f"log evidence {entry['log_evidence']:.0f}, {entry['terms']} terms")  # fmt: skip
+    print(f"\nours, and theory times one ratio, on the same {unseen}: mean absolute error, GPa, mean over seeds")
+    for size in sorted({row["simulations"] for row in ours}):
+        found = {
+            model: [row for row in ours if row["simulations"] == size and row["model"] == model] for model in (OURS.label, "theory x ratio")
+        }
+        error, ratio = (np.mean([row["error_gpa"] for row in part]) for part in found.values())
+        within = [np.mean([row[name] for row in found[OURS.label]]) for name in ("within_1_sd", "within_2_sd", "z_99")]
+        print(f"{size:5d} simulations: {error:.3f}, theory x ratio {ratio:.3f}; within 1 and 2 sd {within[0]:.2f}, {within[1]:.2f}, "
+              f"99 % quantile of |z| {within[2]:.1f}")  # fmt: skip
+    return 0
+
+
+def variant(arguments, seed: int, folder: Path) -> Problem:
+    """The problem of the case study with another seed, cap or simulator."""
+    namelist = f90nml.read(INPUTS / f"{arguments.symmetry}_paper.nml")
+    namelist["problem"]["seed"] = seed
+    namelist["simulation"]["simulator"] = arguments.simulator
+    namelist["execution"] = {"workers": arguments.workers}
+    if arguments.cap > 0:
+        namelist["domain"]["anisotropy_cap"] = arguments.cap
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{arguments.symmetry}_paper.nml"
+    namelist.write(path, force=True)
+    return Problem(path, "build")
+
+
+def on_same_unseen(problem, folder: Path, document: dict, seed: int) -> list[dict]:
+    """Errors of ours, learning from some of the simulations behind the paper's surrogate, on those that it has not seen."""
+    data, validation = Surrogate.load(folder / "surrogate.nc").data, document["validation"]
+    constants, angles = (np.vstack([data[name], validation[name]]) for name in ("constants", "euler_deg"))
+    modulus = np.concatenate([data["modulus_gpa"], validation["simulated"]])
+    symmetry = problem["problem"]["symmetry"]
+    domain = Domain(symmetry, *(tuple(problem["domain"][name]) for name in ("c_min", "c_max")), problem["domain"]["anisotropy_cap"])
+    pool, unseen = np.split(np.arange(len(modulus)), [len(data["modulus_gpa"])])
+    pool = np.random.default_rng(seed).permutation(pool)
+    theory = halfspace_modulus(stiffness_rows(symmetry, constants), angles)
+    sizes = [size for size in OUR_SIZES[symmetry] if size <= len(pool)]
+    return curve(domain, OURS, constants, angles, modulus, unseen, pool, sizes, seed) + [
+        row for row in baselines(theory, modulus, unseen, pool, sizes, seed) if row["model"] == "theory x ratio"
+    ]
+
+
+def print_rows(header, rows) -> None:
+    """A table, and the means of its columns."""
+    print("".join(f"{name:>16}" for name in header))
+    mean = ["mean", *np.mean(np.array(rows)[:, 1:], axis=0)]
+    for row in [*rows, mean] if len(rows) > 1 else rows:
+        print(f"{row[0]:>16}" + "".join(f"{value:16.2f}" for value in row[1:6]) + "".join(f"{value:16.0f}" for value in row[6:]))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
