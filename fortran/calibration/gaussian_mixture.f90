@@ -2,6 +2,7 @@
 module gaussian_mixture
    use kinds, only: pi, wp
    use random, only: random_stream_type
+   use sorting, only: sort_order
    use vector_math, only: exp_all
    implicit none
    private
@@ -55,44 +56,6 @@ contains
       mixture%inverse = 0.0_wp
       mixture%log_norm = -1.0e30_wp
    end subroutine allocate_mixture
-
-   !> Indices that sort the values, ascending; equal values keep their order (merge sort).
-   pure subroutine sort_order(values, order)
-      real(wp), intent(in) :: values(:)
-      integer, intent(out) :: order(:)
-      integer :: merged(size(values)), width, first, middle, last, i, j, k, n
-
-      n = size(values)
-      order = [(i, i=1, n)]
-      width = 1
-      do while (width < n)
-         do first = 1, n, 2*width
-            middle = min(first + width, n + 1)
-            last = min(first + 2*width, n + 1)
-            i = first
-            j = middle
-            do k = first, last - 1
-               if (i < middle .and. j < last) then
-                  if (values(order(j)) < values(order(i))) then
-                     merged(k) = order(j)
-                     j = j + 1
-                  else
-                     merged(k) = order(i)
-                     i = i + 1
-                  end if
-               else if (i < middle) then
-                  merged(k) = order(i)
-                  i = i + 1
-               else
-                  merged(k) = order(j)
-                  j = j + 1
-               end if
-            end do
-         end do
-         order = merged
-         width = 2*width
-      end do
-   end subroutine sort_order
 
    !> The logarithm of each component's share of the density at u.
    pure subroutine log_terms(n, components, centre, inverse, log_norm, u, terms)

@@ -1,8 +1,8 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
-   use batch_sample, only: sample_constants
-   use batch_stages, only: fit_simulations, simulate_crystals
+   use batch_sample, only: check_sampling, sample_constants
+   use batch_stages, only: fit_simulations, fits_surrogate, simulate_crystals
    use errors, only: error_type, exit_bad_input
    use namelist_schema, only: schema_markdown
    use problem, only: new_problem, problem_type
@@ -69,6 +69,8 @@ contains
          write (error_unit, '(2a)') 'warning: ', self%warnings(i)%text
       end do
       if (check_only) then
+         if (self%has_group('measurements')) call check_sampling(self, output, error)
+         call stop_on(error)
          write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
          return
       end if
@@ -81,8 +83,7 @@ contains
          call stop_on(error)
          write (output_unit, '(2a)') 'simulate: ', told
       end if
-      ! Else a &surrogate is one that is there already.
-      if (self%has_group('design') .or. (self%has_group('surrogate') .and. self%has_group('crystals'))) then
+      if (fits_surrogate(self)) then
          call fit_simulations(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'fit: ', told
@@ -131,7 +132,7 @@ contains
          & '  &measurements  samples the constants: posterior.csv, summary.nml', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
-         & '  --check       only say whether the file is right', &
+         & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &
          & '  --version     print the version', &
          & '', &

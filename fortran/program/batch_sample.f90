@@ -1,6 +1,8 @@
 !> The last stage of the batch program: samples of the constants behind the measured moduli.
 module batch_sample
-   use batch_stages, only: surrogate_name, worker_count
+   use, intrinsic :: iso_fortran_env, only: error_unit
+   use batch_stages, only: fits_surrogate, surrogate_name, worker_count
+   use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: kind_from_name, likelihood_type, new_posterior, posterior_type
    use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type
    use crystal_elasticity, only: constant_count, constant_names, symmetry_name
@@ -16,9 +18,14 @@ module batch_sample
    use text, only: join, to_text
    implicit none
    private
-   public :: sample_constants
+   public :: sample_constants, check_sampling
 
    character, parameter :: newline = achar(10)
+
+   !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
+   !> al., Bayesian Anal. 16, 667, 2021). The Python package has the same, and the same words.
+   real(wp), parameter :: greatest_r_hat = 1.01_wp
+   integer, parameter :: least_size = 100
 
    !> Variables of &prior that say mean and sd of a quantity, or of a ratio of two.
    type :: normal_variables_type
@@ -43,10 +50,45 @@ contains
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: told
       type(error_type), allocatable, intent(out) :: error
-      type(surrogate_type) :: surrogate
-      type(prior_type) :: prior
       type(posterior_type) :: posterior
       type(chains_type) :: chains
+      type(diagnostics_type), allocatable :: diagnostics(:)
+
+      call posterior_of(self, output, posterior, error)
+      if (allocated(error)) return
+      call sample_chains(posterior, sampler_of(self), chains, error)
+      if (allocated(error)) then
+         error%message = place(self%path, 'prior', '')//error%message
+         return
+      end if
+      call write_draws(self, chains, output//'/posterior.csv', error)
+      if (allocated(error)) return
+      call diagnose(self, chains, diagnostics)
+      call write_summary(self, posterior, chains, diagnostics, output//'/summary.nml', error)
+      if (allocated(error)) return
+      call tell_mixing(self, chains, diagnostics)
+      told = to_text(size(chains%draws, 3))//' chains of '//to_text(size(chains%draws, 2))//' samples: '//output//'/posterior.csv'
+   end subroutine sample_constants
+
+   !> What `sample_constants` would refuse, unless the file's own fit is still to make the surrogate.
+   subroutine check_sampling(self, output, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type) :: posterior
+
+      if (fits_surrogate(self) .and. surrogate_path(self, output) == fitted_path(output)) return
+      call posterior_of(self, output, posterior, error)
+   end subroutine check_sampling
+
+   !> The density that is sampled.
+   subroutine posterior_of(self, output, posterior, error)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      type(posterior_type), intent(out) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: surrogate
+      type(prior_type) :: prior
       real(wp), allocatable :: sd(:)
 
       call find_surrogate(self, output, surrogate, error)
@@ -61,33 +103,44 @@ contains
                & posterior, error)
          end associate
       end if
-      if (.not. allocated(error)) call sample_chains(posterior, sampler_of(self), chains, error)
-      if (allocated(error)) then
-         error%message = place(self%path, 'prior', '')//error%message
-         return
-      end if
-      call write_draws(self, chains, output//'/posterior.csv', error)
-      if (.not. allocated(error)) call write_summary(self, posterior, chains, output//'/summary.nml', error)
-      told = to_text(size(chains%draws, 3))//' chains of '//to_text(size(chains%draws, 2))//' samples: '//output//'/posterior.csv'
-   end subroutine sample_constants
+      if (allocated(error)) error%message = place(self%path, 'prior', '')//error%message
+   end subroutine posterior_of
 
-   !> The surrogate of the output folder, or the text file that &surrogate names.
+   !> The surrogate that a fit leaves in the output folder.
+   pure function fitted_path(output) result(path)
+      character(len=*), intent(in) :: output
+      character(len=:), allocatable :: path
+
+      path = output//'/'//surrogate_name
+   end function fitted_path
+
+   !> The surrogate of the output folder, or the text file that &surrogate names, there or in the namelist's folder.
+   function surrogate_path(self, output) result(path)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: output
+      character(len=:), allocatable :: path, name
+
+      call self%get('surrogate', 'file', name)
+      path = fitted_path(output)
+      if (len(name) <= 4) return
+      if (name(len(name) - 3:) /= '.nml') return
+      path = resolve_path(output//'/', name)
+      if (path == fitted_path(output) .and. fits_surrogate(self)) return
+      if (.not. file_exists(path)) path = resolve_path(self%folder, name)
+   end function surrogate_path
+
+   !> Load the surrogate, of the right symmetry.
    subroutine find_surrogate(self, output, surrogate, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: name, path
+      character(len=:), allocatable :: path
 
-      call self%get('surrogate', 'file', name)
-      path = output//'/'//surrogate_name
-      if (index(name, '.nml', back=.true.) == len(name) - 3 .and. len(name) > 4) then
-         path = resolve_path(output//'/', name)
-         if (.not. file_exists(path)) path = resolve_path(self%folder, name)
-      end if
+      path = surrogate_path(self, output)
       if (.not. file_exists(path)) then
-         call raise(error, place(self%path, 'surrogate', 'file')//path//' does not exist; the batch program reads surrogates ' &
-            & //'as text, which it fits itself or Surrogate.write_text of the Python package writes', exit_bad_input)
+         call raise(error, place(self%path, 'surrogate', 'file')//path//': there is no such surrogate; the batch program reads ' &
+            & //'text, which it fits itself or Surrogate.write_text of the Python package writes', exit_bad_input)
          return
       end if
       call load_surrogate(path, surrogate, error)
@@ -230,35 +283,106 @@ contains
       end subroutine put
    end subroutine write_draws
 
-   !> Means, sds, the best draw and the split R-hat of the parameters, and the predicted modulus of each grain.
-   subroutine write_summary(self, posterior, chains, path, error)
+   !> Draws of a parameter as they are written, (sample, chain).
+   pure subroutine get_written(self, chains, parameter, values)
+      type(problem_type), intent(in) :: self
+      type(chains_type), intent(in) :: chains
+      integer, intent(in) :: parameter
+      real(wp), allocatable, intent(out) :: values(:, :)
+
+      values = written(chains%draws(parameter, :, :), parameter > constant_count(self%symmetry))
+   end subroutine get_written
+
+   !> How far the chains of each parameter have mixed.
+   subroutine diagnose(self, chains, diagnostics)
+      type(problem_type), intent(in) :: self
+      type(chains_type), intent(in) :: chains
+      type(diagnostics_type), allocatable, intent(out) :: diagnostics(:)
+      real(wp), allocatable :: values(:, :)
+      integer :: j
+
+      allocate (diagnostics(size(chains%draws, 1)))
+      !$omp parallel do num_threads(worker_count(self)) schedule(dynamic, 1) private(values)
+      do j = 1, size(diagnostics)
+         call get_written(self, chains, j, values)
+         diagnostics(j) = diagnose_chains(values)
+      end do
+      !$omp end parallel do
+   end subroutine diagnose
+
+   !> Warn of chains that have not mixed.
+   subroutine tell_mixing(self, chains, diagnostics)
+      type(problem_type), intent(in) :: self
+      type(chains_type), intent(in) :: chains
+      type(diagnostics_type), intent(in) :: diagnostics(:)
+      character(len=9) :: names(size(diagnostics))
+      character(len=:), allocatable :: method, said, remedy
+      real(wp) :: ess
+      logical :: alone
+      integer :: j
+
+      names = parameter_names(self, size(diagnostics))
+      call self%get('sampler', 'method', method)
+      remedy = 'take more samples'
+      if (method /= 'ensemble') remedy = remedy//', or method ''ensemble'''
+      alone = size(chains%draws, 3) == 1
+      do j = 1, size(diagnostics)
+         ess = min(diagnostics(j)%ess_bulk, diagnostics(j)%ess_tail)
+         ! NaN has not mixed.
+         if ((diagnostics(j)%r_hat < greatest_r_hat .or. alone) .and. ess > least_size*size(chains%draws, 3)) cycle
+         said = 'there is one chain'
+         if (.not. alone) said = 'R-hat is '//fixed(diagnostics(j)%r_hat, 3)//' (below '//to_text(greatest_r_hat)//' is well)'
+         write (error_unit, '(a)') 'warning: the chains of '//trim(names(j))//' have not mixed: '//said &
+            & //', and they are worth '//fixed(ess, 0)//' independent samples; '//remedy
+      end do
+   end subroutine tell_mixing
+
+   !> A number >= 0 with so many digits after the point, and no point without them.
+   pure function fixed(value, decimals) result(string)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: decimals
+      character(len=:), allocatable :: string
+      character(len=40) :: buffer, layout
+
+      if (.not. abs(value) <= huge(value)) then
+         string = merge('inf', 'nan', value > 0.0_wp)
+         return
+      end if
+      write (layout, '(a,i0,a)') '(f40.', decimals, ')'
+      write (buffer, layout) value
+      string = trim(adjustl(buffer))
+      if (decimals == 0) string = string(:len(string) - 1)
+   end function fixed
+
+   !> Mean, sd, best draw and diagnostics of the parameters, and the predicted modulus of each grain.
+   subroutine write_summary(self, posterior, chains, diagnostics, path, error)
       type(problem_type), intent(in) :: self
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
+      type(diagnostics_type), intent(in) :: diagnostics(:)
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
       !> Draws for the predictions; more say nothing new.
       integer, parameter :: most_draws = 4000
-      real(wp), allocatable :: values(:, :, :), moduli(:, :), slope(:), mean(:), sd(:), map(:), r_hat(:)
+      real(wp), allocatable :: values(:, :), moduli(:, :), slope(:), mean(:), sd(:), map(:)
       character(len=:), allocatable :: page
       integer :: n, samples, n_chains, j, stride, draws, i, chain, best(2)
 
       n = size(chains%draws, 1)
       samples = size(chains%draws, 2)
       n_chains = size(chains%draws, 3)
-      values = chains%draws
-      if (n > constant_count(self%symmetry)) values(n, :, :) = exp(values(n, :, :))
       best = maxloc(chains%log_density)
-      map = values(:, best(1), best(2))
-      allocate (mean(n), sd(n), r_hat(n))
+      allocate (mean(n), sd(n), map(n))
       do j = 1, n
-         mean(j) = sum(values(j, :, :))/(samples*n_chains)
-         sd(j) = sqrt(sum((values(j, :, :) - mean(j))**2)/max(1, samples*n_chains - 1))
-         r_hat(j) = split_r_hat(values(j, :, :))
+         call get_written(self, chains, j, values)
+         mean(j) = sum(values)/(samples*n_chains)
+         sd(j) = sqrt(sum((values - mean(j))**2)/max(1, samples*n_chains - 1))
+         map(j) = values(best(1), best(2))
       end do
       page = '! Posterior of the constants, GPa: every draw is in posterior.csv.'//newline//'&summary'//newline &
          & //'  parameters = '''//join(parameter_names(self, n), ''', ''')//''''//newline &
-         & //line('mean', mean)//line('sd', sd)//line('map', map)//line('r_hat', r_hat) &
+         & //line('mean', mean)//line('sd', sd)//line('map', map) &
+         & //line('ess_bulk', diagnostics%ess_bulk)//line('ess_tail', diagnostics%ess_tail)//line('r_hat', diagnostics%r_hat) &
          & //line('acceptance', [sum(chains%acceptance)/n_chains]) &
          & //'  samples = '//to_text(samples)//newline//'  chains = '//to_text(n_chains)//newline//'/'//newline
 
@@ -294,30 +418,4 @@ contains
       end do
       line = line//newline
    end function line
-
-   !> Potential scale reduction of the halves of all chains (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); 1 where nothing
-   !> moves.
-   pure real(wp) function split_r_hat(values) result(r_hat)
-      !> (sample, chain)
-      real(wp), intent(in) :: values(:, :)
-      real(wp) :: means(2*size(values, 2)), variances(2*size(values, 2)), within, between
-      integer :: n, i, half, m
-
-      n = size(values, 1)/2
-      r_hat = 1.0_wp
-      if (n < 2) return
-      m = 0
-      do i = 1, size(values, 2)
-         do half = 0, 1
-            m = m + 1
-            associate (part => values(half*(size(values, 1) - n) + 1:half*(size(values, 1) - n) + n, i))
-               means(m) = sum(part)/n
-               variances(m) = sum((part - means(m))**2)/(n - 1)
-            end associate
-         end do
-      end do
-      within = sum(variances)/m
-      between = sum((means - sum(means)/m)**2)/(m - 1)
-      if (within > 0.0_wp) r_hat = sqrt((n - 1.0_wp)/n + between/within)
-   end function split_r_hat
 end module batch_sample

@@ -21,7 +21,7 @@ module batch_stages
    use text, only: to_text
    implicit none
    private
-   public :: simulate_crystals, fit_simulations, worker_count, surrogate_name
+   public :: simulate_crystals, fits_surrogate, fit_simulations, worker_count, surrogate_name
 
    character(len=*), parameter :: simulations_name = 'simulations.csv', surrogate_name = 'surrogate.nml'
    character, parameter :: newline = achar(10)
@@ -333,6 +333,13 @@ contains
       end associate
       call replace_file(path, page, error)
    end subroutine save_outcomes
+
+   !> Whether the file asks for a fit; else a &surrogate is one that is there already.
+   pure logical function fits_surrogate(self)
+      type(problem_type), intent(in) :: self
+
+      fits_surrogate = self%has_group('design') .or. (self%has_group('surrogate') .and. self%has_group('crystals'))
+   end function fits_surrogate
 
    !> Fit the surrogate to `simulations.csv` of the output folder.
    subroutine fit_simulations(self, output, told, error)

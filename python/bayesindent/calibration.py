@@ -18,7 +18,7 @@ from .core import InputError, check, native
 from .crystal import CONSTANTS, SYMMETRIES
 from .verdicts import orientation_verdicts, verdicts
 
-__all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
+__all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "check_stage", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
 
 #: The numbers the core gives methods and kinds of modulus.
 METHODS = {"ensemble": 1, "scmh": 2}
@@ -29,6 +29,9 @@ BURN_IN = 20000
 
 #: Degrees of freedom of Student's t where a number is not given.
 STUDENT_DOF = 4.0
+
+#: Arguments of `extract` that do not change the density.
+SAMPLING = ("method", "samples", "burn_in", "chains", "seed", "threads")
 
 #: Draws for derived quantities and predictions; more say nothing new.
 MOST_DRAWS = 4000
@@ -512,6 +515,17 @@ def fingerprint(problem, settings: Mapping) -> str:
     data = [plain(measured.euler_deg), plain(measured.modulus_gpa), plain(measured.sd_gpa)]
     kept = {key: value for key, value in settings.items() if key != "threads"}
     return json.dumps([plain(kept), data], sort_keys=True)
+
+
+def check_stage(problem, output: Path) -> None:
+    """Refuse what `extract_stage` would refuse before it samples."""
+    surrogate = surrogate_of(problem, output)
+    density = {name: value for name, value in settings_of(problem).items() if name not in SAMPLING}
+    measured = problem.measurements
+    try:
+        Posterior(surrogate, measured.euler_deg, measured.modulus_gpa, measured.sd_gpa, **density)
+    except InputError as error:
+        raise InputError(f"{problem.path}: &prior: {error}") from None
 
 
 def extract_stage(problem, output: Path, progress=None) -> dict:

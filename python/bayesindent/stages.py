@@ -126,12 +126,13 @@ def asked(problem: Problem) -> list[str]:
 
 
 def check(problem: Problem, output: Path) -> None:
-    """What the reader cannot see of a file: whether the surrogate is there, which no stage before builds, and of the symmetry."""
-    from .calibration import surrogate_of
+    """What the reader cannot see of a file: whether the surrogate is there, which no stage before builds, of the symmetry, and knows the
+    crystals of the prior."""
+    from .calibration import check_stage
 
     needed = asked(problem)
     if "build" not in needed and {"extract", "next"} & set(needed):
-        surrogate_of(problem, output)
+        check_stage(problem, output)
 
 
 def perform(command: str, problem: Problem, output: Path, progress: Progress) -> dict:

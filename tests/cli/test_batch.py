@@ -6,11 +6,13 @@ import subprocess
 import time
 from pathlib import Path
 
+import arviz
 import f90nml
+import numpy as np
 import pytest
 
-from bayesindent import Problem, calibration
-from bayesindent.surrogate import Surrogate
+from bayesindent import Problem, calibration, verdicts
+from bayesindent.surrogate import SHIPPED, Surrogate
 from conftest import SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
@@ -229,6 +231,14 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
     assert summary["summary"]["parameters"] == list(result.posterior.data_vars)
     assert summary["summary"]["mean"] == pytest.approx([values.values.mean() for values in result.posterior.data_vars.values()])
     assert summary["predicted"]["measured"] == pytest.approx(problem.measurements.modulus_gpa.tolist())
+    draws = [np.reshape([float(row[name]) for row in rows], (2, 200)) for name in result.posterior.data_vars]
+    for method in ("bulk", "tail"):
+        assert summary["summary"][f"ess_{method}"] == pytest.approx([arviz.ess(values, method=method) for values in draws], rel=1e-7)
+    assert summary["summary"]["r_hat"] == pytest.approx([arviz.rhat(values) for values in draws], rel=1e-7)
+    # Chains as short as these give both programs something to warn of.
+    said = verdicts.mixing_verdicts(calibration.summary(result))
+    assert said
+    assert [line for line in done.stderr.splitlines() if "mixed" in line] == [f"warning: {line}" for line in said]
 
 
 def test_surrogate_of_another_symmetry(batch, tmp_path):
@@ -244,10 +254,98 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
     assert done.stderr == "b.nml: &surrogate file: out/surrogate.nml is for cubic crystals, not hexagonal ones\n"
     done = batch("b.nml")
     assert done.returncode == 2
-    assert done.stderr.startswith("b.nml: &surrogate file: surrogate.nml does not exist")
+    assert done.stderr.startswith("b.nml: &surrogate file: surrogate.nml: there is no such surrogate")
+
+
+def test_one_chain_has_no_r_hat(batch, tmp_path):
+    Surrogate.load("cubic").write_text(tmp_path / "surrogate.nml")
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' /\n&surrogate file = 'surrogate.nml' /\n&measurements file = '{FE3SI}' /\n"
+        "&sampler method = 'scmh', samples = 50, burn_in = 100, chains = 1 /\n"
+    )
+    done = batch("a.nml", "--output", "out")
+    assert done.returncode == 0
+    assert "warning: the chains of C11 have not mixed: there is one chain, and they are worth " in done.stderr
+    summary = f90nml.read(tmp_path / "out" / "summary.nml")["summary"]
+    assert np.isnan(summary["r_hat"]).all()
+    assert np.isfinite(summary["ess_bulk"]).all()
+
+
+FE3SI = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
+CHECKED = "&problem symmetry = 'cubic' /\n&surrogate file = '{file}' /\n&measurements file = '{data}' /\n&sampler samples = 10 /\n"
+
+
+def spoil(path):
+    path.write_text(path.read_text()[:2000])
+
+
+@pytest.mark.parametrize("folder", ["out", "."])
+@pytest.mark.parametrize(
+    ("name", "spoiled", "prior", "expected"),
+    [
+        ("cubic", None, "", ""),
+        (
+            "cubic",
+            None,
+            "c_min = 300, 1, 1, c_max = 400, 2, 2, anisotropy_cap = 1000",
+            "&prior: the bounds are outside the surrogate's domain: none of",
+        ),
+        ("cubic", spoil, "", "&surrogate file: {path}: is not a surrogate, or is damaged: "),
+        ("cubic", Path.unlink, "", "&surrogate file: surrogate.nml: there is no such surrogate; "),
+        ("hexagonal", None, "", "&surrogate file: {path} is for hexagonal crystals, not cubic ones"),
+    ],
+    ids=["right", "bounds", "damaged", "missing", "symmetry"],
+)
+def test_check_says_what_sampling_says(batch, tmp_path, folder, name, spoiled, prior, expected):
+    (tmp_path / "out").mkdir()
+    path = tmp_path / folder / "surrogate.nml"
+    Surrogate.load(name).write_text(path)
+    if spoiled:
+        spoiled(path)
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="surrogate.nml", data=FE3SI) + f"&prior {prior} /\n")
+    checked, sampled = (batch("a.nml", "--output", "out", *option) for option in (["--check"], []))
+    if expected:
+        expected = expected.format(path=path.relative_to(tmp_path))
+        assert (checked.returncode, checked.stdout) == (2, "")
+        assert checked.stderr.startswith(f"a.nml: {expected}")
+        assert checked.stderr == sampled.stderr
+    else:
+        assert (checked.returncode, checked.stderr) == (0, "")
+        assert sampled.returncode == 0, sampled.stderr
+
+
+def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
+    (tmp_path / "out").mkdir()
+    Surrogate.load("cubic").write_text(tmp_path / "out" / "surrogate.nml")
+    prior = "&prior c_min = 300, 1, 1, c_max = 400, 2, 2, anisotropy_cap = 1000 /\n"
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="cubic", data=FE3SI) + prior)
+    done = bayesindent("run", "a.nml", "--output", "out", "--check")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == batch("a.nml", "--output", "out", "--check").stderr
+    assert done.stderr.startswith("a.nml: &prior: the bounds are outside the surrogate's domain")
+    assert done.stderr == bayesindent("run", "a.nml", "--output", "out").stderr
+
+
+def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
+    # A surrogate that the file's own fit replaces is not looked at; another one is.
+    (tmp_path / "surrogate.nml").write_text("")
+    text = CHECKED.format(file="surrogate.nml", data=FE3SI) + "&design /\n"
+    (tmp_path / "a.nml").write_text(text)
+    (tmp_path / "b.nml").write_text(text.replace("surrogate.nml", "other.nml"))
+    done = batch("a.nml", "--check")
+    assert (done.returncode, done.stderr) == (0, "")
+    done = batch("b.nml", "--check")
+    assert (done.returncode, "other.nml: there is no such surrogate" in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize("path", sorted((SOURCE / "inputs").glob("*.nml")) + sorted((SOURCE / "inputs" / "case_studies").glob("*.nml")))
-def test_inputs_are_right(batch, path):
-    done = batch(path, "--check")
+def test_inputs_are_right(batch, tmp_path, path):
+    # The batch program reads surrogates as text, those of the package, too.
+    problem = Problem(path, "run")
+    if "extract" in problem.stages and problem["surrogate"]["file"] in SHIPPED:
+        done = batch(path, "--check", "--output", "out")
+        assert (done.returncode, "there is no such surrogate" in done.stderr) == (2, True)
+        (tmp_path / "out").mkdir()
+        Surrogate.load(problem["surrogate"]["file"]).write_text(tmp_path / "out" / "surrogate.nml")
+    done = batch(path, "--check", "--output", "out")
     assert done.returncode == 0, done.stderr

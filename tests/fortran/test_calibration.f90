@@ -33,6 +33,8 @@ end module known_targets
 
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, derived quantities, gains of measurements.
 program test_calibration
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+   use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use crystal_elasticity, only: averages_type, new_stiffness, polycrystal_averages, symmetry_cubic, symmetry_hexagonal
    use derived_quantities, only: evaluate_quantities, quantity_count, quantity_number
    use errors, only: error_type
@@ -58,6 +60,7 @@ program test_calibration
    ! Some four standard errors of chains that are worth a few thousand independent draws.
    call test_sampler('ensemble', method_ensemble, 20000, 20000, 0.05_wp)
    call test_sampler('scmh', method_scmh, 200000, 5000, 0.05_wp)
+   call test_diagnostics()
    call test_quantities()
    call test_gains()
    call finish()
@@ -220,6 +223,54 @@ contains
 
       average = sum(values)/size(values)
    end function average
+
+   !> Against ess (bulk, tail) and rhat (rank) of ArviZ 0.23.4.
+   subroutine test_diagnostics()
+      real(wp), parameter :: probability(6) = [1.0e-300_wp, 1.0e-10_wp, 2.0e-6_wp, 0.02_wp, 0.3_wp, 0.975_wp]
+      ! By scipy.stats.norm.ppf.
+      real(wp), parameter :: quantile(6) = [-37.0470962993612_wp, -6.361340902404056_wp, -4.611382362302668_wp, &
+         & -2.053748910631823_wp, -0.5244005127080409_wp, 1.959963984540054_wp]
+      type(diagnostics_type) :: found
+      real(wp) :: i(4000, 3), c(4000, 3)
+      integer :: k
+
+      do k = 1, size(probability)
+         call check_close('normal quantile', normal_quantile(probability(k)), quantile(k), 1.0e-14_wp*abs(quantile(k)))
+      end do
+      call check_close('normal median', normal_quantile(0.5_wp), 0.0_wp, 1.0e-15_wp)
+      i = spread([(real(k, wp), k=1, 4000)], 2, 3)
+      c = spread([1.0_wp, 2.0_wp, 3.0_wp], 1, 4000)
+      call compare('mixed chains', sin(i(:101, :)**2 + 7.0_wp*c(:101, :)), 307.0556532955_wp, 212.5921975008_wp, 1.002567893611_wp)
+      call compare('slow chains', mod(i(:, :2) + 1300.0_wp*c(:, :2), 3001.0_wp), 27.23538127568_wp, 62.83359749428_wp, &
+         & 1.059267583708_wp)
+      call compare('repeated values', aint(4.0_wp + 4.0_wp*sin(i(:500, :2)**2/7.0_wp + c(:500, :2))), 1029.45935826_wp, 1000.0_wp, &
+         & 1.000030083023_wp)
+      call compare('antithetic chains', mod(i(:200, :2), 2.0_wp), 1040.823996531_wp, 400.0_wp, 0.9949874371066_wp)
+      call compare('five samples', sin(i(:5, :2)**2 + 7.0_wp*c(:5, :2)), 7.224719895936_wp, 7.224719895936_wp, 1.626075932895_wp)
+      found = diagnose_chains(sin(0.3_wp*i(:200, :1)))
+      call check_close('one chain, bulk', found%ess_bulk, 35.03893156518_wp, 1.0e-8_wp)
+      call check_close('one chain, tail', found%ess_tail, 181.7125961025_wp, 1.0e-8_wp)
+      call check('one chain has no R-hat', ieee_is_nan(found%r_hat))
+      found = diagnose_chains(0.0_wp*i(:100, :2) + 3.0_wp)
+      call check_close('one value', found%ess_bulk, 200.0_wp, 0.0_wp)
+      call check('one value has no R-hat', ieee_is_nan(found%r_hat))
+      found = diagnose_chains(c(:100, :2))
+      call check('one value a chain', found%ess_bulk < 3.0_wp .and. found%r_hat > 1.0e6_wp)
+      found = diagnose_chains(i(:3, :))
+      call check('three samples say nothing', ieee_is_nan(found%ess_bulk) .and. ieee_is_nan(found%ess_tail))
+   end subroutine test_diagnostics
+
+   subroutine compare(name, draws, ess_bulk, ess_tail, r_hat)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in), contiguous :: draws(:, :)
+      real(wp), intent(in) :: ess_bulk, ess_tail, r_hat
+      type(diagnostics_type) :: found
+
+      found = diagnose_chains(draws)
+      call check_close(name//', bulk', found%ess_bulk, ess_bulk, 1.0e-10_wp*ess_bulk)
+      call check_close(name//', tail', found%ess_tail, ess_tail, 1.0e-10_wp*ess_tail)
+      call check_close(name//', R-hat', found%r_hat, r_hat, 1.0e-10_wp)
+   end subroutine compare
 
    subroutine test_quantities()
       real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]

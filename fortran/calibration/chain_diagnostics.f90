@@ -1,0 +1,263 @@
+!> How far chains have mixed: effective sample sizes and R-hat of rank-normalised split chains (Vehtari et al., Bayesian Anal. 16,
+!> 667, 2021), by the definitions of ArviZ' ess (bulk, tail) and rhat (rank).
+!>
+!> Autocovariances are sums over lags that end where Geyer's sequence ends: mixed chains cost a few lags, stuck ones up to
+!> samples²/8 products for each half. Long arrays are allocatable: others are on a thread's stack.
+module chain_diagnostics
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use kinds, only: i8, pi, wp
+   use sorting, only: sort_order
+   implicit none
+   private
+   public :: diagnostics_type, diagnose_chains, normal_quantile
+
+   type :: diagnostics_type
+      !> Independent draws that the chains are worth for the centre, and for the 5 % and 95 % quantiles (the lesser).
+      real(wp) :: ess_bulk = 0.0_wp, ess_tail = 0.0_wp
+      !> Potential scale reduction, of the values or of their distance from the median (the larger).
+      real(wp) :: r_hat = 0.0_wp
+   end type diagnostics_type
+
+   !> With fewer samples of a chain nothing is said.
+   integer, parameter :: least_samples = 4
+   real(wp), parameter :: tail = 0.05_wp
+   !> What spreads less does not move.
+   real(wp), parameter :: resolution = 1.0e-15_wp
+   !> Lags in one pass over the chains.
+   integer, parameter :: lags = 4
+
+contains
+
+   !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of one chain or of one value.
+   pure function diagnose_chains(draws) result(diagnostics)
+      !> (sample, chain), finite.
+      real(wp), intent(in), contiguous :: draws(:, :)
+      type(diagnostics_type) :: diagnostics
+      real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
+      real(wp) :: folded
+
+      diagnostics = diagnostics_type(nan(), nan(), nan())
+      if (size(draws, 1) < least_samples) return
+      call split_chains(draws, halves)
+      allocate (work, mold=halves)
+      call normal_scores(size(halves), halves, work)
+      diagnostics%ess_bulk = effective_size(work)
+      if (size(draws, 2) > 1) then
+         diagnostics%r_hat = scale_reduction(work)
+         call sort_values(size(halves), halves, sorted)
+         work = abs(halves - 0.5_wp*(sorted(size(sorted)/2) + sorted(size(sorted)/2 + 1)))
+         halves = work
+         call normal_scores(size(halves), halves, work)
+         folded = scale_reduction(work)
+         if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
+      end if
+      call sort_values(size(draws), draws, sorted)
+      call split_chains(draws, halves)
+      diagnostics%ess_tail = min(share_below(quantile(sorted, tail)), share_below(quantile(sorted, 1.0_wp - tail)))
+
+   contains
+
+      !> Effective size for the share of draws that are not above `limit`.
+      pure real(wp) function share_below(limit)
+         real(wp), intent(in) :: limit
+         real(wp), allocatable :: indicator(:, :)
+
+         allocate (indicator, mold=halves)
+         indicator = merge(1.0_wp, 0.0_wp, halves <= limit)
+         share_below = effective_size(indicator)
+      end function share_below
+   end function diagnose_chains
+
+   pure real(wp) function nan()
+      nan = ieee_value(1.0_wp, ieee_quiet_nan)
+   end function nan
+
+   !> First and last halves of the chains, each a chain; a sample in the middle is left out.
+   pure subroutine split_chains(draws, halves)
+      !> (sample, chain), (sample, half).
+      real(wp), intent(in) :: draws(:, :)
+      real(wp), allocatable, intent(out) :: halves(:, :)
+      integer :: n, i
+
+      n = size(draws, 1)/2
+      allocate (halves(n, 2*size(draws, 2)))
+      do i = 1, size(draws, 2)
+         halves(:, 2*i - 1) = draws(:n, i)
+         halves(:, 2*i) = draws(size(draws, 1) - n + 1:, i)
+      end do
+   end subroutine split_chains
+
+   !> Normal quantiles of the ranks (Blom, 1958), equal values at their mean rank.
+   pure subroutine normal_scores(n, values, scores)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: values(n)
+      real(wp), intent(out) :: scores(n)
+      integer, allocatable :: order(:)
+      integer :: first, last, i
+      real(wp) :: score
+
+      allocate (order(n))
+      call sort_order(values, order)
+      first = 1
+      do while (first <= n)
+         last = first
+         do while (last < n)
+            if (values(order(last + 1)) > values(order(first))) exit
+            last = last + 1
+         end do
+         score = normal_quantile((0.5_wp*(first + last) - 0.375_wp)/(n + 0.25_wp))
+         do i = first, last
+            scores(order(i)) = score
+         end do
+         first = last + 1
+      end do
+   end subroutine normal_scores
+
+   !> The values in ascending order.
+   pure subroutine sort_values(n, values, sorted)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: values(n)
+      real(wp), allocatable, intent(out) :: sorted(:)
+      integer, allocatable :: order(:)
+      integer :: i
+
+      allocate (order(n), sorted(n))
+      call sort_order(values, order)
+      do i = 1, n
+         sorted(i) = values(order(i))
+      end do
+   end subroutine sort_values
+
+   !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan, Am. Stat. 50, 361, 1996).
+   !>
+   !> The order of operations is that of ArviZ; where neighbours are equal, the last bit says whether they are below. The
+   !> parentheses keep fused operations out.
+   pure real(wp) function quantile(sorted, p)
+      real(wp), intent(in) :: sorted(:), p
+      real(wp) :: position, share
+      integer :: k
+
+      position = (size(sorted)*p) + (1.0_wp - p)
+      k = max(1, min(size(sorted) - 1, floor(position)))
+      share = max(0.0_wp, min(1.0_wp, position - k))
+      quantile = ((1.0_wp - share)*sorted(k)) + (share*sorted(k + 1))
+   end function quantile
+
+   !> Number of independent draws with the same variance of the mean, by Geyer's initial monotone positive sequence of
+   !> autocorrelations (Geyer, Stat. Sci. 7, 473, 1992) over all chains.
+   pure real(wp) function effective_size(chains) result(ess)
+      !> (sample, chain), two chains or more of two samples or more.
+      real(wp), intent(in), contiguous :: chains(:, :)
+      real(wp), allocatable :: x(:, :), mean(:), rho(:)
+      real(wp) :: covariance(lags), within, total, even, odd, tau
+      integer :: n, m, t, last, i, k
+
+      n = size(chains, 1)
+      m = size(chains, 2)
+      ess = size(chains)
+      if (maxval(chains) - minval(chains) < resolution) return
+      allocate (x(n + lags, m), mean(m), rho(0:n - 1))
+      do i = 1, m
+         mean(i) = sum(chains(:, i))/n
+         x(:n, i) = chains(:, i) - mean(i)
+         x(n + 1:, i) = 0.0_wp
+      end do
+      call autocovariances(n, m, x, 0, covariance)
+      total = covariance(1) + variance(mean)
+      within = covariance(1)*n/(n - 1.0_wp)
+      rho = 0.0_wp
+      even = 1.0_wp
+      odd = 1.0_wp - (within - covariance(2))/total
+      rho(0) = even
+      rho(1) = odd
+      t = 1
+      do while (t < n - 3 .and. even + odd > 0.0_wp)
+         k = mod(t + 1, lags) + 1
+         if (k == 1) call autocovariances(n, m, x, t + 1, covariance)
+         even = 1.0_wp - (within - covariance(k))/total
+         odd = 1.0_wp - (within - covariance(k + 1))/total
+         if (even + odd >= 0.0_wp) rho(t + 1:t + 2) = [even, odd]
+         t = t + 2
+      end do
+      last = t - 2
+      ! An even term alone lessens the variance of antithetic chains.
+      if (even > 0.0_wp) rho(last + 1) = even
+      do t = 1, last - 2, 2
+         if (rho(t + 1) + rho(t + 2) > rho(t - 1) + rho(t)) rho(t + 1:t + 2) = 0.5_wp*(rho(t - 1) + rho(t))
+      end do
+      tau = -1.0_wp + 2.0_wp*sum(rho(0:last)) + rho(last + 1)
+      ess = ess/max(tau, 1.0_wp/log10(ess))
+   end function effective_size
+
+   !> Autocovariances at lags `t` and above, means over the chains.
+   pure subroutine autocovariances(n, m, x, t, covariance)
+      integer, intent(in) :: n, m, t
+      !> (sample, chain), each chain of mean zero and with zeros behind it.
+      real(wp), intent(in) :: x(n + lags, m)
+      real(wp), intent(out) :: covariance(lags)
+      real(wp) :: one, two, three, four
+      ! Of 32 bits, which may wrap, they would keep the loop from vector instructions.
+      integer(i8) :: i, lag
+      integer :: j
+
+      lag = t
+      one = 0.0_wp
+      two = 0.0_wp
+      three = 0.0_wp
+      four = 0.0_wp
+      do j = 1, m
+         !$omp simd reduction(+:one, two, three, four)
+         do i = 1, n - lag
+            one = one + x(i, j)*x(i + lag, j)
+            two = two + x(i, j)*x(i + lag + 1, j)
+            three = three + x(i, j)*x(i + lag + 2, j)
+            four = four + x(i, j)*x(i + lag + 3, j)
+         end do
+      end do
+      covariance = [one, two, three, four]/(real(n, wp)*m)
+   end subroutine autocovariances
+
+   !> Square root of the variance over all chains by that within them (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); NaN
+   !> where nothing moves.
+   pure real(wp) function scale_reduction(chains)
+      !> (sample, chain)
+      real(wp), intent(in), contiguous :: chains(:, :)
+      real(wp) :: mean(size(chains, 2)), within
+      integer :: n, i
+
+      scale_reduction = nan()
+      if (maxval(chains) - minval(chains) < resolution) return
+      n = size(chains, 1)
+      within = 0.0_wp
+      do i = 1, size(chains, 2)
+         mean(i) = sum(chains(:, i))/n
+         within = within + variance(chains(:, i))/size(chains, 2)
+      end do
+      scale_reduction = sqrt((n*variance(mean)/within + n - 1.0_wp)/n)
+   end function scale_reduction
+
+   !> Unbiased variance.
+   pure real(wp) function variance(values)
+      real(wp), intent(in), contiguous :: values(:)
+
+      variance = sum((values - sum(values)/size(values))**2)/(size(values) - 1)
+   end function variance
+
+   !> The x below which a standard normal variable is with probability `p`, 0 < p < 1.
+   !>
+   !> Abramowitz & Stegun 26.2.23 is right to 4.5e-4; each step of Halley's method cubes the error.
+   pure real(wp) function normal_quantile(p) result(x)
+      real(wp), intent(in) :: p
+      real(wp) :: lower, t, step
+      integer :: i
+
+      lower = min(p, 1.0_wp - p)
+      t = sqrt(-2.0_wp*log(lower))
+      x = (2.515517_wp + t*(0.802853_wp + t*0.010328_wp))/(1.0_wp + t*(1.432788_wp + t*(0.189269_wp + t*0.001308_wp))) - t
+      do i = 1, 2
+         step = (0.5_wp*erfc(-x/sqrt(2.0_wp)) - lower)*sqrt(2.0_wp*pi)*exp(0.5_wp*x**2)
+         x = x - step/(1.0_wp + 0.5_wp*x*step)
+      end do
+      if (p > 0.5_wp) x = -x
+   end function normal_quantile
+end module chain_diagnostics
