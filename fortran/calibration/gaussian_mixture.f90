@@ -3,7 +3,7 @@ module gaussian_mixture
    use kinds, only: pi, wp
    use random, only: random_stream_type
    use sorting, only: sort_order
-   use vector_math, only: exp_all
+   use vector_math, only: dot, exp_all
    implicit none
    private
    public :: mixture_type, new_mixture, log_mixture, draw_mixture, fit_mixture, widen_mixture
@@ -193,7 +193,7 @@ contains
             cycle
          end if
          do j = 1, mixture%n
-            mean(j) = plain_dot(responsibility(:, m), points(:, j))/totals(m)
+            mean(j) = dot(responsibility(:, m), points(:, j))/totals(m)
          end do
          do j = 1, mixture%n
             !$omp simd
@@ -225,17 +225,6 @@ contains
          plain_sum = plain_sum + a(i)
       end do
    end function plain_sum
-
-   pure real(wp) function plain_dot(a, b)
-      real(wp), intent(in), contiguous :: a(:), b(:)
-      integer :: i
-
-      plain_dot = 0.0_wp
-      !$omp simd reduction(+:plain_dot)
-      do i = 1, size(a)
-         plain_dot = plain_dot + a(i)*b(i)
-      end do
-   end function plain_dot
 
    !> Factor the covariance (lower triangle) of a component.
    pure subroutine set_covariance(mixture, m, covariance)

@@ -5,7 +5,7 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, exit_failure, exit_bad_input
+   public :: error_type, raise, hand_over, exit_failure, exit_bad_input
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -29,4 +29,18 @@ contains
       error%message = message
       if (present(status)) error%status = status
    end subroutine raise
+
+   !> The error for callers that know no Fortran types: its status and message, or 0 and blanks.
+   pure subroutine hand_over(error, status, message)
+      type(error_type), allocatable, intent(in) :: error
+      integer, intent(out) :: status
+      ! allow(C072)
+      character(len=*), intent(out) :: message
+
+      status = 0
+      message = ''
+      if (.not. allocated(error)) return
+      status = error%status
+      message = error%message
+   end subroutine hand_over
 end module errors

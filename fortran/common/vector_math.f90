@@ -3,7 +3,7 @@ module vector_math
    use kinds, only: i8, wp
    implicit none
    private
-   public :: exp_all, transposed_product
+   public :: dot, exp_all, transposed_product
 
    real(wp), parameter :: log2e = 1.44269504088896340735992468100189_wp
    !> log 2 in two pieces, the first with zeros in its last bits, so that k log 2 is exact (Cody & Waite).
@@ -12,6 +12,18 @@ module vector_math
    real(wp), parameter :: rounder = 6755399441055744.0_wp
 
 contains
+
+   !> aᵀ b, summed in the order that is fastest.
+   pure real(wp) function dot(a, b)
+      real(wp), intent(in), contiguous :: a(:), b(:)
+      integer :: i
+
+      dot = 0.0_wp
+      !$omp simd reduction(+:dot)
+      do i = 1, size(a)
+         dot = dot + a(i)*b(i)
+      end do
+   end function dot
 
    !> y = exp(x), element by element, to two units in the last place; x is clamped to -700 .. 700.
    pure subroutine exp_all(x, y)

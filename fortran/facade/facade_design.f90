@@ -4,7 +4,7 @@
 !> A design without data; `weights` and `prior_mean` of the n terms, least sd of the noise in units of y.
 subroutine design_new(n, weights, prior_mean, least_noise, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use sequential_design, only: design_to_handle, design_type, new_design
    implicit none
    !f2py threadsafe
@@ -16,14 +16,11 @@ subroutine design_new(n, weights, prior_mean, least_noise, handle, status, messa
    type(design_type), pointer :: design
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    handle = 0
    allocate (design)
    call new_design(weights, prior_mean, least_noise, design, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
+   call hand_over(error, status, message)
+   if (status /= 0) then
       deallocate (design)
    else
       handle = design_to_handle(design)
@@ -96,7 +93,7 @@ end subroutine design_add
 !> Posterior from all data. alpha = 0 on entry: alpha and beta maximise the evidence; else they are set to what is given.
 subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use evidence_regression, only: compute_spectrum, log_evidence, maximise_evidence, set_precisions, spectrum_type
    use sequential_design, only: compute_variances, design_from_handle, design_type, take_in_choices
    implicit none
@@ -110,8 +107,6 @@ subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, 
    type(spectrum_type) :: spectrum
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    evidence = 0
    design => design_from_handle(handle)
    call take_in_choices(design)
@@ -126,10 +121,8 @@ subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, 
    end if
    alpha = design%regression%alpha
    beta = design%regression%beta
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   else
+   call hand_over(error, status, message)
+   if (status == 0) then
       evidence = log_evidence(spectrum, alpha, beta)
    end if
 end subroutine design_fit
@@ -137,7 +130,7 @@ end subroutine design_fit
 !> ln evidence of the data at m pairs of alpha and beta.
 subroutine design_evidence(handle, m, alpha, beta, evidence, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use evidence_regression, only: compute_spectrum, log_evidence, spectrum_type
    use sequential_design, only: design_from_handle, design_type
    implicit none
@@ -153,15 +146,10 @@ subroutine design_evidence(handle, m, alpha, beta, evidence, status, message)
    type(error_type), allocatable :: error
    integer :: i
 
-   status = 0
-   message = ''
    design => design_from_handle(handle)
    call compute_spectrum(design%regression, spectrum, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    do i = 1, m
       evidence(i) = log_evidence(spectrum, alpha(i), beta(i))
    end do
@@ -170,7 +158,7 @@ end subroutine design_evidence
 !> One observation more at frozen alpha, beta.
 subroutine design_update(handle, n, term, y, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use evidence_regression, only: update_posterior
    use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
@@ -183,21 +171,16 @@ subroutine design_update(handle, n, term, y, status, message)
    type(design_type), pointer :: design
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    design => design_from_handle(handle)
    call take_in_choices(design)
    call update_posterior(design%regression, term, y, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   end if
+   call hand_over(error, status, message)
 end subroutine design_update
 
 !> The next `count` candidates (numbers from 0) and the variance of y at each; see `choose_candidates`.
 subroutine design_choose(handle, m, importance, count, threads, chosen, variance, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use sequential_design, only: choose_candidates, design_from_handle, design_type
    implicit none
    !f2py threadsafe
@@ -211,23 +194,18 @@ subroutine design_choose(handle, m, importance, count, threads, chosen, variance
    type(design_type), pointer :: design
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    chosen = 0
    variance = 0
    design => design_from_handle(handle)
    call choose_candidates(design, importance, chosen, variance, threads, error)
    chosen = chosen - 1
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   end if
+   call hand_over(error, status, message)
 end subroutine design_choose
 
 !> Posterior mean after the chosen candidates' values were added; `exactly` /= 0: everything afresh.
 subroutine design_settle(handle, exactly, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use sequential_design, only: design_from_handle, design_type, settle
    implicit none
    !f2py threadsafe
@@ -238,14 +216,9 @@ subroutine design_settle(handle, exactly, status, message)
    type(design_type), pointer :: design
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    design => design_from_handle(handle)
    call settle(design, exactly /= 0, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   end if
+   call hand_over(error, status, message)
 end subroutine design_settle
 
 !> Posterior mean of the n coefficients.
@@ -300,7 +273,7 @@ end subroutine design_variances
 !> Residual and sd of y of each of the m observations with its group left out.
 subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use evidence_regression, only: leave_groups_out
    use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
@@ -314,13 +287,8 @@ subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    type(design_type), pointer :: design
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    design => design_from_handle(handle)
    call take_in_choices(design)
    call leave_groups_out(design%regression, groups, residual, sd, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   end if
+   call hand_over(error, status, message)
 end subroutine design_leave_out

@@ -9,7 +9,7 @@
 subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, outer, growth, handle, counts, &
    & costs, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use fe_indentation, only: indentation_model_type, indentation_options_type, new_indentation_model
    implicit none
    !f2py threadsafe
@@ -25,17 +25,14 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    type(indentation_model_type), pointer :: model
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    handle = 0
    counts = 0
    costs = 0.0_c_double
    options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths, outer, growth)
    allocate (model)
    call new_indentation_model(options, model, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
+   call hand_over(error, status, message)
+   if (status /= 0) then
       deallocate (model)
       return
    end if
@@ -71,7 +68,7 @@ end subroutine indentation_free
 subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn, contact_radius_um, moduli, diagnostics, &
    & elements, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    implicit none
    !f2py threadsafe
@@ -87,8 +84,6 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    type(c_ptr) :: address
    integer :: n
 
-   status = 0
-   message = ''
    depth_um = 0.0_c_double
    force_mn = 0.0_c_double
    contact_radius_um = 0.0_c_double
@@ -98,11 +93,8 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
    call simulate_indentation(model, stiffness, euler, result, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    depth_um = result%depth
    force_mn = result%force
    contact_radius_um = result%contact_radius
@@ -151,7 +143,7 @@ end subroutine indentation_mesh
 !> number `step`.
 subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, displacement, stress, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use fe_element, only: brick_stress
    use fe_indentation, only: indentation_fields, indentation_model_type
    use kinds, only: wp
@@ -170,18 +162,13 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    real(wp) :: c(6, 6)
    integer :: i
 
-   status = 0
-   message = ''
    displacement = 0.0_c_double
    stress = 0.0_c_double
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
    call indentation_fields(model, stiffness, euler, step, u, c, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    displacement = u
    associate (mesh => model%grid(1)%mesh)
       do i = 1, bricks

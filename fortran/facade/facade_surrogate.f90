@@ -34,7 +34,7 @@ end subroutine basis_coordinates
 !> Degrees of the terms: of the harmonic, and of the polynomial in all coordinates together.
 subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n_terms, harmonic, polynomial, status, message)
    use, intrinsic :: iso_c_binding, only: c_int
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use kinds, only: wp
    use surrogate_basis, only: basis_type, coordinate_count, new_basis
    implicit none
@@ -47,16 +47,11 @@ subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n
    type(error_type), allocatable :: error
    integer :: h, q, k, n
 
-   status = 0
-   message = ''
    n = coordinate_count(symmetry, coordinates)
    call new_basis(symmetry, coordinates, truncation, degree, bandlimit, spread(-1.0_wp, 1, n), spread(1.0_wp, 1, n), basis, &
       & error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    do q = 1, basis%n_polynomials
       do h = 1, basis%n_harmonics
          k = h + (q - 1)*basis%n_harmonics
@@ -70,7 +65,7 @@ end subroutine basis_degrees
 subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, n, n_terms, constants, euler, &
    & terms, scale, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use surrogate_basis, only: basis_type, evaluate_terms, new_basis
    implicit none
    !f2py threadsafe
@@ -83,14 +78,9 @@ subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, 
    type(error_type), allocatable :: error
    integer :: i
 
-   status = 0
-   message = ''
    call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    do i = 1, n
       call evaluate_terms(basis, constants(:, i), euler(:, i), terms(:, i), scale(i))
    end do
@@ -99,7 +89,7 @@ end subroutine basis_terms
 !> Harmonics of n unit vectors in crystal axes.
 subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, values, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use kinds, only: wp
    use surrogate_basis, only: basis_type, coordinate_count, coordinates_dimensionless, evaluate_direction, new_basis, &
       & truncation_total
@@ -114,16 +104,11 @@ subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, valu
    type(error_type), allocatable :: error
    integer :: i, m
 
-   status = 0
-   message = ''
    m = coordinate_count(symmetry, coordinates_dimensionless)
    call new_basis(symmetry, coordinates_dimensionless, truncation_total, 0, bandlimit, spread(-1.0_wp, 1, m), &
       & spread(1.0_wp, 1, m), basis, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-      return
-   end if
+   call hand_over(error, status, message)
+   if (status /= 0) return
    do i = 1, n
       call evaluate_direction(basis, directions(:, i), values(:, i))
    end do
@@ -178,7 +163,7 @@ end subroutine surrogate_new
 !> Read the text form of a surrogate.
 subroutine surrogate_read(path, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use surrogate_model, only: load_surrogate, surrogate_to_handle, surrogate_type
    implicit none
    !f2py threadsafe
@@ -189,14 +174,11 @@ subroutine surrogate_read(path, handle, status, message)
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    handle = 0
    allocate (surrogate)
    call load_surrogate(path, surrogate, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
+   call hand_over(error, status, message)
+   if (status /= 0) then
       deallocate (surrogate)
    else
       handle = surrogate_to_handle(surrogate)
@@ -206,7 +188,7 @@ end subroutine surrogate_read
 !> Write the text form of a surrogate.
 subroutine surrogate_write(handle, path, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type
+   use errors, only: error_type, hand_over
    use surrogate_model, only: save_surrogate, surrogate_from_handle
    implicit none
    !f2py threadsafe
@@ -216,13 +198,8 @@ subroutine surrogate_write(handle, path, status, message)
    character(len=512), intent(out) :: message
    type(error_type), allocatable :: error
 
-   status = 0
-   message = ''
    call save_surrogate(surrogate_from_handle(handle), path, error)
-   if (allocated(error)) then
-      status = error%status
-      message = error%message
-   end if
+   call hand_over(error, status, message)
 end subroutine surrogate_write
 
 !> What a surrogate is: its basis, cap and precisions.

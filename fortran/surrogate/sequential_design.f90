@@ -13,6 +13,7 @@ module sequential_design
    use evidence_regression, only: compute_posterior, new_regression, refresh_interval, regression_type, symmetric_product, whiten
    use kinds, only: i8, wp
    use linear_algebra, only: add_gram, multiply
+   use vector_math, only: dot
    implicit none
    private
    public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, take_in_choices, settle, &
@@ -33,7 +34,8 @@ module sequential_design
       logical, allocatable :: available(:)
       !> Choices since the last exact variances.
       integer :: n_choices = 0
-      !> The last `n_apart` choices, which the regression's covariance lacks: it is short of -Σ v vᵀ, v the columns (n_terms, max_apart).
+      !> The last `n_apart` choices, which the regression's covariance lacks: it is -Σ v vᵀ short, v the columns
+      !> (n_terms, max_apart).
       integer :: n_apart = 0
       real(wp), allocatable :: apart(:, :)
       !> How many of them the variance of each candidate has already.
@@ -240,15 +242,4 @@ contains
          call present_product(design, design%regression%beta*design%regression%moment, design%regression%mean)
       end if
    end subroutine settle
-
-   pure real(wp) function dot(a, b)
-      real(wp), intent(in), contiguous :: a(:), b(:)
-      integer :: i
-
-      dot = 0.0_wp
-      !$omp simd reduction(+:dot)
-      do i = 1, size(a)
-         dot = dot + a(i)*b(i)
-      end do
-   end function dot
 end module sequential_design

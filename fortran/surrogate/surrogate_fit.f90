@@ -15,7 +15,7 @@ module surrogate_fit
    implicit none
    private
    public :: domain_type, fit_options_type, fit_surrogate, coordinate_ranges, prior_weights, theory_coefficients, spread_crystals
-   public :: least_noise_of, number_crystals, learn_inflation, truncation_factor
+   public :: least_noise_of, number_crystals, learn_inflation, inflation_of
    public :: prior_zero, prior_theory, prior_from_name
 
    integer, parameter :: prior_zero = 1, prior_theory = 2
@@ -35,18 +35,17 @@ module surrogate_fit
    !> Points from which the ranges of ratios are taken, and by how much these are widened, relative to the range.
    integer, parameter :: range_points = 2**15
    real(wp), parameter :: range_margin = 0.02_wp
-   !> Evaluations of the half-space theory behind the informative prior; the variance of a coefficient falls fourfold for each
+   !> Evaluations of the half-space theory behind the informative prior; the variance of a coefficient falls eightfold for each
    !> degree of its polynomial, and as much for every four degrees of its harmonic; the constant term is almost free.
    integer, parameter :: theory_points = 10000
-   real(wp), parameter :: fall = 4.0_wp, level_per_degree = 4.0_wp, constant_weight = 1.0e-4_wp
+   real(wp), parameter :: fall = 8.0_wp, level_per_degree = 4.0_wp, constant_weight = 1.0e-4_wp
    !> Least sd of the noise that evidence maximisation may believe: GPa for a box, relative for dimensionless coordinates.
    real(wp), parameter :: least_noise_box = 0.05_wp, least_noise_dimensionless = 5.0e-4_wp
-   !> Fewest points from which a factor on the sds is learnt, and its range.
-   integer, parameter :: few = 8
+   !> The factor on the sds that is learnt from crystals left out: so many more count as if they agreed with their sds; its bound.
+   real(wp), parameter :: agreeing = 20.0_wp, inflation_most = 3.0_wp
    !> Evaluations of the theory against which the sds must hold, and the share of them that z = `normal_90` must cover.
    integer, parameter :: misfit_points = 2000
    real(wp), parameter :: covered = 0.9_wp, normal_90 = 1.6448536269514722_wp
-   real(wp), parameter :: inflation_least = 0.5_wp, inflation_most = 3.0_wp
 
 contains
 
@@ -245,14 +244,30 @@ contains
       end do
    end function number_crystals
 
-   !> The factor on every sd that makes the errors of crystals left out of the fit agree with their sds.
-   pure real(wp) function learn_inflation(residual, sd) result(factor)
-      real(wp), intent(in) :: residual(:), sd(:)
+   !> The factor on every sd that makes the errors of crystals left out of the fit agree with their sds; `z` are the former over
+   !> the latter. A few crystals chosen for their large variance say little of the others, so the factor is shrunk towards 1.
+   pure real(wp) function learn_inflation(z) result(factor)
+      real(wp), intent(in) :: z(:)
 
-      factor = 1.0_wp
-      if (size(sd) < few) return
-      factor = min(inflation_most, max(inflation_least, sqrt(sum((residual/sd)**2)/size(sd))))
+      factor = min(inflation_most, sqrt((agreeing + sum(z**2))/(agreeing + size(z))))
    end function learn_inflation
+
+   !> The factor on every sd of a surrogate: as learnt from crystals left out and, with the theory as prior, at least what covers
+   !> truncation. `z` as in `learn_inflation`, the others as in `truncation_factor`.
+   subroutine inflation_of(basis, domain, prior, mean, covariance, beta, z, factor, error)
+      type(basis_type), intent(in) :: basis
+      type(domain_type), intent(in) :: domain
+      integer, intent(in) :: prior
+      real(wp), intent(in) :: mean(:), covariance(:, :), beta, z(:)
+      real(wp), intent(out) :: factor
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: least
+
+      factor = learn_inflation(z)
+      if (prior /= prior_theory) return
+      call truncation_factor(basis, domain, mean, covariance, beta, least, error)
+      factor = max(factor, least)
+   end subroutine inflation_of
 
    !> The factor on every sd with which it covers what truncation alone leaves out: the difference between the half-space theory
    !> and its own fit `mean`, at random crystals. Simulations chosen where the variance is large say little of it.
@@ -306,7 +321,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(regression_type) :: regression
       real(wp), allocatable :: lower(:), upper(:), mean(:), terms(:, :), y(:), residual(:), sd(:)
-      real(wp) :: factor
       integer :: n, i
 
       n = size(modulus)
@@ -341,13 +355,11 @@ contains
          surrogate%anisotropy_cap = domain%anisotropy_cap
          surrogate%alpha = regression%alpha
          surrogate%beta = regression%beta
-         surrogate%sd_inflation = learn_inflation(residual, sd)
          surrogate%coefficients = reshape(coefficient_mean(regression), [basis%n_harmonics, basis%n_polynomials])
          allocate (surrogate%covariance(basis%n_terms, basis%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)
-         if (options%prior /= prior_theory) return
-         call truncation_factor(basis, domain, mean, surrogate%covariance, surrogate%beta, factor, error)
-         surrogate%sd_inflation = max(surrogate%sd_inflation, factor)
+         call inflation_of(basis, domain, options%prior, mean, surrogate%covariance, surrogate%beta, residual/sd, &
+            & surrogate%sd_inflation, error)
       end associate
    end subroutine fit_surrogate
 end module surrogate_fit

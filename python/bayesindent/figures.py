@@ -240,7 +240,7 @@ def coefficients(count, norm, angle_deg) -> Figure:
     left.plot(count, norm, color=BLUE)
     left.set(xlabel="simulations", ylabel="norm of the coefficients")
     right.plot(count, angle_deg, color=BLUE)
-    right.set(xlabel="simulations", ylabel="turn since the last update (degrees)")
+    right.set(xlabel="simulations", ylabel="turn since the last update (degrees)", yscale="log")
     return figure
 
 

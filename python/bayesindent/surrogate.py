@@ -20,9 +20,8 @@ TRUNCATIONS = {"tensor": 1, "total": 2}
 #: Surrogates that come with the package.
 SHIPPED = ("cubic", "hexagonal")
 
-#: Points of an informative prior before alpha and beta are first learnt from the data, and before their errors say how honest an sd is;
-#: range of the factor on every sd that is learnt from crystals left out.
-FEW, INFLATION = 8, (0.5, 3.0)
+#: Points of an informative prior before alpha and beta are first learnt from the data.
+FEW = 8
 
 #: Version of the layout of surrogate.nc.
 FORMAT = 1
@@ -405,20 +404,19 @@ def coefficient_prior(basis: Basis, domain: Domain, prior: str) -> tuple[np.ndar
 
 
 def sd_factor(basis: Basis, domain: Domain, prior: str, design: Design, z) -> float:
-    """The factor on every sd: the root mean square of the z-scores of crystals left out, and enough for what truncation leaves out."""
-    factor = float(np.clip(np.sqrt(np.mean(np.square(z))), *INFLATION)) if len(z) >= FEW else 1.0
-    if prior == "theory":
-        misfit, status, message = native.coefficient_misfit(
-            *basis._key,
-            basis.lower,
-            basis.upper,
-            domain.c_min,
-            domain.c_max,
-            domain.anisotropy_cap,
-            design.prior_mean,
-            design.covariance(),
-            design.beta,
-        )
-        check(status, message)
-        factor = max(factor, misfit)
+    """The factor on every sd, from the z-scores of crystals left out, and what truncation leaves out (see docs/surrogate.md)."""
+    factor, status, message = native.surrogate_inflation(
+        *basis._key,
+        basis.lower,
+        basis.upper,
+        domain.c_min,
+        domain.c_max,
+        domain.anisotropy_cap,
+        _number(PRIORS, prior, "prior"),
+        design.prior_mean,
+        design.covariance(),
+        design.beta,
+        z,
+    )
+    check(status, message)
     return factor

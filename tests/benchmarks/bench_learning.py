@@ -26,7 +26,7 @@ from bayesindent.simulator import physics_identity, simulator_of
 from bayesindent.surrogate import Basis, Design, coefficient_prior, sd_factor, stiffness_rows
 
 #: The fall of the prior's variance per degree that the package has.
-FALL = 4
+FALL = 8
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ OURS = Model("dimensionless", "theory")
 COMBINATIONS = (OURS, Model("dimensionless", "zero"), Model("box", "theory"), Model("box", "zero"))
 VARIANTS = (
     *(Model("dimensionless", "theory", choice) for choice in ("variance of log M", "random")),
-    *(Model("dimensionless", "theory", "random", fall) for fall in (2, 8, 16)),
+    *(Model("dimensionless", "theory", "random", fall) for fall in (2, 4, 16)),
 )
 COLORS = {"dimensionless": "tab:blue", "box": "tab:orange"}
 
@@ -73,7 +73,7 @@ def main(argv=None) -> int:
     parser.add_argument("--points", type=int, default=700, help="random crystals (700)")
     parser.add_argument("--unseen", type=int, default=500, help="of them unseen (500, at most half of a smaller number)")
     parser.add_argument("--seeds", type=int, default=10, help="partitions over which all is averaged (10)")
-    parser.add_argument("--sizes", default="0,5,10,15,20,30,40,60,80,100,150,200", help="numbers of simulations")
+    parser.add_argument("--sizes", default="0,8,12,16,20,30,40,60,80,100,150,200", help="numbers of simulations")
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/learning_SYMMETRY_MESH)")
     arguments = parser.parse_args(argv)
