@@ -6,9 +6,6 @@ All results go through campaign.sqlite, so that an interrupted build goes on whe
 import csv
 import io
 import json
-import os
-import time
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,10 +13,10 @@ import numpy as np
 
 from .campaign import Campaign
 from .core import BayesindentError, InputError
-from .crystal import CONSTANTS, anisotropy_index, halfspace_modulus
+from .crystal import CONSTANTS, anisotropy_index, halfspace_modulus, stiffness_rows
 from .domain import DEFAULT_BOUNDS, Domain, directions
-from .simulator import physics_identity, simulator_of
-from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor, stiffness_rows
+from .simulator import physics_identity, simulate_into, simulator_of, worker_count
+from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor
 
 __all__ = ["ask", "build", "tell"]
 
@@ -91,7 +88,7 @@ class Loop:
         self.prior = self.of_surrogate("prior")
         self.budget = self.of_design("budget")
         self.check()
-        self.workers = problem["execution"]["workers"] or os.cpu_count()
+        self.workers = worker_count(problem["execution"]["workers"])
         self.constants, self.euler_deg = self.candidates()
         self.terms, self.scale = self.basis.terms(self.constants, self.euler_deg)
         self.initial = self.initial_numbers()
@@ -379,45 +376,16 @@ class Loop:
 
     def perform(self, numbers, advance) -> tuple[np.ndarray, np.ndarray]:
         """Moduli of candidates (NaN where the simulation failed): from the campaign, or simulated and stored one by one."""
-        modulus, todo = np.full(len(numbers), np.nan), []
-        for i, number in enumerate(numbers):
-            row = self.campaign.find(self.symmetry, self.constants[number], self.euler_deg[number])
-            if row is None:
-                todo.append(i)
-            elif row.status == "done":
-                modulus[i] = row.modulus_gpa
-                advance(1)
-        if todo and self.simulate is None:
-            self.simulate = simulator_of(self.problem)
-        position = self.campaign.next_position()
-
-        def run(i):
-            start = time.perf_counter()
-            stiffness = stiffness_rows(self.symmetry, self.constants[numbers[i]][None])[0]
-            try:
-                result = self.simulate(stiffness, self.euler_deg[numbers[i]])
-            except InputError:
-                raise
-            except BayesindentError as error:
-                result = {"message": str(error)}
-            return result | {"seconds": time.perf_counter() - start}
-
-        def store(k, i, result):
-            number = numbers[i]
-            self.campaign.add(self.symmetry, self.constants[number], self.euler_deg[number], position=position + k, **result)
-            self.n_new += 1
-            modulus[i] = result.get("modulus_gpa", np.nan)
-            if np.isfinite(modulus[i]):
-                advance(1)
-
-        if self.workers == 1 or len(todo) == 1:
-            for k, i in enumerate(todo):
-                store(k, i, run(i))
-        elif todo:
-            with ThreadPoolExecutor(self.workers) as pool:
-                futures = {pool.submit(run, i): (k, i) for k, i in enumerate(todo)}
-                for future in as_completed(futures):
-                    store(*futures[future], future.result())
+        points = [(self.symmetry, tuple(self.constants[i].tolist()), tuple(self.euler_deg[i].tolist())) for i in numbers]
+        rows = [self.campaign.find(*point) for point in points]
+        todo = [point for point, row in zip(points, rows, strict=True) if row is None]
+        advance(sum(row is not None and row.status == "done" for row in rows))
+        if todo:
+            self.simulate = self.simulate or simulator_of(self.problem)
+            simulate_into(self.campaign, self.simulate, todo, self.workers, lambda success: advance(int(success)))
+            self.n_new += len(todo)
+            rows = [self.campaign.find(*point) for point in points]
+        modulus = np.array([row.modulus_gpa if row.status == "done" else np.nan for row in rows], dtype=float)
         failed = ~np.isfinite(modulus)
         self.n_failed += int(failed.sum())
         return modulus, failed

@@ -187,7 +187,10 @@ class Campaign:
         force_mn=None,
         origin: str = "simulated",
     ) -> None:
-        """Store one result; without a modulus it failed, and `message` says why. Committed on return."""
+        """Store one result; without a modulus it failed, and `message` says why. Committed on return.
+
+        A row that is there already, from another program at work on the same file, stays.
+        """
         if modulus_gpa is not None and not (np.isfinite(modulus_gpa) and modulus_gpa > 0):
             modulus_gpa, message = None, f"the modulus is {modulus_gpa} GPa"
         curves = [None if values is None else json.dumps([float(v) for v in values]) for values in (depth_um, force_mn)]
@@ -195,7 +198,8 @@ class Campaign:
         with self._file:
             self._file.execute(
                 "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
-                "indentation_modulus_gpa, elements, seconds, depth_um, force_mn, created) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
+                "indentation_modulus_gpa, elements, seconds, depth_um, force_mn, created) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?) "
+                "ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING",
                 (
                     self.physics_id,
                     where,

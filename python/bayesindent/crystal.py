@@ -4,7 +4,7 @@ import numpy as np
 
 from .core import InputError, check, native
 
-__all__ = ["CONSTANTS", "SYMMETRIES", "anisotropy_index", "constants_array", "halfspace_modulus", "stiffness"]
+__all__ = ["CONSTANTS", "SYMMETRIES", "anisotropy_index", "constants_array", "halfspace_modulus", "stiffness", "stiffness_rows"]
 
 #: The number the core gives each symmetry.
 SYMMETRIES = {"cubic": 1, "hexagonal": 2, "triclinic": 3}
@@ -40,6 +40,12 @@ def stiffness(symmetry: str, **constants) -> np.ndarray:
     flat = values.reshape(-1, values.shape[-1]).T
     matrices = native.crystal_stiffness(SYMMETRIES[symmetry], flat)
     return np.moveaxis(matrices, -1, 0).reshape(*values.shape[:-1], 6, 6)
+
+
+def stiffness_rows(symmetry: str, constants) -> np.ndarray:
+    """Stiffness (n, 6, 6) of rows of constants (n, k)."""
+    values = np.asarray(constants, dtype=float)
+    return stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], values.T, strict=True)))
 
 
 def anisotropy_index(symmetry: str, constants) -> tuple[np.ndarray, np.ndarray]:

@@ -4,20 +4,18 @@ import csv
 import json
 import logging
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import numpy as np
 
 from .calibration import plain
 from .campaign import Campaign
-from .core import BayesindentError, InputError
+from .core import InputError
 from .crystal import halfspace_modulus
 from .problem import Points, Problem, read_crystals, schema
 from .progress import Progress
-from .simulator import new_indentation, physics_identity, simulator_of
+from .simulator import new_indentation, physics_identity, simulate_into, simulator_of
 
 __all__ = ["asked", "check", "moduli_of_three_kinds", "perform", "predict", "report"]
 
@@ -61,30 +59,13 @@ def simulated_rows(problem: Problem, output: Path, progress: Progress, mesh: str
     points = problem.crystals
     keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
     with Campaign(output / "campaign.sqlite", physics_identity(problem, mesh)) as campaign:
-        todo = {key: points.stiffness[i] for i, key in enumerate(keys) if campaign.find(*key) is None}
+        todo = list(dict.fromkeys(key for key in keys if campaign.find(*key) is None))
         if todo:
-            perform_and_store(problem, campaign, todo, progress, mesh)
+            label = f"indentations, {mesh} mesh" if mesh else "indentations"
+            with progress.bar(label, len(todo)) as advance:
+                workers = problem["execution"]["workers"]
+                simulate_into(campaign, simulator_of(problem, mesh), todo, workers, lambda success: advance(1))
         return [campaign.find(*key) for key in keys], len(todo)
-
-
-def perform_and_store(problem: Problem, campaign: Campaign, todo: dict, progress: Progress, mesh: str) -> None:
-    """Simulate the points of `todo` (symmetry, constants, angles: stiffness) and store each; one that fails is stored as failed."""
-    simulator = simulator_of(problem, mesh)
-    workers = problem["execution"]["workers"] or len(os.sched_getaffinity(0))
-
-    def attempt(item) -> dict:
-        (_, _, euler_deg), stiffness = item
-        try:
-            return simulator(stiffness, euler_deg)
-        except BayesindentError as error:
-            return {"message": str(error)}
-
-    label = f"indentations, {mesh} mesh" if mesh else "indentations"
-    with progress.bar(label, len(todo)) as advance, ThreadPoolExecutor(workers) as pool:
-        futures = {pool.submit(attempt, item): item[0] for item in todo.items()}
-        for future in as_completed(futures):
-            campaign.add(*futures[future], **future.result())
-            advance(1)
 
 
 def theory(problem: Problem, output: Path, progress: Progress) -> dict:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .core import InputError, check, native
-from .crystal import CONSTANTS, SYMMETRIES, stiffness
+from .crystal import CONSTANTS, SYMMETRIES
 from .domain import COORDINATES, Domain
 
 __all__ = ["Basis", "Design", "Surrogate"]
@@ -186,12 +186,6 @@ class Design:
 
 #: The number the core gives a prior.
 PRIORS = {"zero": 1, "theory": 2}
-
-
-def stiffness_rows(symmetry: str, constants) -> np.ndarray:
-    """Stiffness (n, 6, 6) of rows of constants (n, k)."""
-    values = np.asarray(constants, dtype=float)
-    return stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], values.T, strict=True)))
 
 
 class Surrogate:

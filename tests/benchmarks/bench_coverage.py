@@ -12,11 +12,11 @@ import numpy as np
 from bench_learning import simulated
 
 from bayesindent.build import build
-from bayesindent.crystal import halfspace_modulus
+from bayesindent.crystal import halfspace_modulus, stiffness_rows
 from bayesindent.domain import Domain
 from bayesindent.problem import Problem
 from bayesindent.progress import Progress
-from bayesindent.surrogate import Surrogate, stiffness_rows
+from bayesindent.surrogate import Surrogate
 
 
 def main(argv=None) -> int:

@@ -9,7 +9,6 @@ random simulations fits.
 import argparse
 import csv
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +16,12 @@ import numpy as np
 
 from bayesindent.build import FIRST_SD
 from bayesindent.campaign import Campaign
-from bayesindent.core import BayesindentError
-from bayesindent.crystal import halfspace_modulus
+from bayesindent.crystal import halfspace_modulus, stiffness_rows
 from bayesindent.domain import Domain
 from bayesindent.problem import Problem
 from bayesindent.progress import Progress
-from bayesindent.simulator import physics_identity, simulator_of
-from bayesindent.surrogate import Basis, Design, coefficient_prior, sd_factor, stiffness_rows
+from bayesindent.simulator import physics_identity, simulate_into, simulator_of
+from bayesindent.surrogate import Basis, Design, coefficient_prior, sd_factor
 
 #: The fall of the prior's variance per degree that the package has.
 FALL = 8
@@ -116,23 +114,13 @@ def simulated(arguments, domain: Domain, output: Path):
     problem = Problem(namelist, "build")
     # A larger number later adds to the crystals of a smaller one.
     constants, angles = (part[: arguments.points] for part in domain.crystals(max(2000, arguments.points), seed=1000))
-    stiffness = stiffness_rows(domain.symmetry, constants)
     with Campaign(output / "campaign.sqlite", physics_identity(problem)) as campaign:
-        missing = [i for i in range(len(constants)) if campaign.find(domain.symmetry, constants[i], angles[i]) is None]
+        points = [(domain.symmetry, tuple(c), tuple(e)) for c, e in zip(constants.tolist(), angles.tolist(), strict=True)]
+        missing = [point for point in points if campaign.find(*point) is None]
         if missing:
-            simulate = simulator_of(problem)
-
-            def run(i):
-                try:
-                    return simulate(stiffness[i], angles[i])
-                except BayesindentError as error:
-                    return {"message": str(error)}
-
-            with ThreadPoolExecutor(arguments.workers or None) as threads, Progress(True).bar("simulations", len(missing)) as advance:
-                for i, result in zip(missing, threads.map(run, missing), strict=True):
-                    campaign.add(domain.symmetry, constants[i], angles[i], position=i, **result)
-                    advance(1)
-        rows = [campaign.find(domain.symmetry, c, e) for c, e in zip(constants, angles, strict=True)]
+            with Progress(True).bar("simulations", len(missing)) as advance:
+                simulate_into(campaign, simulator_of(problem), missing, arguments.workers, lambda success: advance(1))
+        rows = [campaign.find(*point) for point in points]
     done = np.array([row.status == "done" for row in rows])
     return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.status == "done"]), int((~done).sum())
 

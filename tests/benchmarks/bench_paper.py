@@ -13,13 +13,13 @@ import f90nml
 import numpy as np
 from bench_learning import OURS, baselines, curve
 
-from bayesindent.crystal import halfspace_modulus
+from bayesindent.crystal import halfspace_modulus, stiffness_rows
 from bayesindent.domain import Domain
 from bayesindent.problem import Problem
 from bayesindent.progress import Progress
 from bayesindent.report import write_report
 from bayesindent.stages import perform
-from bayesindent.surrogate import Surrogate, stiffness_rows
+from bayesindent.surrogate import Surrogate
 
 INPUTS = Path(__file__).parents[2] / "inputs" / "case_studies"
 

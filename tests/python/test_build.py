@@ -1,6 +1,7 @@
 """The loop of Step 1 with the half-space theory in place of simulations: resuming, stopping, importing, refusing."""
 
 import sqlite3
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 import bayesindent as bi
 from bayesindent import simulator as simulator_module
 from bayesindent.build import ask, build, tell
+from bayesindent.crystal import stiffness_rows
 from bayesindent.problem import Problem, read_crystals
-from bayesindent.surrogate import Surrogate, stiffness_rows
+from bayesindent.surrogate import Surrogate
 
 
 def make_problem(folder: Path, **groups) -> Problem:
@@ -79,6 +81,25 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
     assert build(problem(tmp_path / "b", 32), tmp_path / "b")["new_simulations"] == 8
     build(problem(tmp_path / "c", 32), tmp_path / "c")
     assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "c")}
+
+
+def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatch):
+    calls, real = [], simulator_module.halfspace_modulus
+
+    def interrupted(stiffness, euler_deg, **options):
+        if np.ndim(stiffness) == 2:
+            calls.append(1)
+            time.sleep(0.1)  # longer than it takes to store a row
+            if len(calls) == 20:
+                raise KeyboardInterrupt
+        return real(stiffness, euler_deg, **options)
+
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", interrupted)
+    problem = make_problem(tmp_path, design={"n_candidates": 200, "budget": 150, "batch": 150}, execution={"workers": 2})
+    with pytest.raises(KeyboardInterrupt):
+        build(problem, tmp_path)
+    assert 20 <= len(calls) <= 24
+    assert len(stored(tmp_path)) == len(calls) - 1
 
 
 def test_workers_do_not_change_the_numbers(tmp_path):

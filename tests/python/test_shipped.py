@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.crystal import stiffness_rows
 from bayesindent.simulator import physics_identity
-from bayesindent.surrogate import stiffness_rows
 
 METALS = {
     "cubic": {
