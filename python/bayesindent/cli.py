@@ -162,7 +162,8 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
     command.add_argument("--figures", choices=("png", "pdf", "svg"), default="", help="every figure as a file in DIR/figures, too")
 
-    command = add("bench", "benchmarks against peers, from a source tree", bench, "NAME is simulate, build or extract.", parents=())
+    names = "NAME is simulate, build or extract (against peers), or learning, coverage, paper, shipped or studies (accuracy); NAME --help says more."
+    command = add("bench", "benchmarks against peers, and studies of accuracy, from a source tree", bench, names, parents=())
     command.add_argument("name", metavar="NAME")
     command.add_argument("arguments", nargs=argparse.REMAINDER, help="what the benchmark takes")
 

@@ -210,7 +210,7 @@ def draw(rows, sizes, arguments, output: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8.4, 4.2), layout="constrained")
     errors = summary(rows, "error_gpa")
     for model in COMBINATIONS:
         values = errors[model.label]
@@ -225,7 +225,7 @@ def draw(rows, sizes, arguments, output: Path) -> None:
     axes.set_xlim(-0.3, max(sizes))
     axes.set_xticks([n for n in sizes if n != 15], [str(n) for n in sizes if n != 15])
     axes.minorticks_off()
-    axes.legend(fontsize=8)
+    figure.legend(loc="outside right upper", fontsize=8)
     axes.grid(alpha=0.3)
     figure.savefig(output / "learning.svg", metadata={"Date": None, "Creator": None})
     plt.close(figure)
