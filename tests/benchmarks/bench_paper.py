@@ -53,6 +53,7 @@ def main(argv=None) -> int:
         ours += on_same_unseen(problem, folder, document, seed)
     unseen = f"{validation['points']} unseen"
     print_rows(["seed", "leave-one-out", "one-crystal-out", unseen, "within 1 sd", "within 2 sd", "failed", "new", "seconds"], rows)
+    print(f"\nother truncations, seed {seed}")
     for entry in document.get("scan", []):
         print(f"degree {entry['degree']}, bandlimit {entry['bandlimit']}: leave-one-out {entry['loocv_gpa']:.2f} GPa, "
               f"log evidence {entry['log_evidence']:.0f}, {entry['terms']} terms")  # fmt: skip
