@@ -51,16 +51,19 @@ def ask(problem, output, count: int) -> str:
         return loop.table(numbers)
 
 
-def tell(problem, output, points) -> dict:
-    """Import results that were computed elsewhere: a table (`Points`) with modulus_gpa."""
+def tell(problem, output, points, name: str = "the table") -> dict:
+    """Import results that were computed elsewhere: a table (`Points`) with modulus_gpa, which errors call `name`."""
     if points.modulus_gpa is None or not np.isfinite(points.modulus_gpa).all():
-        raise InputError("the table needs a column modulus_gpa (GPa) with a value in every row")
+        raise InputError(f"{name}: there must be a column modulus_gpa (GPa) with a value in every row")
     symmetry = problem["problem"]["symmetry"]
     if any(name != symmetry for name in points.symmetry):
-        raise InputError(f"the table has crystals that are not {symmetry}, which is the symmetry of {problem.path}")
+        raise InputError(f"{name}: there are crystals that are not {symmetry}, which is the symmetry of {problem.path}")
     Path(output).mkdir(parents=True, exist_ok=True)
     with Campaign(Path(output) / "campaign.sqlite", physics_identity(problem)) as campaign:
-        new = campaign.tell(symmetry, points.constants_array(), points.euler_deg, points.modulus_gpa)
+        try:
+            new = campaign.tell(symmetry, points.constants_array(), points.euler_deg, points.modulus_gpa)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
         simulations = sum(row.status == "done" for row in campaign.rows(symmetry))
     return {"told": new, "simulations": simulations, "warnings": []}
 

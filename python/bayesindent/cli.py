@@ -221,7 +221,7 @@ def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
         print(table, end="", flush=True)
         return DONE
     points = read_crystals(arguments.tell, problem.symmetry)
-    document = tell_results(problem, output, points)
+    document = tell_results(problem, output, points, str(arguments.tell))
     document["warnings"] = [*problem.warnings, *document["warnings"]]
     return finish(arguments, document, output)
 

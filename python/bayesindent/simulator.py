@@ -48,7 +48,7 @@ def simulator_of(problem, mesh: str = "") -> Callable:
 
         def missing(stiffness, euler_deg):
             raise InputError(
-                "a campaign of imported results cannot simulate: print the next points with 'build --ask', import their "
+                f"{problem.path}: &simulation simulator: 'import' cannot simulate: print the next points with 'build --ask', import their "
                 "moduli with 'build --tell', or lower &design budget"
             )
 

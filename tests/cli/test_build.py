@@ -50,4 +50,5 @@ def test_ask_and_tell(bayesindent, tmp_path):
     results.write_text("\n".join([lines[0], *(f"{line.rsplit(',', 1)[0]},77.5" for line in lines[1:])]) + "\n")
     refused = bayesindent("build", file, "--tell", results)
     assert refused.returncode == 2
+    assert refused.stderr.startswith(f"{results}: row 1 ")
     assert "one of them is wrong or of another physics" in refused.stderr
