@@ -6,6 +6,7 @@ module evidence_regression
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
+   use sorting, only: sort_order
    use text, only: to_text
    implicit none
    private
@@ -361,7 +362,7 @@ contains
          deallocate (solution)
          call cholesky_inverse(covariance)
       end if
-      call sort_by_group(groups, order)
+      call sort_order(real(groups, wp), order)
       first = 1
       do while (first <= n)
          last = first
@@ -395,40 +396,6 @@ contains
          first = last + 1
       end do
    end subroutine leave_groups_out
-
-   !> Stable order of the groups (merge sort).
-   pure recursive subroutine sort_by_group(groups, order)
-      integer, intent(in) :: groups(:)
-      integer, intent(out) :: order(:)
-      integer :: left(size(groups)/2), right(size(groups) - size(groups)/2), n, half, i, j, k
-
-      n = size(groups)
-      if (n <= 1) then
-         order = 1
-         return
-      end if
-      half = n/2
-      call sort_by_group(groups(:half), left)
-      call sort_by_group(groups(half + 1:), right)
-      right = right + half
-      i = 1
-      j = 1
-      do k = 1, n
-         if (j > size(right)) then
-            order(k) = left(i)
-            i = i + 1
-         else if (i > size(left)) then
-            order(k) = right(j)
-            j = j + 1
-         else if (groups(left(i)) <= groups(right(j))) then
-            order(k) = left(i)
-            i = i + 1
-         else
-            order(k) = right(j)
-            j = j + 1
-         end if
-      end do
-   end subroutine sort_by_group
 
    !> Posterior mean of A.
    pure function coefficient_mean(regression) result(mean)
