@@ -1,13 +1,13 @@
 """Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains."""
 
-from .calibration import extract, quantities, summary
 from .core import BayesindentError, InputError
-from .crystal import anisotropy_index, halfspace_modulus, stiffness
-from .domain import Domain
-from .indentation import Indentation, IndentationResult
-from .next_grain import next_grain
-from .problem import Problem
-from .surrogate import Surrogate
+from .crystal.elasticity import anisotropy_index, halfspace_modulus, stiffness
+from .fe.indentation import Indentation, IndentationResult
+from .inference.extract import extract, quantities, summary
+from .inference.next_grain import next_grain
+from .settings.problem import Problem
+from .surrogate.domain import Domain
+from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError",

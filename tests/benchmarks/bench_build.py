@@ -15,9 +15,9 @@ from contextlib import nullcontext
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
-from bayesindent.crystal import halfspace_modulus, stiffness_rows
-from bayesindent.domain import Domain
-from bayesindent.surrogate import Basis, Design
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import Basis, Design
 
 
 def main(argv=None) -> int:

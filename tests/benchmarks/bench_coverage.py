@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from bench_learning import simulated
 
-from bayesindent.build import build
-from bayesindent.crystal import halfspace_modulus, stiffness_rows
-from bayesindent.domain import Domain
-from bayesindent.problem import Problem
-from bayesindent.progress import Progress
-from bayesindent.surrogate import Surrogate
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.program.progress import Progress
+from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.build import build
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import Surrogate
 
 
 def main(argv=None) -> int:

@@ -15,9 +15,9 @@ import arviz as az
 import numpy as np
 from theory_cases import SYMMETRIES, Case
 
-from bayesindent.calibration import Posterior
 from bayesindent.core import native
-from bayesindent.crystal import SYMMETRIES as NUMBERS
+from bayesindent.crystal.elasticity import SYMMETRIES as NUMBERS
+from bayesindent.inference.extract import Posterior
 
 
 def main(argv=None) -> int:

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesindent.build import FIRST_SD
-from bayesindent.campaign import Campaign
-from bayesindent.crystal import halfspace_modulus, stiffness_rows
-from bayesindent.domain import Domain
-from bayesindent.problem import Problem
-from bayesindent.progress import Progress
-from bayesindent.simulator import physics_identity, simulate_into, simulator_of
-from bayesindent.surrogate import Basis, Design, coefficient_prior, sd_factor
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.simulator import physics_identity, simulate_into, simulator_of
+from bayesindent.program.progress import Progress
+from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.build import FIRST_SD
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import Basis, Design, coefficient_prior, sd_factor
 
 #: The fall of the prior's variance per degree that the package has.
 FALL = 8

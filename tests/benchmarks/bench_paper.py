@@ -13,13 +13,13 @@ import f90nml
 import numpy as np
 from bench_learning import OURS, baselines, curve
 
-from bayesindent.crystal import halfspace_modulus, stiffness_rows
-from bayesindent.domain import Domain
-from bayesindent.problem import Problem
-from bayesindent.progress import Progress
-from bayesindent.report import write_report
-from bayesindent.stages import perform
-from bayesindent.surrogate import Surrogate
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.pipeline.stages import perform
+from bayesindent.program.progress import Progress
+from bayesindent.report.report import write_report
+from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import Surrogate
 
 INPUTS = Path(__file__).parents[2] / "inputs" / "case_studies"
 

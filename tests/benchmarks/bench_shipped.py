@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 
-from bayesindent.crystal import halfspace_modulus, stiffness_rows
-from bayesindent.domain import Domain
-from bayesindent.surrogate import SHIPPED, Surrogate
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 
 
 def main(argv=None) -> int:

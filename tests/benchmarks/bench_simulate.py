@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 import bayesindent as bi
-from bayesindent.crystal import CONSTANTS
+from bayesindent.crystal.elasticity import CONSTANTS
 
 SECTIONS = ("accuracy", "random", "convergence", "cost", "ccx", "memory", "workers", "size")
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"

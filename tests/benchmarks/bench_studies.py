@@ -15,8 +15,8 @@ import numpy as np
 from scipy import stats
 from theory_cases import SYMMETRIES, Case
 
-from bayesindent.calibration import Posterior, extract, identifiability
-from bayesindent.next_grain import suggest
+from bayesindent.inference.extract import Posterior, extract, identifiability
+from bayesindent.inference.next_grain import suggest
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesindent.calibration import measurements_of
-from bayesindent.crystal import CONSTANTS, halfspace_modulus, stiffness
-from bayesindent.domain import Domain
-from bayesindent.surrogate import Basis, Surrogate
+from bayesindent.crystal.elasticity import CONSTANTS, halfspace_modulus, stiffness
+from bayesindent.inference.extract import measurements_of
+from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.surrogate import Basis, Surrogate
 
 __all__ = ["SYMMETRIES", "Case"]
 

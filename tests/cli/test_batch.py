@@ -11,8 +11,10 @@ import f90nml
 import numpy as np
 import pytest
 
-from bayesindent import Problem, calibration, verdicts
-from bayesindent.surrogate import SHIPPED, Surrogate
+from bayesindent import Problem
+from bayesindent.inference import extract as calibration
+from bayesindent.inference import verdicts
+from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 from conftest import SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"

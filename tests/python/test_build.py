@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent import simulator as simulator_module
-from bayesindent.build import ask, build, tell
-from bayesindent.crystal import stiffness_rows
-from bayesindent.problem import Problem, read_crystals
-from bayesindent.surrogate import Surrogate
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.pipeline import simulator as simulator_module
+from bayesindent.settings.problem import Problem, read_crystals
+from bayesindent.surrogate.build import ask, build, tell
+from bayesindent.surrogate.surrogate import Surrogate
 
 
 def make_problem(folder: Path, **groups) -> Problem:

@@ -9,11 +9,11 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 import bayesindent as bi
-from bayesindent.calibration import Posterior, extract_stage, measurements_of, quantity_names
-from bayesindent.crystal import CONSTANTS
-from bayesindent.next_grain import candidate_directions, euler_of, next_stage, suggest, target_values
-from bayesindent.surrogate import Basis
-from bayesindent.verdicts import orientation_verdicts
+from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.inference.extract import Posterior, extract_stage, measurements_of, quantity_names
+from bayesindent.inference.next_grain import candidate_directions, euler_of, next_stage, suggest, target_values
+from bayesindent.inference.verdicts import orientation_verdicts
+from bayesindent.surrogate.surrogate import Basis
 from conftest import REFERENCE
 
 NAMES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.campaign import Campaign
+from bayesindent.pipeline.campaign import Campaign
 
 THEORY = {"simulator": "theory"}
 COPPER, ANGLES = (168.4, 121.4, 75.4), (10.0, 20.0, 30.0)

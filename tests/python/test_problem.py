@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bayesindent as bi
-from bayesindent.crystal import CONSTANTS
-from bayesindent.problem import read_crystals, read_measurements, schema
+from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.settings.problem import read_crystals, read_measurements, schema
 from conftest import REFERENCE, SOURCE
 
 BAD = sorted((SOURCE / "inputs" / "bad").glob("*.nml"))

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
-from bayesindent.surrogate import Design
+from bayesindent.surrogate.surrogate import Design
 
 
 def problem(n_terms, n_data, seed=0, noise=0.05):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.crystal import stiffness_rows
-from bayesindent.simulator import physics_identity
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.pipeline.simulator import physics_identity
 
 METALS = {
     "cubic": {

@@ -3,7 +3,7 @@
 import pytest
 
 from bayesindent.core import BayesindentError
-from bayesindent.source_tree import count_cases, run_benchmark
+from bayesindent.program.source_tree import count_cases, run_benchmark
 
 JUNIT = '<testsuites><testsuite name="pytest" errors="{errors}" failures="{failures}" skipped="{skipped}" tests="{tests}"/></testsuites>'
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.crystal import stiffness_rows
-from bayesindent.domain import Domain, directions
-from bayesindent.surrogate import Basis, Surrogate, raw_coordinates
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.surrogate.domain import Domain, directions
+from bayesindent.surrogate.surrogate import Basis, Surrogate, raw_coordinates
 
 
 def theory_sample(domain, n, seed):

@@ -14,12 +14,12 @@ import f90nml
 import numpy as np
 import xarray
 
-from . import figures
-from .core import BayesindentError
-from .crystal import CONSTANTS
-from .simulator import new_indentation
-from .surrogate import Surrogate
-from .version import __version__
+from ..core import BayesindentError
+from ..crystal.elasticity import CONSTANTS
+from ..pipeline.simulator import new_indentation
+from ..report import figures
+from ..surrogate.surrogate import Surrogate
+from ..version import __version__
 
 __all__ = ["write_report"]
 

@@ -12,9 +12,9 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from .core import BayesindentError, InputError
-from .progress import Progress
-from .version import __version__
+from ..core import BayesindentError, InputError
+from ..program.progress import Progress
+from ..version import __version__
 
 __all__ = ["main"]
 
@@ -174,7 +174,7 @@ def parser() -> argparse.ArgumentParser:
 
 def describe_group(name: str) -> str:
     """The variables of one namelist group, as the core's reader knows them."""
-    from .problem import schema
+    from ..settings.problem import schema
 
     variables = [variable for variable in schema() if variable.group == name]
     lines = [f"&{name}: {variables[0].group_meaning}"]
@@ -189,8 +189,8 @@ def describe_group(name: str) -> str:
 
 def run_stage(arguments: argparse.Namespace) -> int:
     """Run a command that reads a namelist."""
-    from . import stages
-    from .problem import Problem
+    from ..pipeline import stages
+    from ..settings.problem import Problem
 
     problem = Problem(arguments.file, arguments.command)
     output = output_folder(arguments, arguments.file)
@@ -209,9 +209,9 @@ def run_stage(arguments: argparse.Namespace) -> int:
 
 def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
     """Serve `build --ask` and `build --tell`."""
-    from .build import ask
-    from .build import tell as tell_results
-    from .problem import read_crystals
+    from ..settings.problem import read_crystals
+    from ..surrogate.build import ask
+    from ..surrogate.build import tell as tell_results
 
     if arguments.ask is not None:
         table = ask(problem, output, arguments.ask)
@@ -228,7 +228,7 @@ def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
 
 def predict(arguments: argparse.Namespace) -> int:
     """Predict the rows of a table."""
-    from . import stages
+    from ..pipeline import stages
 
     document = stages.predict(arguments.surrogate, arguments.points, output_folder(arguments, arguments.points))
     return finish(arguments, document)
@@ -236,21 +236,21 @@ def predict(arguments: argparse.Namespace) -> int:
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the report of a folder."""
-    from . import stages
+    from ..pipeline import stages
 
     return finish(arguments, stages.report(arguments.folder, arguments.output or arguments.folder, arguments.figures))
 
 
 def bench(arguments: argparse.Namespace) -> int:
     """Run a benchmark of the source tree."""
-    from .source_tree import run_benchmark
+    from ..program.source_tree import run_benchmark
 
     return run_benchmark(arguments.name, arguments.arguments)
 
 
 def test(arguments: argparse.Namespace) -> int:
     """Run the tests of the source tree."""
-    from .source_tree import run_tests
+    from ..program.source_tree import run_tests
 
     return run_tests(arguments.suite)
 
@@ -262,7 +262,7 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
 
 def finish(arguments: argparse.Namespace, document: dict, output: Path | None = None) -> int:
     """Tell the warnings on standard error and the document on standard output, as JSON or in words."""
-    from .calibration import plain
+    from ..inference.extract import plain
 
     for warning in document["warnings"]:
         log.warning("%s", warning)
@@ -270,7 +270,7 @@ def finish(arguments: argparse.Namespace, document: dict, output: Path | None = 
     if arguments.json:
         print(json.dumps(plain(document), allow_nan=False), flush=True)
     else:
-        from .console import show
+        from ..program.console import show
 
         show(arguments.command, document)
     if output is not None:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .calibration import plain
-from .campaign import Campaign
-from .core import InputError
-from .crystal import halfspace_modulus
-from .problem import Points, Problem, read_crystals, schema
-from .progress import Progress
-from .simulator import new_indentation, physics_identity, simulate_into, simulator_of
+from ..core import InputError
+from ..crystal.elasticity import halfspace_modulus
+from ..inference.extract import plain
+from ..pipeline.campaign import Campaign
+from ..pipeline.simulator import new_indentation, physics_identity, simulate_into, simulator_of
+from ..program.progress import Progress
+from ..settings.problem import Points, Problem, read_crystals, schema
 
 __all__ = ["asked", "check", "moduli_of_three_kinds", "perform", "predict", "report"]
 
@@ -78,21 +78,21 @@ def theory(problem: Problem, output: Path, progress: Progress) -> dict:
 
 def build(problem: Problem, output: Path, progress: Progress) -> dict:
     """Step 1: the surrogate."""
-    from .build import build as build_surrogate
+    from ..surrogate.build import build as build_surrogate
 
     return build_surrogate(problem, output, progress)
 
 
 def extract(problem: Problem, output: Path, progress: Progress) -> dict:
     """Step 2: the posterior of the constants."""
-    from .calibration import extract_stage
+    from ..inference.extract import extract_stage
 
     return extract_stage(problem, output, progress)
 
 
 def next_grain(problem: Problem, output: Path, progress: Progress) -> dict:
     """The grains worth measuring next."""
-    from .next_grain import next_stage
+    from ..inference.next_grain import next_stage
 
     return next_stage(problem, output, progress)
 
@@ -109,7 +109,7 @@ def asked(problem: Problem) -> list[str]:
 def check(problem: Problem, output: Path) -> None:
     """What the reader cannot see of a file: whether the surrogate is there, which no stage before builds, of the symmetry, and knows the
     crystals of the prior."""
-    from .calibration import check_stage
+    from ..inference.extract import check_stage
 
     needed = asked(problem)
     if "build" not in needed and {"extract", "next"} & set(needed):
@@ -133,7 +133,7 @@ def perform(command: str, problem: Problem, output: Path, progress: Progress) ->
 
 def report(folder: Path, output: Path, kind_of_files: str = "") -> dict:
     """The report of what a folder holds."""
-    from .report import write_report
+    from ..report.report import write_report
 
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder of results")
@@ -142,7 +142,7 @@ def report(folder: Path, output: Path, kind_of_files: str = "") -> dict:
 
 def predict(surrogate: str, table: Path, output: Path) -> dict:
     """Mean and sd of the modulus for each row of a table, by a surrogate: predictions.csv and its rows."""
-    from .surrogate import Surrogate
+    from ..surrogate.surrogate import Surrogate
 
     model = Surrogate.load(surrogate)
     points = read_crystals(table, model.symmetry)

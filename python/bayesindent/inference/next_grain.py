@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .calibration import Posterior, extract, fingerprint, measurements_of, quantities, quantity_names, settings_of, surrogate_of
-from .core import InputError, check, native
+from ..core import InputError, check, native
+from ..inference.extract import Posterior, extract, fingerprint, measurements_of, quantities, quantity_names, settings_of, surrogate_of
 
 __all__ = ["candidate_directions", "next_grain", "next_stage", "target_values"]
 
@@ -101,7 +101,7 @@ def next_grain(surrogate, measurements, *, sd_gpa: float = 0.0, target: str = "a
     may be given.
     """
     if not hasattr(surrogate, "handle"):
-        from .surrogate import Surrogate
+        from ..surrogate.surrogate import Surrogate
 
         surrogate = Surrogate.load(surrogate)
     if result is None:

@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
-from .core import BayesindentError
+from ..core import BayesindentError
 
 __all__ = ["count_cases", "run_benchmark", "run_tests", "source_root"]
 

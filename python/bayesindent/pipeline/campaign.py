@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .core import InputError
-from .crystal import CONSTANTS
+from ..core import InputError
+from ..crystal.elasticity import CONSTANTS
 
 __all__ = ["Campaign", "Row"]
 

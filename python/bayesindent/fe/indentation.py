@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .core import BayesindentError, InputError, check, native
-from .crystal import oriented_crystals
+from ..core import BayesindentError, InputError, check, native
+from ..crystal.elasticity import oriented_crystals
 
 __all__ = ["NUMERICS_REVISION", "Indentation", "IndentationResult"]
 
@@ -190,7 +190,7 @@ class Indentation:
 
     def deck(self, stiffness, euler_deg, title: str = "spherical indentation") -> str:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`)."""
-        from .deck import write_deck
+        from ..fe.deck import write_deck
 
         rotated, infinite = native.indentation_stiffness(self._handle, self.infinite_elements, *one_crystal(stiffness, euler_deg))
         element = self.element or ("c3d8" if self.mesh == "paper" else "c3d8i")

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .campaign import Campaign
-from .core import BayesindentError, InputError
-from .crystal import CONSTANTS, anisotropy_index, halfspace_modulus, stiffness_rows
-from .domain import DEFAULT_BOUNDS, Domain, directions
-from .simulator import physics_identity, simulate_into, simulator_of, worker_count
-from .surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor
+from ..core import BayesindentError, InputError
+from ..crystal.elasticity import CONSTANTS, anisotropy_index, halfspace_modulus, stiffness_rows
+from ..pipeline.campaign import Campaign
+from ..pipeline.simulator import physics_identity, simulate_into, simulator_of, worker_count
+from ..surrogate.domain import DEFAULT_BOUNDS, Domain, directions
+from ..surrogate.surrogate import FEW, SHIPPED, Basis, Surrogate, new_design, raw_coordinates, sd_factor
 
 __all__ = ["ask", "build", "tell"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .core import InputError, check, native
+from ..core import InputError, check, native
 
 __all__ = ["CONSTANTS", "SYMMETRIES", "anisotropy_index", "constants_array", "halfspace_modulus", "stiffness", "stiffness_rows"]
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .core import InputError, check, native
-from .crystal import CONSTANTS, SYMMETRIES
-from .domain import COORDINATES, Domain
+from ..core import InputError, check, native
+from ..crystal.elasticity import CONSTANTS, SYMMETRIES
+from ..surrogate.domain import COORDINATES, Domain
 
 __all__ = ["Basis", "Design", "Surrogate"]
 
@@ -267,7 +267,7 @@ class Surrogate:
 
         path = Path(name)
         if str(name) in SHIPPED and not path.exists():
-            path = Path(str(resources.files(__package__) / "data" / f"{name}.nc"))
+            path = Path(str(resources.files("bayesindent") / "data" / f"{name}.nc"))
         if not path.exists():
             raise InputError(f"{name}: there is no such surrogate; allowed: a file, {', '.join(SHIPPED)}")
         try:

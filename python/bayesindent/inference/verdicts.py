@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from .crystal import CONSTANTS
+from ..crystal.elasticity import CONSTANTS
 
 __all__ = ["orientation_verdicts", "verdicts"]
 

@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
-from .campaign import Campaign
-from .core import BayesindentError, InputError
-from .crystal import halfspace_modulus, stiffness_rows
+from ..core import BayesindentError, InputError
+from ..crystal.elasticity import halfspace_modulus, stiffness_rows
+from ..pipeline.campaign import Campaign
 
 __all__ = ["new_indentation", "physics_identity", "simulate_into", "simulator_of", "worker_count"]
 
@@ -17,7 +17,7 @@ def physics_identity(problem, mesh: str = "") -> dict:
     simulator = problem["simulation"]["simulator"]
     if simulator != "fe":
         return {"simulator": simulator}
-    from . import indentation
+    from ..fe import indentation
 
     names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
     identity = {"simulator": simulator, **{name: problem["simulation"][name] for name in names}}
@@ -27,7 +27,7 @@ def physics_identity(problem, mesh: str = "") -> dict:
 
 def new_indentation(problem, mesh: str = ""):
     """The `Indentation` that &simulation asks for; `mesh` takes the place of its own."""
-    from .indentation import Indentation
+    from ..fe.indentation import Indentation
 
     names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
     options = {name: problem["simulation"][name] for name in names}

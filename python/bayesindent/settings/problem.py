@@ -9,8 +9,8 @@ from types import MappingProxyType
 import f90nml
 import numpy as np
 
-from .core import check, native
-from .crystal import CONSTANTS, SYMMETRIES
+from ..core import check, native
+from ..crystal.elasticity import CONSTANTS, SYMMETRIES
 
 __all__ = ["Points", "Problem", "Variable", "read_crystals", "read_measurements", "schema"]
 

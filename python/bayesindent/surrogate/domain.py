@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .core import InputError, check, native
-from .crystal import CONSTANTS, SYMMETRIES, anisotropy_index
+from ..core import InputError, check, native
+from ..crystal.elasticity import CONSTANTS, SYMMETRIES, anisotropy_index
 
 __all__ = ["DEFAULT_BOUNDS", "Domain", "directions"]
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .core import InputError, check, native
-from .crystal import CONSTANTS, SYMMETRIES
-from .verdicts import orientation_verdicts, verdicts
+from ..core import InputError, check, native
+from ..crystal.elasticity import CONSTANTS, SYMMETRIES
+from ..inference.verdicts import orientation_verdicts, verdicts
 
 __all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "check_stage", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
 
@@ -176,7 +176,7 @@ def measurements_of(table, sd_optional: bool = False) -> tuple[np.ndarray, np.nd
     columns, a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
     modulus and sd."""
     if isinstance(table, str | os.PathLike):
-        from .problem import read_measurements
+        from ..settings.problem import read_measurements
 
         table = read_measurements(table, sd_optional=sd_optional)
     if isinstance(table, list | tuple):
@@ -239,7 +239,7 @@ def extract(
     some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), `observed_data`.
     """
     if not hasattr(surrogate, "handle"):
-        from .surrogate import Surrogate
+        from ..surrogate.surrogate import Surrogate
 
         surrogate = Surrogate.load(surrogate)
     euler_deg, modulus, sd = measurements_of(measurements, bool(likelihood.get("infer_scale")))
@@ -495,7 +495,7 @@ def priors_of(prior: Mapping, names: Sequence[str]) -> dict:
 
 def surrogate_of(problem, output: Path):
     """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
-    from .surrogate import Surrogate
+    from ..surrogate.surrogate import Surrogate
 
     name = problem["surrogate"]["file"]
     symmetry = problem["problem"]["symmetry"]

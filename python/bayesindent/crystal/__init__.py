@@ -1,0 +1,1 @@
+"""Single crystals: stiffness, anisotropy, the exact theory of the indented half-space."""

@@ -1,0 +1,1 @@
+"""Step 2: the constants behind measured moduli, and what to measure next."""

@@ -1,0 +1,1 @@
+"""Each command as a stage, and the store of simulations."""

@@ -1,0 +1,1 @@
+"""Namelists and tables, read and checked by the core."""

@@ -1,0 +1,1 @@
+"""Step 1: the surrogate of the indentation modulus and how it is built."""
