@@ -5,7 +5,7 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, hand_over, exit_failure, exit_bad_input
+   public :: error_type, raise, error_to_status, exit_failure, exit_bad_input
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -31,7 +31,7 @@ contains
    end subroutine raise
 
    !> The error for callers that know no Fortran types: its status and message, or 0 and blanks.
-   pure subroutine hand_over(error, status, message)
+   pure subroutine error_to_status(error, status, message)
       type(error_type), allocatable, intent(in) :: error
       integer, intent(out) :: status
       ! allow(C072)
@@ -42,5 +42,5 @@ contains
       if (.not. allocated(error)) return
       status = error%status
       message = error%message
-   end subroutine hand_over
+   end subroutine error_to_status
 end module errors

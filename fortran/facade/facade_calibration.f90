@@ -72,7 +72,7 @@ subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_posterior, only: likelihood_type, new_posterior, posterior_to_handle, posterior_type
    use constants_prior, only: new_prior, normal_knowledge_type, prior_type
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use surrogate_model, only: surrogate_from_handle, surrogate_type
    implicit none
    !f2py threadsafe
@@ -117,7 +117,7 @@ subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals
    allocate (posterior)
    call new_prior(model, lower, upper, anisotropy_cap, pack(knowledge, normals(1, :) /= 0), prior, error)
    if (.not. allocated(error)) call new_posterior(model, prior, likelihood, euler, measured, sd, posterior, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (posterior)
       return
@@ -135,7 +135,7 @@ subroutine calibration_sample(handle, parameters, method, samples, burn_in, chai
    & acceptance, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_posterior, only: posterior_from_handle
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use samplers, only: chains_type, sample_chains, sampler_type
    implicit none
    !f2py threadsafe
@@ -149,7 +149,7 @@ subroutine calibration_sample(handle, parameters, method, samples, burn_in, chai
 
    call sample_chains(posterior_from_handle(handle), sampler_type(method, samples, burn_in, chains, threads, seed), result, &
       & error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    draws = result%draws
    log_density = result%log_density
@@ -254,7 +254,7 @@ end subroutine calibration_free
 subroutine next_choice(d, m, n_chosen, predicted, directions, sd, use_target, target, separation, fold, scenarios, seed, threads, &
    & chosen, gains, first_gains, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use next_measurement, only: choose_measurements
    implicit none
    !f2py threadsafe
@@ -268,5 +268,5 @@ subroutine next_choice(d, m, n_chosen, predicted, directions, sd, use_target, ta
 
    call choose_measurements(predicted, directions, sd, target(:merge(d, 0, use_target /= 0)), separation, fold, scenarios, seed, &
       & threads, chosen, gains, first_gains, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine next_choice

@@ -4,7 +4,7 @@
 !> A design without data; `weights` and `prior_mean` of the n terms, least sd of the noise in units of y.
 subroutine design_new(n, weights, prior_mean, least_noise, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use sequential_design, only: design_to_handle, design_type, new_design
    implicit none
    !f2py threadsafe
@@ -19,7 +19,7 @@ subroutine design_new(n, weights, prior_mean, least_noise, handle, status, messa
    handle = 0
    allocate (design)
    call new_design(weights, prior_mean, least_noise, design, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (design)
    else
@@ -93,7 +93,7 @@ end subroutine design_add
 !> Posterior from all data. alpha = 0 on entry: alpha and beta maximise the evidence; else they are set to what is given.
 subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use evidence_regression, only: compute_spectrum, log_evidence, maximise_evidence, set_precisions, spectrum_type
    use sequential_design, only: compute_variances, design_from_handle, design_type, take_in_choices
    implicit none
@@ -121,7 +121,7 @@ subroutine design_fit(handle, alpha_in, beta_in, alpha, beta, evidence, status, 
    end if
    alpha = design%regression%alpha
    beta = design%regression%beta
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status == 0) then
       evidence = log_evidence(spectrum, alpha, beta)
    end if
@@ -130,7 +130,7 @@ end subroutine design_fit
 !> ln evidence of the data at m pairs of alpha and beta.
 subroutine design_evidence(handle, m, alpha, beta, evidence, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use evidence_regression, only: compute_spectrum, log_evidence, spectrum_type
    use sequential_design, only: design_from_handle, design_type
    implicit none
@@ -148,7 +148,7 @@ subroutine design_evidence(handle, m, alpha, beta, evidence, status, message)
 
    design => design_from_handle(handle)
    call compute_spectrum(design%regression, spectrum, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, m
       evidence(i) = log_evidence(spectrum, alpha(i), beta(i))
@@ -158,7 +158,7 @@ end subroutine design_evidence
 !> One observation more at frozen alpha, beta.
 subroutine design_update(handle, n, term, y, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use evidence_regression, only: update_posterior
    use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
@@ -174,13 +174,13 @@ subroutine design_update(handle, n, term, y, status, message)
    design => design_from_handle(handle)
    call take_in_choices(design)
    call update_posterior(design%regression, term, y, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine design_update
 
 !> The next `count` candidates (numbers from 0) and the variance of y at each; see `choose_candidates`.
 subroutine design_choose(handle, m, importance, count, threads, chosen, variance, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use sequential_design, only: choose_candidates, design_from_handle, design_type
    implicit none
    !f2py threadsafe
@@ -199,13 +199,13 @@ subroutine design_choose(handle, m, importance, count, threads, chosen, variance
    design => design_from_handle(handle)
    call choose_candidates(design, importance, chosen, variance, threads, error)
    chosen = chosen - 1
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine design_choose
 
 !> Posterior mean after the chosen candidates' values were added; `exactly` /= 0: everything afresh.
 subroutine design_settle(handle, exactly, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use sequential_design, only: design_from_handle, design_type, settle
    implicit none
    !f2py threadsafe
@@ -218,7 +218,7 @@ subroutine design_settle(handle, exactly, status, message)
 
    design => design_from_handle(handle)
    call settle(design, exactly /= 0, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine design_settle
 
 !> Posterior mean of the n coefficients.
@@ -273,7 +273,7 @@ end subroutine design_variances
 !> Residual and sd of y of each of the m observations with its group left out.
 subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use evidence_regression, only: leave_groups_out
    use sequential_design, only: design_from_handle, design_type, take_in_choices
    implicit none
@@ -290,5 +290,5 @@ subroutine design_leave_out(handle, m, groups, residual, sd, status, message)
    design => design_from_handle(handle)
    call take_in_choices(design)
    call leave_groups_out(design%regression, groups, residual, sd, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine design_leave_out

@@ -4,7 +4,7 @@
 !> Ranges of the m raw coordinates over a domain: bounds of the k constants (GPa) and a cap on the anisotropy index.
 subroutine domain_ranges(symmetry, k, c_min, c_max, anisotropy_cap, coordinates, m, lower, upper, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use kinds, only: wp
    use surrogate_fit, only: coordinate_ranges, domain_type
    implicit none
@@ -20,7 +20,7 @@ subroutine domain_ranges(symmetry, k, c_min, c_max, anisotropy_cap, coordinates,
    lower = 0
    upper = 0
    call coordinate_ranges(domain_type(symmetry, c_min, c_max, anisotropy_cap), coordinates, low, high, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status == 0) then
       lower = low
       upper = high
@@ -32,7 +32,7 @@ end subroutine domain_ranges
 subroutine coefficient_prior(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, c_min, c_max, &
    & anisotropy_cap, prior, n, weights, mean, least_noise, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use kinds, only: wp
    use surrogate_basis, only: basis_type, new_basis
    use surrogate_fit, only: domain_type, least_noise_of, prior_theory, prior_weights, theory_coefficients
@@ -54,7 +54,7 @@ subroutine coefficient_prior(symmetry, coordinates, truncation, degree, bandlimi
    if (.not. allocated(error) .and. prior == prior_theory) then
       call theory_coefficients(basis, domain_type(symmetry, c_min, c_max, anisotropy_cap), coefficients, error)
    end if
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    weights = prior_weights(basis, prior)
    if (allocated(coefficients)) mean = coefficients
@@ -65,7 +65,7 @@ end subroutine coefficient_prior
 subroutine surrogate_inflation(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, c_min, c_max, &
    & anisotropy_cap, prior, n, mean, covariance, beta, l, z, factor, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use surrogate_basis, only: basis_type, new_basis
    use surrogate_fit, only: domain_type, inflation_of
    implicit none
@@ -83,5 +83,5 @@ subroutine surrogate_inflation(symmetry, coordinates, truncation, degree, bandli
    if (.not. allocated(error)) then
       call inflation_of(basis, domain_type(symmetry, c_min, c_max, anisotropy_cap), prior, mean, covariance, beta, z, factor, error)
    end if
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine surrogate_inflation

@@ -9,7 +9,7 @@
 subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, outer, growth, handle, counts, &
    & costs, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use fe_indentation, only: indentation_model_type, indentation_options_type, new_indentation_model
    implicit none
    !f2py threadsafe
@@ -31,7 +31,7 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths, outer, growth)
    allocate (model)
    call new_indentation_model(options, model, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (model)
       return
@@ -68,7 +68,7 @@ end subroutine indentation_free
 subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn, contact_radius_um, moduli, diagnostics, &
    & elements, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    implicit none
    !f2py threadsafe
@@ -93,7 +93,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, depth_um, force_mn,
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
    call simulate_indentation(model, stiffness, euler, result, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    depth_um = result%depth
    force_mn = result%force
@@ -143,7 +143,7 @@ end subroutine indentation_mesh
 !> number `step`.
 subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, displacement, stress, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use fe_element, only: brick_stress
    use fe_indentation, only: indentation_fields, indentation_model_type
    use kinds, only: wp
@@ -167,7 +167,7 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
    call indentation_fields(model, stiffness, euler, step, u, c, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    displacement = u
    associate (mesh => model%grid(1)%mesh)

@@ -3,7 +3,7 @@
 !> Read the namelist file `path` for `command`. handle: 0 if refused.
 subroutine problem_read(path, command, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc, c_ptr
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use problem, only: new_problem, problem_type
    implicit none
    !f2py threadsafe
@@ -18,7 +18,7 @@ subroutine problem_read(path, command, handle, status, message)
    handle = 0
    allocate (self)
    call new_problem(path, command, self, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (self)
       return
@@ -30,7 +30,7 @@ end subroutine problem_read
 !> A table of crystals alone, as `crystals` of a problem; symmetry: that of the rows that do not say theirs.
 subroutine problem_read_crystals(path, symmetry, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc, c_ptr
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use point_tables, only: read_crystals
    use problem, only: problem_type
    implicit none
@@ -48,7 +48,7 @@ subroutine problem_read_crystals(path, symmetry, handle, status, message)
    allocate (self)
    allocate (self%crystals)
    call read_crystals(path, path//': ', symmetry, self%crystals, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (self)
       return
@@ -60,7 +60,7 @@ end subroutine problem_read_crystals
 !> A table of measurements alone, as `measurements` of a problem; sd_optional: 1 if the column sd_gpa may be absent.
 subroutine problem_read_measurements(path, sd_optional, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc, c_ptr
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use point_tables, only: read_measurements
    use problem, only: problem_type
    implicit none
@@ -78,7 +78,7 @@ subroutine problem_read_measurements(path, sd_optional, handle, status, message)
    allocate (self)
    allocate (self%measurements)
    call read_measurements(path, path//': ', sd_optional == 1, self%measurements, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (self)
       return

@@ -34,7 +34,7 @@ end subroutine basis_coordinates
 !> Degrees of the terms: of the harmonic, and of the polynomial in all coordinates together.
 subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n_terms, harmonic, polynomial, status, message)
    use, intrinsic :: iso_c_binding, only: c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use kinds, only: wp
    use surrogate_basis, only: basis_type, coordinate_count, new_basis
    implicit none
@@ -50,7 +50,7 @@ subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n
    n = coordinate_count(symmetry, coordinates)
    call new_basis(symmetry, coordinates, truncation, degree, bandlimit, spread(-1.0_wp, 1, n), spread(1.0_wp, 1, n), basis, &
       & error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    do q = 1, basis%n_polynomials
       do h = 1, basis%n_harmonics
@@ -65,7 +65,7 @@ end subroutine basis_degrees
 subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, n, n_terms, constants, euler, &
    & terms, scale, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use surrogate_basis, only: basis_type, evaluate_terms, new_basis
    implicit none
    !f2py threadsafe
@@ -79,7 +79,7 @@ subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, 
    integer :: i
 
    call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, n
       call evaluate_terms(basis, constants(:, i), euler(:, i), terms(:, i), scale(i))
@@ -89,7 +89,7 @@ end subroutine basis_terms
 !> Harmonics of n unit vectors in crystal axes.
 subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, values, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use kinds, only: wp
    use surrogate_basis, only: basis_type, coordinate_count, coordinates_dimensionless, evaluate_direction, new_basis, &
       & truncation_total
@@ -107,7 +107,7 @@ subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, valu
    m = coordinate_count(symmetry, coordinates_dimensionless)
    call new_basis(symmetry, coordinates_dimensionless, truncation_total, 0, bandlimit, spread(-1.0_wp, 1, m), &
       & spread(1.0_wp, 1, m), basis, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, n
       call evaluate_direction(basis, directions(:, i), values(:, i))
@@ -163,7 +163,7 @@ end subroutine surrogate_new
 !> Read the text form of a surrogate.
 subroutine surrogate_read(path, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use surrogate_model, only: load_surrogate, surrogate_to_handle, surrogate_type
    implicit none
    !f2py threadsafe
@@ -177,7 +177,7 @@ subroutine surrogate_read(path, handle, status, message)
    handle = 0
    allocate (surrogate)
    call load_surrogate(path, surrogate, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (surrogate)
    else
@@ -188,7 +188,7 @@ end subroutine surrogate_read
 !> Write the text form of a surrogate.
 subroutine surrogate_write(handle, path, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, hand_over
+   use errors, only: error_type, error_to_status
    use surrogate_model, only: save_surrogate, surrogate_from_handle
    implicit none
    !f2py threadsafe
@@ -199,7 +199,7 @@ subroutine surrogate_write(handle, path, status, message)
    type(error_type), allocatable :: error
 
    call save_surrogate(surrogate_from_handle(handle), path, error)
-   call hand_over(error, status, message)
+   call error_to_status(error, status, message)
 end subroutine surrogate_write
 
 !> What a surrogate is: its basis, cap and precisions.

@@ -31,7 +31,7 @@ _choose_blas_kernels()
 
 from . import _core  # noqa: E402
 
-__all__ = ["BayesindentError", "InputError", "check", "native"]
+__all__ = ["BayesindentError", "InputError", "NativeObject", "check", "native"]
 
 #: The f2py module itself.
 native = _core
@@ -51,3 +51,27 @@ def check(status: int, message: bytes | str) -> None:
         return
     text = message.decode() if isinstance(message, bytes) else str(message)
     raise (InputError if status == 2 else BayesindentError)(text.strip())
+
+
+class NativeObject:
+    """What the core holds for Python: one handle, freed with the last reference to this object.
+
+    A subclass sets the handle with `_hold` at the end of its constructor; from then on it is frozen. Copies and pickles carry no
+    handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
+    """
+
+    def _hold(self, handle: int) -> None:
+        object.__setattr__(self, "_handle", int(handle))
+
+    def __setattr__(self, name: str, value) -> None:
+        if getattr(self, "_handle", 0):
+            raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")
+        object.__setattr__(self, name, value)
+
+    def __del__(self):
+        handle = self.__dict__.pop("_handle", 0)
+        if handle:
+            native.object_release(handle)
+
+    def __reduce__(self):
+        raise TypeError(f"a {type(self).__name__} lives in this process alone: it cannot be copied or pickled; make a new one")
