@@ -3,7 +3,7 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, lower, join
+   public :: to_text, lower, join, split_list
 
    interface to_text
       module procedure integer_to_text
@@ -118,4 +118,21 @@ contains
          string = string//trim(items(i))
       end do
    end function join
+
+   !> The items of 'a, b, c', without blanks around them; none of a blank text.
+   pure function split_list(list) result(items)
+      character(len=*), intent(in) :: list
+      character(len=len(list)), allocatable :: items(:)
+      integer :: first, comma
+
+      allocate (items(0))
+      first = 1
+      do while (first <= len(list))
+         comma = index(list(first:), ',')
+         if (comma == 0) comma = len(list) - first + 2
+         if (len_trim(list(first:first + comma - 2)) > 0) &
+            & items = [character(len=len(list)) :: items, adjustl(list(first:first + comma - 2))]
+         first = first + comma
+      end do
+   end function split_list
 end module text

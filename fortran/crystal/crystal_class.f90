@@ -1,0 +1,241 @@
+!> The crystal classes that have a stiffness of their own: one row a class. All else about a symmetry follows from its row by
+!> group average, here the linear map from the constants to the stiffness.
+!>
+!> Crystal axes as in the IEEE standard 176. Voigt order 11,22,33,23,13,12 without factors of two, GPa.
+module crystal_class
+   use crystal_elasticity, only: rotate_stiffness
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: pi, wp
+   use text, only: join, lower, split_list, to_text
+   implicit none
+   private
+   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotations_about
+
+   type :: row_type
+      character(len=12) :: name
+      character(len=12) :: synonyms
+      !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
+      !> infinite order.
+      character(len=12) :: generators
+      !> Independent entries of the stiffness in the order in which they are passed.
+      character(len=83) :: constants
+   end type row_type
+
+   type(row_type), parameter :: table(*) = [ &
+      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12'), &
+      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44'), &
+      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13'), &
+      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66'), &
+      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16'), &
+      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44'), &
+      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15'), &
+      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
+      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
+      & row_type('triclinic', '-1', '', &
+      & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
+
+   !> The class without symmetry, whose constants are all 21 entries row by row.
+   character(len=*), parameter :: general_class = 'triclinic'
+
+   type :: crystal_class_type
+      character(len=:), allocatable :: name
+      !> Names of the independent constants, (n_constants).
+      character(len=3), allocatable :: constants(:)
+      integer :: n_constants = 0
+      !> Proper rotations that generate the group, (3, 3, n); an axis of infinite order is one rotation by 1 radian.
+      real(wp), allocatable :: generators(:, :, :)
+      !> Fold of each generator, 0 for infinite order, (n).
+      integer, allocatable :: folds(:)
+      !> Where the stiffness is not zero: entry (row, column) gains factor times a constant.
+      integer, allocatable, private :: row(:), column(:), constant(:)
+      real(wp), allocatable, private :: factor(:)
+   contains
+      procedure :: stiffness
+      procedure :: constants_of
+   end type crystal_class_type
+
+contains
+
+   !> The class of a name or synonym, upper or lower case.
+   subroutine new_crystal_class(name, class, error)
+      character(len=*), intent(in) :: name
+      type(crystal_class_type), intent(out) :: class
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i, k
+
+      do i = 1, size(table)
+         if (any(split_list(trim(table(i)%name)//', '//table(i)%synonyms) == lower(adjustl(name)))) exit
+      end do
+      if (i > size(table) .or. len_trim(name) == 0) then
+         call raise(error, ''''//trim(name)//''' is no crystal class; allowed '//crystal_class_names(), exit_bad_input)
+         return
+      end if
+      class%name = trim(table(i)%name)
+      class%n_constants = (len_trim(table(i)%constants) + 1)/4
+      allocate (class%constants(class%n_constants))
+      do k = 1, class%n_constants
+         class%constants(k) = table(i)%constants(4*k - 3:4*k - 1)
+      end do
+      call rotations_about(table(i)%generators, class%generators, class%folds)
+      call derive_map(class, error)
+   end subroutine new_crystal_class
+
+   !> Every name and synonym: 'isotropic, cubic, m-3m, ..'.
+   function crystal_class_names() result(names)
+      character(len=:), allocatable :: names
+      integer :: i
+
+      names = ''
+      do i = 1, size(table)
+         if (i > 1) names = names//', '
+         names = names//join(split_list(trim(table(i)%name)//', '//table(i)%synonyms), ', ')
+      end do
+   end function crystal_class_names
+
+   !> Proper rotations 'fold axis, ..' with fold 0 (by 1 radian), 2, 3, 4, 6 and an axis that is a sum of x, y, z.
+   pure subroutine rotations_about(list, rotations, folds)
+      character(len=*), intent(in) :: list
+      !> (3, 3, n), and (n).
+      real(wp), allocatable, intent(out) :: rotations(:, :, :)
+      integer, allocatable, intent(out) :: folds(:)
+      character(len=:), allocatable :: items(:)
+      real(wp) :: u(3), angle
+      integer :: i, j
+
+      items = split_list(list)
+      allocate (rotations(3, 3, size(items)), folds(size(items)))
+      do i = 1, size(items)
+         folds(i) = iachar(items(i)(1:1)) - iachar('0')
+         angle = 1.0_wp
+         if (folds(i) > 0) angle = 2.0_wp*pi/folds(i)
+         u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
+         u = u/norm2(u)
+         rotations(:, 1, i) = cos(angle)*[1, 0, 0] + sin(angle)*[0.0_wp, u(3), -u(2)] + (1.0_wp - cos(angle))*u*u(1)
+         rotations(:, 2, i) = cos(angle)*[0, 1, 0] + sin(angle)*[-u(3), 0.0_wp, u(1)] + (1.0_wp - cos(angle))*u*u(2)
+         rotations(:, 3, i) = cos(angle)*[0, 0, 1] + sin(angle)*[u(2), -u(1), 0.0_wp] + (1.0_wp - cos(angle))*u*u(3)
+         ! Zeros, halves and ones exactly.
+         where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) &
+            & rotations(:, :, i) = snapped(rotations(:, :, i))
+      end do
+   end subroutine rotations_about
+
+   pure elemental real(wp) function snapped(x)
+      real(wp), intent(in) :: x
+
+      snapped = 0.5_wp*anint(2.0_wp*x)
+   end function snapped
+
+   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: null space of C(g) - C on the 21
+   !> entries by elimination of the entries that are not named. The multiples are halves of integers in every class.
+   subroutine derive_map(class, error)
+      type(crystal_class_type), intent(inout) :: class
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: equations(21*size(class%generators, 3), 21), unit(6, 6), change(6, 6), map(21, class%n_constants), row(21)
+      integer :: first(21), second(21), order(21), n_dependent, i, j, k, g, pivot
+
+      ! The entries of the upper triangle row by row; `order` puts those first that are not named.
+      k = 0
+      do i = 1, 6
+         do j = i, 6
+            k = k + 1
+            first(k) = i
+            second(k) = j
+         end do
+      end do
+      n_dependent = 21 - class%n_constants
+      j = 0
+      do k = 1, 21
+         i = findloc(class%constants, entry_name(first(k), second(k)), dim=1)
+         if (i > 0) then
+            order(n_dependent + i) = k
+         else
+            j = j + 1
+            order(j) = k
+         end if
+      end do
+      do k = 1, 21
+         unit = 0.0_wp
+         unit(first(order(k)), second(order(k))) = 1.0_wp
+         unit(second(order(k)), first(order(k))) = 1.0_wp
+         do g = 1, size(class%generators, 3)
+            change = rotate_stiffness(unit, class%generators(:, :, g)) - unit
+            equations(21*g - 20:21*g, k) = [(change(first(i), second(i)), i=1, 21)]
+         end do
+      end do
+      map = 0.0_wp
+      do k = 1, n_dependent
+         pivot = k - 1 + maxloc(abs(equations(k:, k)), dim=1)
+         if (abs(equations(pivot, k)) < 1.0e-6_wp) exit
+         row = equations(pivot, :)/equations(pivot, k)
+         equations(pivot, :) = equations(k, :)
+         equations(k, :) = row
+         do i = 1, size(equations, 1)
+            if (i /= k) equations(i, :) = equations(i, :) - equations(i, k)*row
+         end do
+      end do
+      if (k <= n_dependent .or. any(abs(equations(k:, :)) > 1.0e-6_wp)) then
+         call raise(error, 'the constants of a '//class%name//' crystal do not span its stiffnesses')
+         return
+      end if
+      map(order(:n_dependent), :) = -snapped(equations(:n_dependent, n_dependent + 1:))
+      if (any(abs(map(order(:n_dependent), :) + equations(:n_dependent, n_dependent + 1:)) > 1.0e-6_wp)) then
+         call raise(error, 'an entry of a '//class%name//' stiffness is no multiple of half a constant')
+         return
+      end if
+      do i = 1, class%n_constants
+         map(order(n_dependent + i), i) = 1.0_wp
+      end do
+      allocate (class%row(0), class%column(0), class%constant(0), class%factor(0))
+      do k = 1, 21
+         do i = 1, class%n_constants
+            if (abs(map(k, i)) > 0.0_wp) call append(first(k), second(k))
+            if (abs(map(k, i)) > 0.0_wp .and. first(k) /= second(k)) call append(second(k), first(k))
+         end do
+      end do
+
+   contains
+
+      subroutine append(row_of_entry, column_of_entry)
+         integer, intent(in) :: row_of_entry, column_of_entry
+
+         class%row = [class%row, row_of_entry]
+         class%column = [class%column, column_of_entry]
+         class%constant = [class%constant, i]
+         class%factor = [class%factor, map(k, i)]
+      end subroutine append
+   end subroutine derive_map
+
+   pure function entry_name(row, column) result(name)
+      integer, intent(in) :: row, column
+      character(len=3) :: name
+
+      name = 'C'//to_text(row)//to_text(column)
+   end function entry_name
+
+   !> Stiffness in crystal axes, GPa.
+   pure function stiffness(self, constants) result(c)
+      class(crystal_class_type), intent(in) :: self
+      !> GPa, (n_constants).
+      real(wp), intent(in) :: constants(:)
+      real(wp) :: c(6, 6)
+      integer :: k
+
+      c = 0.0_wp
+      do k = 1, size(self%factor)
+         c(self%row(k), self%column(k)) = c(self%row(k), self%column(k)) + self%factor(k)*constants(self%constant(k))
+      end do
+   end function stiffness
+
+   !> The named entries of a stiffness in crystal axes, GPa.
+   pure function constants_of(self, c) result(constants)
+      class(crystal_class_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: constants(self%n_constants)
+      integer :: k
+
+      do k = 1, self%n_constants
+         constants(k) = c(iachar(self%constants(k)(2:2)) - iachar('0'), iachar(self%constants(k)(3:3)) - iachar('0'))
+      end do
+   end function constants_of
+end module crystal_class
