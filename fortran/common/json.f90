@@ -1,0 +1,241 @@
+!> Documents in JavaScript Object Notation (RFC 8259), written from front to back.
+!>
+!>     call document%begin_object()
+!>     call document%put('mean', 168.4_wp)
+!>     call document%begin_array('rows')
+!>     call document%put('', [1.0_wp, 2.0_wp])
+!>     call document%end_array()
+!>     call document%end_object()
+!>
+!> The key is empty for the outermost value and within arrays. What is not finite becomes null; numbers come back to the last bit.
+module json
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use kinds, only: wp
+   use numbers, only: number_text
+   use text, only: to_text
+   implicit none
+   private
+   public :: json_type
+
+   integer, parameter :: deepest = 32
+   character, parameter :: newline = achar(10)
+
+   type :: json_type
+      private
+      character(len=:), allocatable :: page
+      integer :: filled = 0, depth = 0
+      !> By depth: whether a value was written there.
+      logical :: begun(0:deepest) = .false.
+   contains
+      procedure :: begin_object
+      procedure :: end_object
+      procedure :: begin_array
+      procedure :: end_array
+      procedure :: put_null
+      !> A value that is JSON already.
+      procedure :: put_json
+      procedure :: text => document_text
+      procedure, private :: put_text
+      procedure, private :: put_real
+      procedure, private :: put_integer
+      procedure, private :: put_logical
+      procedure, private :: put_reals
+      procedure, private :: put_matrix
+      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, put_matrix
+   end type json_type
+
+contains
+
+   pure subroutine begin_object(self, key)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in), optional :: key
+
+      call open_level(self, '{', key)
+   end subroutine begin_object
+
+   pure subroutine end_object(self)
+      class(json_type), intent(inout) :: self
+
+      call close_level(self, '}')
+   end subroutine end_object
+
+   pure subroutine begin_array(self, key)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in), optional :: key
+
+      call open_level(self, '[', key)
+   end subroutine begin_array
+
+   pure subroutine end_array(self)
+      class(json_type), intent(inout) :: self
+
+      call close_level(self, ']')
+   end subroutine end_array
+
+   pure subroutine put_null(self, key)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+
+      call self%put_json(key, 'null')
+   end subroutine put_null
+
+   pure subroutine put_json(self, key, value)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key, value
+
+      call begin_value(self, key)
+      call append(self, value)
+   end subroutine put_json
+
+   pure subroutine put_text(self, key, value)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key, value
+
+      call self%put_json(key, quoted(value))
+   end subroutine put_text
+
+   pure subroutine put_real(self, key, value)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      real(wp), intent(in) :: value
+
+      call self%put_json(key, number(value))
+   end subroutine put_real
+
+   pure subroutine put_integer(self, key, value)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      integer, intent(in) :: value
+
+      call self%put_json(key, to_text(value))
+   end subroutine put_integer
+
+   pure subroutine put_logical(self, key, value)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      logical, intent(in) :: value
+
+      call self%put_json(key, trim(merge('true ', 'false', value)))
+   end subroutine put_logical
+
+   pure subroutine put_reals(self, key, values)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      real(wp), intent(in) :: values(:)
+      integer :: i
+
+      call begin_value(self, key)
+      call append(self, '[')
+      do i = 1, size(values)
+         if (i > 1) call append(self, ', ')
+         call append(self, number(values(i)))
+      end do
+      call append(self, ']')
+   end subroutine put_reals
+
+   !> A matrix as an array of its rows.
+   pure subroutine put_matrix(self, key, values)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      real(wp), intent(in) :: values(:, :)
+      integer :: i
+
+      call self%begin_array(key)
+      do i = 1, size(values, 1)
+         call self%put('', values(i, :))
+      end do
+      call self%end_array()
+   end subroutine put_matrix
+
+   !> What was written, with a newline at its end.
+   pure function document_text(self) result(text)
+      class(json_type), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (allocated(self%page)) text = self%page(:self%filled)//newline
+   end function document_text
+
+   pure subroutine open_level(self, bracket, key)
+      class(json_type), intent(inout) :: self
+      character, intent(in) :: bracket
+      character(len=*), intent(in), optional :: key
+
+      if (present(key)) then
+         call begin_value(self, key)
+      else
+         call begin_value(self, '')
+      end if
+      call append(self, bracket)
+      self%depth = self%depth + 1
+      self%begun(self%depth) = .false.
+   end subroutine open_level
+
+   pure subroutine close_level(self, bracket)
+      class(json_type), intent(inout) :: self
+      character, intent(in) :: bracket
+      logical :: filled
+
+      filled = self%begun(self%depth)
+      self%depth = self%depth - 1
+      if (filled) call append(self, newline//repeat(' ', self%depth))
+      call append(self, bracket)
+   end subroutine close_level
+
+   !> Comma, line and key before a value.
+   pure subroutine begin_value(self, key)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+
+      if (self%begun(self%depth)) call append(self, ',')
+      if (self%depth > 0) call append(self, newline//repeat(' ', self%depth))
+      self%begun(self%depth) = .true.
+      if (len(key) > 0) call append(self, quoted(key)//': ')
+   end subroutine begin_value
+
+   pure subroutine append(self, piece)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: piece
+      character(len=:), allocatable :: larger
+
+      if (.not. allocated(self%page)) allocate (character(len=4096) :: self%page)
+      if (self%filled + len(piece) > len(self%page)) then
+         allocate (character(len=2*(self%filled + len(piece))) :: larger)
+         larger(:self%filled) = self%page(:self%filled)
+         call move_alloc(larger, self%page)
+      end if
+      self%page(self%filled + 1:self%filled + len(piece)) = piece
+      self%filled = self%filled + len(piece)
+   end subroutine append
+
+   pure function number(value) result(string)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: string
+
+      string = 'null'
+      if (ieee_is_finite(value)) string = number_text(value)
+   end function number
+
+   pure function quoted(string) result(literal)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: literal
+      character(len=6) :: escape
+      integer :: i
+
+      literal = '"'
+      do i = 1, len(string)
+         select case (iachar(string(i:i)))
+         case (iachar('"'), iachar('\'))
+            literal = literal//'\'//string(i:i)
+         case (10)
+            literal = literal//'\n'
+         case (0:9, 11:31)
+            write (escape, '(a,z4.4)') '\u', iachar(string(i:i))
+            literal = literal//escape
+         case default
+            literal = literal//string(i:i)
+         end select
+      end do
+      literal = literal//'"'
+   end function quoted
+end module json

@@ -1,0 +1,45 @@
+!> JSON documents, to the byte.
+program test_json
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+   use json, only: json_type
+   use kinds, only: wp
+   use testing, only: check, finish
+   implicit none
+
+   character, parameter :: newline = achar(10)
+   type(json_type) :: document
+   integer :: i
+
+   call check('nothing written', document%text() == '')
+   call document%begin_object()
+   call document%put('text', 'a "b" \ c'//newline//achar(1))
+   call document%put('real', -0.1_wp)
+   call document%put('large', 1.0e22_wp)
+   call document%put('integer', 7)
+   call document%put('logical', .false.)
+   call document%put('nan', ieee_value(1.0_wp, ieee_quiet_nan))
+   call document%put_null('none')
+   call document%begin_array('rows')
+   call document%put('', [1.0_wp, ieee_value(1.0_wp, ieee_positive_inf)])
+   call document%begin_object()
+   call document%end_object()
+   call document%end_array()
+   call document%put('matrix', reshape([1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp], [2, 2]))
+   call document%put('empty', [real(wp) ::])
+   call document%end_object()
+   call check('every kind of value', document%text() == '{'//newline &
+      & //' "text": "a \"b\" \\ c\n\u0001",'//newline//' "real": -0.1,'//newline//' "large": 1.00000E+022,'//newline &
+      & //' "integer": 7,'//newline//' "logical": false,'//newline//' "nan": null,'//newline//' "none": null,'//newline &
+      & //' "rows": ['//newline//'  [1.0, null],'//newline//'  {}'//newline//' ],'//newline &
+      & //' "matrix": ['//newline//'  [1.0, 3.0],'//newline//'  [2.0, 4.0]'//newline//' ],'//newline &
+      & //' "empty": []'//newline//'}'//newline, document%text())
+
+   document = json_type()
+   call document%begin_array()
+   do i = 1, 2000
+      call document%put('', 'a text that makes the page grow')
+   end do
+   call document%end_array()
+   call check('a long document', len(document%text()) == 2 + 2000*36 + 1)
+   call finish()
+end program test_json
