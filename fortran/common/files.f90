@@ -1,13 +1,42 @@
 !> Whole text files in, whole text files out, and the paths between them.
 module files
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use errors, only: error_type, exit_bad_input, raise
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, folder_of, resolve_path, file_exists, is_folder, printable
+   public :: read_text_file, replace_file, make_folder, folder_of, resolve_path, file_exists, is_folder, printable
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
+
+   interface
+      integer(c_int) function c_rename(from, to) bind(c, name='rename')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: from(*), to(*)
+      end function c_rename
+      integer(c_int) function c_mkdir(path, mode) bind(c, name='mkdir')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+         integer(c_int), value :: mode
+      end function c_mkdir
+      integer(c_int) function c_open(path, flags) bind(c, name='open')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+         integer(c_int), value :: flags
+      end function c_open
+      integer(c_int) function c_fsync(descriptor) bind(c, name='fsync')
+         import :: c_int
+         integer(c_int), value :: descriptor
+      end function c_fsync
+      integer(c_int) function c_close(descriptor) bind(c, name='close')
+         import :: c_int
+         integer(c_int), value :: descriptor
+      end function c_close
+      integer(c_int) function c_getpid() bind(c, name='getpid')
+         import :: c_int
+      end function c_getpid
+   end interface
 
 contains
 
@@ -60,6 +89,53 @@ contains
          call raise(error, 'the file is empty', exit_bad_input)
       end if
    end subroutine read_text_file
+
+   !> Write a file whole or not at all: beside it, to the disk, then in its place.
+   subroutine replace_file(path, content, error)
+      character(len=*), intent(in) :: path, content
+      type(error_type), allocatable, intent(out) :: error
+      integer(c_int), parameter :: read_only = 0
+      character(len=:), allocatable :: beside
+      character(len=256) :: reason
+      integer :: unit, status
+      integer(c_int) :: descriptor, outcome
+
+      beside = path//'.'//to_text(int(c_getpid()))//'.part'
+      open (newunit=unit, file=beside, access='stream', form='unformatted', status='replace', action='write', &
+         & iostat=status, iomsg=reason)
+      if (status /= 0) then
+         call raise(error, path//': cannot be written: '//trim(reason))
+         return
+      end if
+      write (unit, iostat=status, iomsg=reason) content
+      if (status == 0) close (unit, iostat=status, iomsg=reason)
+      if (status /= 0) then
+         call raise(error, path//': cannot be written: '//trim(reason))
+         close (unit, status='delete', iostat=status)
+         return
+      end if
+      descriptor = c_open(beside//c_null_char, read_only)
+      if (descriptor >= 0) then
+         outcome = c_fsync(descriptor)
+         outcome = c_close(descriptor)
+      end if
+      if (c_rename(beside//c_null_char, path//c_null_char) /= 0) call raise(error, path//': cannot be replaced')
+   end subroutine replace_file
+
+   !> Make a folder and those above it, where they are missing.
+   subroutine make_folder(path, error)
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: all_may = 511
+      integer(c_int) :: status
+      integer :: i
+
+      do i = 2, len(path)
+         if (path(i:i) == '/') status = c_mkdir(path(:i - 1)//c_null_char, int(all_may, c_int))
+      end do
+      status = c_mkdir(path//c_null_char, int(all_may, c_int))
+      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made')
+   end subroutine make_folder
 
    !> The folder part of a path with its last slash, '' for the current folder.
    pure function folder_of(path) result(folder)

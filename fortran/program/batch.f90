@@ -4,9 +4,10 @@ program batch
    use batch_sample, only: check_sampling, sample_constants
    use batch_stages, only: fit_simulations, fits_surrogate, simulate_crystals
    use errors, only: error_type, exit_bad_input
+   use files, only: make_folder, replace_file
    use namelist_schema, only: schema_markdown
    use problem, only: new_problem, problem_type
-   use system, only: argument, settle_blas, end_process, make_folder, replace_file
+   use system, only: argument, settle_blas, end_process
    use version, only: package_version
    implicit none
 

@@ -8,13 +8,12 @@ module batch_sample
    use crystal_elasticity, only: constant_count, constant_names, symmetry_name
    use derived_quantities, only: quantity_number
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: file_exists, resolve_path
+   use files, only: file_exists, replace_file, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: place
    use problem, only: problem_type
    use samplers, only: chains_type, method_from_name, sample_chains, sampler_type
    use surrogate_model, only: load_surrogate, surrogate_type
-   use system, only: replace_file
    use text, only: join, to_text
    implicit none
    private

@@ -5,7 +5,7 @@ module batch_stages
    use errors, only: error_type, exit_bad_input, raise
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_options_type, &
       & indentation_result_type, new_indentation_model, numerics_revision, simulate_indentation
-   use files, only: file_exists, read_text_file
+   use files, only: file_exists, read_text_file, replace_file
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, i8, wp
    use namelist_file, only: place
@@ -16,7 +16,6 @@ module batch_stages
    use surrogate_basis, only: coordinates_from_name, truncation_from_name
    use surrogate_fit, only: domain_type, fit_options_type, fit_surrogate, prior_from_name
    use surrogate_model, only: save_surrogate, surrogate_type
-   use system, only: rename_file, replace_file
    use tables, only: csv_cell
    use text, only: to_text
    implicit none
@@ -387,8 +386,7 @@ contains
          & points%modulus_gpa(rows), surrogate, error)
       if (allocated(error)) return
       path = output//'/'//surrogate_name
-      call save_surrogate(surrogate, path//'.part', error)
-      if (.not. allocated(error)) call rename_file(path//'.part', path, error)
+      call save_surrogate(surrogate, path, error)
       told = to_text(size(rows))//' simulations, '//to_text(surrogate%basis%n_terms)//' terms, alpha ' &
          & //to_text(surrogate%alpha)//', beta '//to_text(surrogate%beta)//': '//path
    end subroutine fit_simulations

@@ -1,26 +1,15 @@
-!> What a program asks of the operating system, through the C library: exit status, folders, files replaced whole.
+!> What a program asks of the operating system, through the C library: arguments, exit status, the threads of BLAS.
 module system
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_loc
-   use errors, only: error_type, raise
-   use files, only: is_folder
    implicit none
    private
-   public :: argument, end_process, make_folder, replace_file, rename_file, settle_blas
+   public :: argument, end_process, settle_blas
 
    interface
       subroutine c_exit(status) bind(c, name='exit')
          import :: c_int
          integer(c_int), value :: status
       end subroutine c_exit
-      integer(c_int) function c_rename(from, to) bind(c, name='rename')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: from(*), to(*)
-      end function c_rename
-      integer(c_int) function c_mkdir(path, mode) bind(c, name='mkdir')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: path(*)
-         integer(c_int), value :: mode
-      end function c_mkdir
       integer(c_int) function c_setenv(name, value, overwrite) bind(c, name='setenv')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: name(*), value(*)
@@ -56,51 +45,6 @@ contains
 
       call c_exit(int(status, c_int))
    end subroutine end_process
-
-   !> Make a folder and those above it, where they are missing.
-   subroutine make_folder(path, error)
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: all_may = 511
-      integer(c_int) :: status
-      integer :: i
-
-      do i = 2, len(path)
-         if (path(i:i) == '/') status = c_mkdir(path(:i - 1)//c_null_char, int(all_may, c_int))
-      end do
-      status = c_mkdir(path//c_null_char, int(all_may, c_int))
-      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made')
-   end subroutine make_folder
-
-   !> Write a file whole or not at all: beside it first, then in its place.
-   subroutine replace_file(path, content, error)
-      character(len=*), intent(in) :: path, content
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: beside
-      character(len=256) :: reason
-      integer :: unit, status
-
-      beside = path//'.part'
-      open (newunit=unit, file=beside, access='stream', form='unformatted', status='replace', action='write', &
-         & iostat=status, iomsg=reason)
-      if (status == 0) then
-         write (unit, iostat=status, iomsg=reason) content
-         if (status == 0) close (unit, iostat=status, iomsg=reason)
-      end if
-      if (status /= 0) then
-         call raise(error, path//': cannot be written: '//trim(reason))
-      else
-         call rename_file(beside, path, error)
-      end if
-   end subroutine replace_file
-
-   !> Put a file in the place of another.
-   subroutine rename_file(from, to, error)
-      character(len=*), intent(in) :: from, to
-      type(error_type), allocatable, intent(out) :: error
-
-      if (c_rename(from//c_null_char, to//c_null_char) /= 0) call raise(error, to//': cannot be replaced')
-   end subroutine rename_file
 
    !> Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one
    !> once more.
