@@ -31,7 +31,7 @@ _choose_blas_kernels()
 
 from . import _core  # noqa: E402
 
-__all__ = ["BayesindentError", "InputError", "NativeObject", "check", "native"]
+__all__ = ["BayesindentError", "InputError", "MachineError", "NativeObject", "check", "native"]
 
 #: The f2py module itself.
 native = _core
@@ -45,12 +45,16 @@ class InputError(BayesindentError, ValueError):
     """The input cannot be meant; the message says what, the value, and what is allowed."""
 
 
+class MachineError(BayesindentError):
+    """The machine could not do it (memory, disk): no result about the input; it may work next time."""
+
+
 def check(status: int, message: bytes | str) -> None:
     """Raise the exception that a status and a message of the core stand for; return on status 0."""
     if status == 0:
         return
     text = message.decode() if isinstance(message, bytes) else str(message)
-    raise (InputError if status == 2 else BayesindentError)(text.strip())
+    raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(text.strip())
 
 
 class NativeObject:

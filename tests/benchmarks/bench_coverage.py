@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from bench_learning import simulated
 
+from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from bayesindent.program.progress import Progress
+from bayesindent.pipeline.build import build
 from bayesindent.settings.problem import Problem
-from bayesindent.surrogate.build import build
 from bayesindent.surrogate.domain import Domain
 from bayesindent.surrogate.surrogate import Surrogate
 

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.engines import LocalEngine
 from bayesindent.pipeline.simulator import physics_identity, simulate_into, simulator_of
-from bayesindent.program.progress import Progress
 from bayesindent.settings.problem import Problem
-from bayesindent.surrogate.build import FIRST_SD
 from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.learning import FIRST_SD
 from bayesindent.surrogate.surrogate import Basis, Design, coefficient_prior, sd_factor
 
 #: The fall of the prior's variance per degree that the package has.
@@ -119,7 +120,7 @@ def simulated(arguments, domain: Domain, output: Path):
         missing = [point for point in points if campaign.find(*point) is None]
         if missing:
             with Progress(True).bar("simulations", len(missing)) as advance:
-                simulate_into(campaign, simulator_of(problem), missing, arguments.workers, lambda success: advance(1))
+                simulate_into(campaign, simulator_of(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
         rows = [campaign.find(*point) for point in points]
     done = np.array([row.status == "done" for row in rows])
     return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.status == "done"]), int((~done).sum())

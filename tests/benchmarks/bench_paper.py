@@ -13,9 +13,9 @@ import f90nml
 import numpy as np
 from bench_learning import OURS, baselines, curve
 
+from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.stages import perform
-from bayesindent.program.progress import Progress
 from bayesindent.report.report import write_report
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.domain import Domain

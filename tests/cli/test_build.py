@@ -41,8 +41,8 @@ def test_ask_and_tell(bayesindent, tmp_path):
             c11, c12, c44, *euler = map(float, row)
             writer.writerow([*row, float(bi.halfspace_modulus(bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), euler))])
     told = bayesindent("build", file, "--tell", results)
-    assert (told.returncode, told.stdout) == (0, "Campaign: 10 results taken, 10 simulations in all\n"), told.stderr
-    assert json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["told"] == 0
+    assert (told.returncode, told.stdout) == (0, "Campaign: 10 results imported, 10 simulations in all\n"), told.stderr
+    assert json.loads(bayesindent("build", file, "--tell", results, "--json").stdout)["imported"] == 0
     built = json.loads(bayesindent("build", file, "--json").stdout)
     assert (built["simulations"], built["new_simulations"]) == (10, 0)
     # The same points with other moduli: refused as a whole.

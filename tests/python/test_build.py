@@ -10,8 +10,9 @@ import pytest
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline import simulator as simulator_module
+from bayesindent.pipeline.build import build
+from bayesindent.pipeline.import_export import ask, tell
 from bayesindent.settings.problem import Problem, read_crystals
-from bayesindent.surrogate.build import ask, build, tell
 from bayesindent.surrogate.surrogate import Surrogate
 
 
@@ -219,8 +220,8 @@ def test_ask_and_tell(tmp_path):
         + "\n"
     )
     points = read_crystals(table, "cubic")
-    assert tell(problem, tmp_path, points)["told"] == 12
-    assert tell(problem, tmp_path, points)["told"] == 0
+    assert tell(problem, tmp_path, points)["imported"] == 12
+    assert tell(problem, tmp_path, points)["imported"] == 0
     document = build(problem, tmp_path)
     assert (document["simulations"], document["new_simulations"]) == (12, 0)
     with pytest.raises(bi.InputError, match="&simulation simulator: 'import' cannot simulate"):

@@ -60,18 +60,18 @@ def test_import(tmp_path):
     constants = np.array([COPPER, (225.0, 135.0, 124.0)])
     angles = np.array([ANGLES, ANGLES])
     with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        assert campaign.tell("cubic", constants, angles, [134.0, 214.0]) == 2
-        assert campaign.tell("cubic", constants, angles, [134.0, 214.0]) == 0
+        assert campaign.import_rows("cubic", constants, angles, [134.0, 214.0]) == 2
+        assert campaign.import_rows("cubic", constants, angles, [134.0, 214.0]) == 0
         with pytest.raises(bi.InputError, match="row 2 .*215.*same point has 214 GPa in the campaign"):
-            campaign.tell("cubic", constants, angles, [134.0, 215.0])
+            campaign.import_rows("cubic", constants, angles, [134.0, 215.0])
         with pytest.raises(bi.InputError, match="row 2 .*same point has 150 GPa in an earlier row"):
-            campaign.tell("cubic", 2 * constants[[0, 0]], angles, [150.0, 151.0])
+            campaign.import_rows("cubic", 2 * constants[[0, 0]], angles, [150.0, 151.0])
         with pytest.raises(bi.InputError, match="row 1: modulus_gpa is nan"):
-            campaign.tell("cubic", 3 * constants, angles, [np.nan, 1.0])
+            campaign.import_rows("cubic", 3 * constants, angles, [np.nan, 1.0])
         assert len(campaign.rows("cubic")) == 2
         campaign.add("cubic", 5 * constants[0], ANGLES, message="no contact")
         with pytest.raises(bi.InputError, match="failed .no contact."):
-            campaign.tell("cubic", 5 * constants[:1], angles[:1], [700.0])
+            campaign.import_rows("cubic", 5 * constants[:1], angles[:1], [700.0])
 
 
 def test_foreign_and_damaged_files_are_refused(tmp_path):

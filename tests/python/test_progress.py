@@ -1,6 +1,6 @@
 """Progress goes to standard error, and only where it is wanted."""
 
-from bayesindent.program.progress import Progress
+from bayesindent.common.progress import Progress
 
 
 def test_silent_by_default(capsys):

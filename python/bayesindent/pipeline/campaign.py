@@ -16,7 +16,7 @@ import numpy as np
 from ..core import InputError
 from ..crystal.elasticity import CONSTANTS
 
-__all__ = ["Campaign", "Row"]
+__all__ = ["IMPORTED", "Campaign", "Row"]
 
 #: Marks the file as ours ('bayi'), and the version of its layout.
 APPLICATION_ID, FORMAT = 0x62617969, 1
@@ -52,6 +52,9 @@ CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {FORMAT};
 """
+
+#: The file's word for the origin of a row that another program computed.
+IMPORTED = "told"
 
 #: Relative difference of two moduli below which an imported row says the same as a stored one.
 SAME = 1e-6
@@ -101,6 +104,7 @@ class Campaign:
 
     def __init__(self, path, identity: dict):
         self.path = Path(path)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
         fresh = not self.path.exists() or self.path.stat().st_size == 0
         try:
             self._file = sqlite3.connect(self.path, timeout=60)
@@ -215,7 +219,7 @@ class Campaign:
                 ),
             )
 
-    def tell(self, symmetry: str, constants, euler_deg, modulus_gpa) -> int:
+    def import_rows(self, symmetry: str, constants, euler_deg, modulus_gpa) -> int:
         """Import results of others: constants (n, k), angles (n, 3), moduli (n,). Gives how many were new.
 
         Rows that are there already with the same modulus are skipped. Rows that contradict each other or a stored row are refused,
@@ -246,7 +250,7 @@ class Campaign:
         with self._file:
             self._file.executemany(
                 "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
-                "indentation_modulus_gpa, created) VALUES (?,?,?,?,?,'told','done','',?,?)",
-                [(self.physics_id, position + i, *key, m, now) for i, (key, m) in enumerate(new.items())],
+                "indentation_modulus_gpa, created) VALUES (?,?,?,?,?,?,'done','',?,?)",
+                [(self.physics_id, position + i, *key, IMPORTED, m, now) for i, (key, m) in enumerate(new.items())],
             )
         return len(new)

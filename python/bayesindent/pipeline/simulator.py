@@ -1,15 +1,14 @@
 """What &simulation asks for: a function that simulates one crystal, the identity of its physics, and many crystals into a campaign."""
 
-import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 
-from ..core import BayesindentError, InputError
+from ..core import BayesindentError, InputError, MachineError
 from ..crystal.elasticity import halfspace_modulus, stiffness_rows
 from ..pipeline.campaign import Campaign
+from ..pipeline.engines import ENGINES
 
-__all__ = ["new_indentation", "physics_identity", "simulate_into", "simulator_of", "worker_count"]
+__all__ = ["engine_of", "new_indentation", "physics_identity", "simulate_into", "simulator_of"]
 
 
 def physics_identity(problem, mesh: str = "") -> dict:
@@ -68,42 +67,43 @@ def simulator_of(problem, mesh: str = "") -> Callable:
     return simulate
 
 
-def worker_count(asked: int) -> int:
-    """Simulations at a time: as asked, or the cores that this process may use."""
-    return asked or len(os.sched_getaffinity(0))
+def engine_of(problem):
+    """The engine that &execution asks for."""
+    execution = problem["execution"]
+    return ENGINES[execution.get("engine", "local")](execution["workers"])
 
 
-def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, workers: int, done: Callable[[bool], None]) -> None:
-    """Simulate crystals (symmetry, constants, angles in degrees) on threads; each is a row as soon as it is done, in this order.
+def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, engine, done: Callable[[bool], None]) -> None:
+    """Simulate crystals (symmetry, constants, angles in degrees) by an engine; each is a row as soon as it is done, in this order.
 
-    One that fails is stored as failed. done(success) is called after each. An exception, or an interrupt, starts no more; what is
-    under way is still stored. Bad input is raised, not stored.
+    One that fails is stored as failed. What the machine could not do is no result: it is tried once more, alone, and is raised if that
+    fails too. done(success) is called after each. An exception, or an interrupt, starts no more; what is under way is still stored.
     """
-    first = campaign.next_position()
+    first, again = campaign.next_position(), []
 
-    def attempt(crystal) -> dict:
+    def attempt(crystal) -> dict | MachineError:
         symmetry, constants, euler_deg = crystal
         start = time.perf_counter()
         try:
             result = simulate(stiffness_rows(symmetry, [constants])[0], euler_deg)
         except InputError:
             raise
+        except MachineError as error:
+            return error
         except BayesindentError as error:
             result = {"message": str(error)}
         return {"seconds": time.perf_counter() - start} | result
 
-    def store(k: int, result: dict) -> None:
-        campaign.add(*crystals[k], position=first + k, **result)
-        done("modulus_gpa" in result)
+    def store(k: int, result: dict | MachineError) -> None:
+        if isinstance(result, MachineError):
+            again.append(k)
+        else:
+            campaign.add(*crystals[k], position=first + k, **result)
+            done("modulus_gpa" in result)
 
-    with ThreadPoolExecutor(worker_count(workers)) as pool:
-        left = {pool.submit(attempt, crystal): k for k, crystal in enumerate(crystals)}
-        try:
-            for future in as_completed(list(left)):
-                store(left.pop(future), future.result())
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            for future, k in left.items():
-                if not future.cancelled() and future.exception() is None:
-                    store(k, future.result())
-            raise
+    engine.map(attempt, crystals, store)
+    for k in sorted(again):
+        result = attempt(crystals[k])
+        if isinstance(result, MachineError):
+            raise result
+        store(k, result)

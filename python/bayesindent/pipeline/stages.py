@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..common.progress import Progress
 from ..core import InputError
 from ..crystal.elasticity import halfspace_modulus
 from ..inference.extract import plain
 from ..pipeline.campaign import Campaign
-from ..pipeline.simulator import new_indentation, physics_identity, simulate_into, simulator_of
-from ..program.progress import Progress
+from ..pipeline.simulator import engine_of, new_indentation, physics_identity, simulate_into, simulator_of
 from ..settings.problem import Points, Problem, read_crystals, schema
 
 __all__ = ["asked", "check", "moduli_of_three_kinds", "perform", "predict", "report"]
@@ -63,8 +63,7 @@ def simulated_rows(problem: Problem, output: Path, progress: Progress, mesh: str
         if todo:
             label = f"indentations, {mesh} mesh" if mesh else "indentations"
             with progress.bar(label, len(todo)) as advance:
-                workers = problem["execution"]["workers"]
-                simulate_into(campaign, simulator_of(problem, mesh), todo, workers, lambda success: advance(1))
+                simulate_into(campaign, simulator_of(problem, mesh), todo, engine_of(problem), lambda success: advance(1))
         return [campaign.find(*key) for key in keys], len(todo)
 
 
@@ -78,7 +77,7 @@ def theory(problem: Problem, output: Path, progress: Progress) -> dict:
 
 def build(problem: Problem, output: Path, progress: Progress) -> dict:
     """Step 1: the surrogate."""
-    from ..surrogate.build import build as build_surrogate
+    from ..pipeline.build import build as build_surrogate
 
     return build_surrogate(problem, output, progress)
 

@@ -12,8 +12,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..common.progress import Progress
 from ..core import BayesindentError, InputError
-from ..program.progress import Progress
 from ..version import __version__
 
 __all__ = ["main"]
@@ -209,9 +209,9 @@ def run_stage(arguments: argparse.Namespace) -> int:
 
 def ask_or_tell(arguments: argparse.Namespace, problem, output: Path) -> int:
     """Serve `build --ask` and `build --tell`."""
+    from ..pipeline.import_export import ask
+    from ..pipeline.import_export import tell as tell_results
     from ..settings.problem import read_crystals
-    from ..surrogate.build import ask
-    from ..surrogate.build import tell as tell_results
 
     if arguments.ask is not None:
         table = ask(problem, output, arguments.ask)

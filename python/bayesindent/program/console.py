@@ -42,8 +42,8 @@ def show_moduli(document: dict) -> None:
 
 def show_build(document: dict) -> None:
     """`build`, and `build --tell`."""
-    if "told" in document:
-        print(f"Campaign: {document['told']} results taken, {document['simulations']} simulations in all")
+    if "imported" in document:
+        print(f"Campaign: {document['imported']} results imported, {document['simulations']} simulations in all")
         return
     print(
         f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "

@@ -20,9 +20,6 @@ TRUNCATIONS = {"tensor": 1, "total": 2}
 #: Surrogates that come with the package.
 SHIPPED = ("cubic", "hexagonal")
 
-#: Points of an informative prior before alpha and beta are first learnt from the data.
-FEW = 8
-
 #: Version of the layout of surrogate.nc.
 FORMAT = 1
 

@@ -16,20 +16,15 @@ LINE_INTERVAL_S = 10.0
 
 
 class Progress:
-    """What a stage tells while it works. `Progress(enabled=False)`, the default of the library, is silent."""
+    """What a stage tells while it works. `Progress()`, the default of the library, is silent."""
 
     def __init__(self, enabled: bool = False):
         self.enabled = enabled
 
-    def note(self, text: str) -> None:
-        """Print one line."""
-        if self.enabled:
-            print(text, file=sys.stderr, flush=True)
-
     @contextmanager
     def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """Yield `advance(n)`, which counts towards `total`; it may be called from any thread."""
-        if not self.enabled:
+        if not self.enabled or total <= 0:
             yield lambda steps=1: None
         elif sys.stderr.isatty():
             columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()

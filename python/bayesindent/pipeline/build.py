@@ -1,0 +1,241 @@
+"""The loop of Step 1: choose the next simulations, perform them, store them, learn from them; see docs/surrogate.md.
+
+All results go through campaign.sqlite, so that an interrupted build goes on where it was, and a larger budget continues it.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..common.progress import Progress
+from ..common.result_files import write_csv
+from ..core import BayesindentError, InputError
+from ..crystal.elasticity import CONSTANTS, halfspace_modulus, stiffness_rows
+from ..pipeline.campaign import IMPORTED, Campaign
+from ..pipeline.simulator import engine_of, physics_identity, simulate_into, simulator_of
+from ..pipeline.validation import validate
+from ..surrogate.candidates import candidates_of, outside
+from ..surrogate.choice import Choice, initial_set
+from ..surrogate.domain import DEFAULT_BOUNDS, Domain
+from ..surrogate.learning import Learning
+from ..surrogate.scan import scan_pairs, scan_truncations
+from ..surrogate.stopping import why_to_stop
+from ..surrogate.surrogate import SHIPPED, Basis
+
+__all__ = ["Loop", "build"]
+
+
+def build(problem, output, progress: Progress | None = None) -> dict:
+    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
+    with Loop(problem, Path(output), progress) as loop:
+        return loop.run()
+
+
+class Loop:
+    """One build: what may be chosen, what was learnt, and the campaign; `unused` are rows that the budget leaves over."""
+
+    def __init__(self, problem, output: Path, progress: Progress | None = None):
+        self.problem, self.output, self.progress = problem, output, progress or Progress()
+        self.symmetry, design = problem["problem"]["symmetry"], problem["design"]
+        self.domain = domain_of(problem)
+        basis = basis_of(problem, self.domain)
+        refuse(problem, basis)
+        self.engine = engine_of(problem)
+        candidates, self.warnings = candidates_of(problem, self.domain, basis)
+        schedule = {name: design[name] for name in ("initial", "budget", "batch", "refit")}
+        self.learning = Learning(basis, self.domain, problem["surrogate"]["prior"], **schedule)
+        initial = initial_set(candidates, design["initial_set"], design["initial"])
+        self.choice = Choice(candidates, self.learning.design, initial, design["variance_of"], self.engine.workers)
+        self.n_failed = self.n_new = 0
+        self.unused, self.simulate = [], None
+        self.campaign = Campaign(output / "campaign.sqlite", physics_identity(problem))
+        others = self.campaign.other_physics()
+        if others and not self.campaign.rows(self.symmetry):
+            self.warnings.append(f"{self.campaign.path} holds only simulations of another physics ({others[0]}); they are not used here")
+
+    def __enter__(self) -> "Loop":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.campaign.close()
+
+    def run(self) -> dict:
+        """Until the target, the budget, or no candidate is left; then the surrogate, its errors, and the validation set."""
+        learning, budget = self.learning, self.learning.budget
+        self.replay()
+        stopped = self.stopped()
+        with self.progress.bar("simulations", max(0, budget - learning.n)) as advance:
+            while not stopped and learning.n < budget and self.choice.left:
+                if self.step(advance) and self.n_failed > max(10, budget):
+                    raise BayesindentError(f"{self.n_failed} simulations failed, more than the budget; the last: {self.last_message()}")
+                stopped = self.stopped()
+        if learning.n < budget and not stopped:
+            self.warnings.append(f"no candidate is left after {learning.n} simulations; raise &design n_candidates to go on")
+        if learning.n < 2:
+            raise BayesindentError("there are fewer than two simulations to learn from")
+        if not learning.history or learning.history[-1]["simulations"] < learning.n:
+            learning.refit()
+        return self.conclude(stopped or "the budget is used")
+
+    def replay(self) -> None:
+        """Learn from the rows of the campaign as they were learnt from when they were made."""
+        rows, learning, start = self.stored_rows(), self.learning, 0
+        while start < len(rows) and learning.n < learning.budget and not self.stopped():
+            end = learning.batch_end()
+            part = rows[start : start + end - learning.n]
+            start += len(part)
+            learning.learn([r.constants for r in part], [r.euler_deg for r in part], [r.modulus_gpa for r in part], chosen=False)
+            if learning.n == end:
+                learning.close_batch()
+        learning.design.settle(exactly=True)
+        self.unused = rows[start:]
+
+    def stored_rows(self) -> list:
+        """Rows of the campaign that are data from the start, in order of choice."""
+        rows = self.campaign.rows(self.symmetry)
+        if self.problem["design"]["reuse"] == "chosen":
+            rows = [row for row in rows if row.origin == IMPORTED]
+        self.choice.exclude(self.choice.candidates.find(rows))
+        self.n_failed = sum(row.modulus_gpa is None for row in rows)
+        done = [row for row in rows if row.modulus_gpa is not None]
+        if not done:
+            return []
+        beyond = outside([row.constants for row in done], self.domain, self.learning.basis)
+        if beyond.any():
+            self.warnings.append(f"{beyond.sum()} simulations of the campaign are outside the surrogate's domain and are not used")
+        return [row for row, out in zip(done, beyond, strict=True) if not out]
+
+    def step(self, advance) -> bool:
+        """One batch, or the rest of it; says whether a simulation failed."""
+        learning, candidates = self.learning, self.choice.candidates
+        end = learning.batch_end()
+        numbers, by_variance = self.choice.next(min(end - learning.n, len(self.choice.left)))
+        modulus = self.perform(numbers, advance)
+        done = np.isfinite(modulus)
+        learning.learn(candidates.constants[numbers[done]], candidates.euler_deg[numbers[done]], modulus[done], chosen=by_variance)
+        exactly = not done.all() or not by_variance
+        if learning.n == end:
+            learning.close_batch(exactly)
+        else:
+            learning.design.settle(exactly)
+        return not done.all()
+
+    def perform(self, numbers, advance) -> np.ndarray:
+        """Moduli of candidates (NaN where the simulation failed): from the campaign, or simulated and stored one by one."""
+        points = [(self.symmetry, *point) for point in self.choice.candidates.points(numbers)]
+        rows = [self.campaign.find(*point) for point in points]
+        todo = [point for point, row in zip(points, rows, strict=True) if row is None]
+        advance(sum(row is not None and row.modulus_gpa is not None for row in rows))
+        if todo:
+            self.simulate = self.simulate or simulator_of(self.problem)
+            simulate_into(self.campaign, self.simulate, todo, self.engine, lambda success: advance(int(success)))
+            self.n_new += len(todo)
+            rows = [self.campaign.find(*point) for point in points]
+        modulus = np.array([row.modulus_gpa for row in rows], dtype=float)
+        self.n_failed += int(np.isnan(modulus).sum())
+        return modulus
+
+    def stopped(self) -> str:
+        """Why to stop before the budget, or nothing."""
+        learning, design = self.learning, self.problem["design"]
+        if not learning.history or learning.n < max(learning.first, learning.least):
+            return ""
+        return why_to_stop(learning.history, learning.n, design["target_gpa"], design["patience"])
+
+    def last_message(self) -> str:
+        """Why the last simulation failed."""
+        return next((row.message for row in reversed(self.campaign.rows(self.symmetry)) if row.modulus_gpa is None), "")
+
+    def conclude(self, stopped: str) -> dict:
+        """Write the surrogate and say how good it is."""
+        problem, learning = self.problem, self.learning
+        last = learning.history[-1]
+        physics = json.dumps(physics_identity(problem), sort_keys=True)
+        errors = {name: last[name] for name in ("loocv_gpa", "leave_crystal_out_gpa")}
+        surrogate = learning.surrogate(
+            title=f"surrogate of the indentation modulus of {self.symmetry} crystals",
+            physics=physics,
+            simulations=learning.n,
+            seed=problem["problem"]["seed"],
+            **errors,
+            namelist=without_folders(problem),
+        )
+        file = self.output / problem["surrogate"]["file"]
+        surrogate.save(file)
+        self.export(physics)
+        document = {
+            "simulations": learning.n,
+            "terms": learning.basis.n_terms,
+            **errors,
+            "alpha": learning.alpha,
+            "beta": learning.beta,
+            "log_evidence": learning.evidence,
+            "next_gpa": last["next_gpa"],
+            "sd_inflation": surrogate.sd_inflation,
+            "stopped": stopped,
+            "baselines": baselines(self.symmetry, surrogate.data),
+            "history": learning.history,
+            "file": str(file),
+        }
+        if problem["surrogate"]["scan"]:
+            pairs = scan_pairs(problem["surrogate"]["scan"])
+            with self.progress.bar("truncations", len(pairs)) as advance:
+                document["scan"] = scan_truncations(learning, pairs, advance)
+        if problem["design"]["validation"]:
+            document["validation"] = validate(self, surrogate, problem["design"]["validation"])
+        return document | {"new_simulations": self.n_new, "failed": self.n_failed, "warnings": self.warnings}
+
+    def export(self, physics: str) -> None:
+        """Write simulations.csv, to the last bit: what the surrogate has learnt from, for the batch program and for people."""
+        header = [*CONSTANTS[self.symmetry], "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa"]
+        rows = [[*constants, *euler_deg, modulus] for constants, euler_deg, modulus in self.learning.points]
+        write_csv(self.output / "simulations.csv", header, rows, comment=f"physics: {physics}")
+
+
+def domain_of(problem) -> Domain:
+    """The crystals that the surrogate of a problem is to cover."""
+    symmetry = problem["problem"]["symmetry"]
+    stated = problem.get("domain", {})
+    names = ("c_min", "c_max", "anisotropy_cap")
+    low, high, cap = (
+        default if stated.get(name) is None else stated[name] for name, default in zip(names, DEFAULT_BOUNDS[symmetry], strict=True)
+    )
+    return Domain(symmetry, tuple(map(float, low)), tuple(map(float, high)), float(cap))
+
+
+def basis_of(problem, domain: Domain) -> Basis:
+    """The basis of the surrogate of a problem."""
+    coordinates, *size = (problem["surrogate"][name] for name in ("coordinates", "truncation", "degree", "bandlimit"))
+    return Basis(domain.symmetry, coordinates, *size, *domain.ranges(coordinates))
+
+
+def refuse(problem, basis: Basis) -> None:
+    """Refuse what cannot be meant."""
+    budget, file = problem["design"]["budget"], problem["surrogate"]["file"]
+    if problem["surrogate"]["prior"] == "zero" and budget < basis.n_terms:
+        raise InputError(
+            f"{problem.path}: &design budget: {budget} simulations are fewer than the {basis.n_terms} terms of the surrogate, which "
+            f"a flat prior cannot make up for; allowed: {basis.n_terms} or more, or a lower degree or bandlimit, or prior = 'theory'"
+        )
+    if file in SHIPPED:
+        raise InputError(
+            f"{problem.path}: &surrogate file: '{file}' is a surrogate that comes with the package; build writes its own file, for "
+            "example surrogate.nc"
+        )
+
+
+def baselines(symmetry: str, data: dict) -> dict:
+    """Mean absolute errors in GPa, on the same simulations, of the theory alone and of the theory times one ratio."""
+    theory, modulus = halfspace_modulus(stiffness_rows(symmetry, data["constants"]), data["euler_deg"]), data["modulus_gpa"]
+    ratio = np.exp(np.mean(np.log(modulus / theory)))
+    return {
+        "theory_gpa": float(np.mean(np.abs(theory - modulus))),
+        "ratio": float(ratio),
+        "theory_times_ratio_gpa": float(np.mean(np.abs(ratio * theory - modulus))),
+    }
+
+
+def without_folders(problem) -> str:
+    """The resolved namelist; the file that it came from by its name alone, since a surrogate travels between machines."""
+    return problem.resolved.replace(str(problem.path), problem.path.name) if problem.path else problem.resolved

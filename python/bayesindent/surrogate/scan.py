@@ -1,0 +1,50 @@
+"""Other truncations of the basis on the same simulations (Figs. 1 and 6)."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..core import InputError
+from ..surrogate.learning import Learning, left_out
+from ..surrogate.surrogate import Basis, new_design
+
+__all__ = ["scan_pairs", "scan_truncations"]
+
+#: Numbers of simulations at which the error is computed.
+COUNTS = 6
+
+
+def scan_pairs(text: str) -> list[tuple[int, int]]:
+    """The pairs of '1, 2, 3 x 8, 10, 12': degrees, then bandlimits."""
+    try:
+        degrees, bandlimits = ([int(word) for word in part.replace(",", " ").split()] for part in text.lower().split("x"))
+    except ValueError:
+        raise InputError(f"&surrogate scan: '{text}' is not of the form '1, 2, 3 x 8, 10, 12' (degrees x bandlimits)") from None
+    return [(degree, bandlimit) for degree in degrees for bandlimit in bandlimits]
+
+
+def scan_truncations(learning: Learning, pairs: list[tuple[int, int]], advance: Callable[[int], None]) -> list[dict]:
+    """Evidence and leave-one-out errors of pairs of degree and bandlimit, as the number of simulations grows."""
+    counts = np.unique(np.linspace(learning.first, learning.n, COUNTS).astype(int))
+    result = []
+    for degree, bandlimit in pairs:
+        own = learning.basis
+        basis = Basis(own.symmetry, own.coordinates, own.truncation, degree, bandlimit, own.lower, own.upper)
+        result.append({"degree": degree, "bandlimit": bandlimit, "terms": basis.n_terms, **learnt(basis, learning, counts)})
+        advance(1)
+    return result
+
+
+def learnt(basis: Basis, learning: Learning, counts) -> dict:
+    """What another basis learns from the first simulations, by their number."""
+    data = learning.data
+    terms, scale = basis.terms(data["constants"], data["euler_deg"])
+    y = basis.to_y(data["modulus_gpa"], scale)
+    design, before, errors = new_design(basis, learning.domain, learning.prior), 0, []
+    for count in counts:
+        design.add(terms[:, before:count], y[before:count])
+        alpha, beta, evidence = design.fit()
+        errors.append(left_out(basis, design, {name: values[:count] for name, values in data.items()}, np.arange(count))[0])
+        before = count
+    curve = {"simulations": counts.tolist(), "loocv_gpa": errors}
+    return {"log_evidence": evidence, "loocv_gpa": errors[-1], "alpha": alpha, "beta": beta, "curve": curve}
