@@ -130,25 +130,29 @@ subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals
    handle = posterior_to_handle(posterior)
 end subroutine calibration_new
 
-!> Run the chains; method 1 is 'ensemble', 2 is 'scmh'.
+!> Run the chains of a sampler.
 subroutine calibration_sample(handle, parameters, method, samples, burn_in, chains, threads, seed, draws, log_density, &
    & acceptance, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_posterior, only: posterior_from_handle
    use errors, only: error_type, error_to_status
-   use samplers, only: chains_type, sample_chains, sampler_type
+   use abstract_sampler, only: sampler_type
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: parameters, method, samples, burn_in, chains, threads, seed
+   integer(c_int), intent(in) :: parameters, samples, burn_in, chains, threads, seed
+   character(len=*), intent(in) :: method
    real(c_double), intent(out) :: draws(parameters, samples, chains), log_density(samples, chains), acceptance(chains)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
+   class(sampler_type), allocatable :: sampler
    type(chains_type) :: result
    type(error_type), allocatable :: error
 
-   call sample_chains(posterior_from_handle(handle), sampler_type(method, samples, burn_in, chains, threads, seed), result, &
-      & error)
+   call new_sampler(method, burn_in, sampler, error)
+   if (.not. allocated(error)) call sample_chains(posterior_from_handle(handle), sampler, &
+      & run_settings_type(samples, chains, threads, seed), result, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    draws = result%draws

@@ -1,6 +1,7 @@
 !> The last stage of the batch program: samples of the constants behind the measured moduli.
 module batch_sample
    use, intrinsic :: iso_fortran_env, only: error_unit
+   use abstract_sampler, only: sampler_type
    use batch_stages, only: fits_surrogate, surrogate_name, worker_count
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: kind_from_name, likelihood_type, new_posterior, posterior_type
@@ -12,7 +13,7 @@ module batch_sample
    use kinds, only: degree, wp
    use namelist_file, only: place
    use problem, only: problem_type
-   use samplers, only: chains_type, method_from_name, sample_chains, sampler_type
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_model, only: load_surrogate, surrogate_type
    use text, only: join, to_text
    implicit none
@@ -52,10 +53,16 @@ contains
       type(posterior_type) :: posterior
       type(chains_type) :: chains
       type(diagnostics_type), allocatable :: diagnostics(:)
+      class(sampler_type), allocatable :: sampler
+      character(len=:), allocatable :: method
+      integer :: burn_in
 
       call posterior_of(self, output, posterior, error)
       if (allocated(error)) return
-      call sample_chains(posterior, sampler_of(self), chains, error)
+      call self%get('sampler', 'method', method)
+      call self%get('sampler', 'burn_in', burn_in)
+      call new_sampler(method, burn_in, sampler, error)
+      if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_of(self), chains, error)
       if (allocated(error)) then
          error%message = place(self%path, 'prior', '')//error%message
          return
@@ -211,19 +218,15 @@ contains
       likelihood%surrogate_uncertainty = word == 'full'
    end function likelihood_of
 
-   function sampler_of(self) result(sampler)
+   function run_settings_of(self) result(settings)
       type(problem_type), intent(in) :: self
-      type(sampler_type) :: sampler
-      character(len=:), allocatable :: word
+      type(run_settings_type) :: settings
 
-      call self%get('sampler', 'method', word)
-      sampler%method = method_from_name(word)
-      call self%get('sampler', 'samples', sampler%samples)
-      call self%get('sampler', 'burn_in', sampler%burn_in)
-      call self%get('sampler', 'chains', sampler%chains)
-      call self%get('problem', 'seed', sampler%seed)
-      sampler%threads = worker_count(self)
-   end function sampler_of
+      call self%get('sampler', 'samples', settings%samples)
+      call self%get('sampler', 'chains', settings%chains)
+      call self%get('problem', 'seed', settings%seed)
+      settings%threads = worker_count(self)
+   end function run_settings_of
 
    !> Names of the parameters: the constants, then the factor on the sds where that is inferred.
    function parameter_names(self, n) result(names)

@@ -33,6 +33,7 @@ end module known_targets
 
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, derived quantities, gains of measurements.
 program test_calibration
+   use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use crystal_elasticity, only: averages_type, new_stiffness, polycrystal_averages, symmetry_cubic, symmetry_hexagonal
@@ -44,7 +45,7 @@ program test_calibration
    use next_measurement, only: expected_gains
    use polynomial_products, only: covariance_polynomial, evaluate_products, new_products, products_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, method_ensemble, method_scmh, sample_chains, sampler_type
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
       & truncation_tensor, truncation_total
    use testing, only: check, check_close, check_success, finish
@@ -58,8 +59,8 @@ program test_calibration
       & [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp])
    call test_mixture()
    ! Some four standard errors of chains that are worth a few thousand independent draws.
-   call test_sampler('ensemble', method_ensemble, 20000, 20000, 0.05_wp)
-   call test_sampler('scmh', method_scmh, 200000, 5000, 0.05_wp)
+   call test_sampler('ensemble', 20000, 20000, 0.05_wp)
+   call test_sampler('scmh', 200000, 5000, 0.05_wp)
    call test_diagnostics()
    call test_quantities()
    call test_gains()
@@ -178,11 +179,12 @@ contains
    end subroutine test_mixture
 
    !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
-   subroutine test_sampler(name, method, samples, burn_in, tolerance)
+   subroutine test_sampler(name, samples, burn_in, tolerance)
       character(len=*), intent(in) :: name
-      integer, intent(in) :: method, samples, burn_in
+      integer, intent(in) :: samples, burn_in
       real(wp), intent(in) :: tolerance
       type(banana_type) :: banana
+      class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains, other
       type(error_type), allocatable :: error
       real(wp) :: mass, mean, square
@@ -192,7 +194,9 @@ contains
       banana%dimension = 3
       banana%lower = [a, -10.0_wp, -5.0_wp]
       banana%upper = [b, 10.0_wp, 5.0_wp]
-      call sample_chains(banana, sampler_type(method, samples, burn_in, 4, 1, 7), chains, error)
+      call new_sampler(name, burn_in, sampler, error)
+      call check_success(name//': is known', error)
+      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error)
       call check_success(name//': chains', error)
       mass = 0.5_wp*(erf(b/sqrt(2.0_wp)) - erf(a/sqrt(2.0_wp)))
       mean = (normal_density(a) - normal_density(b))/mass
@@ -203,10 +207,10 @@ contains
       call check_close(name//': variance across it', average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), &
          & 0.01_wp, 0.1_wp*tolerance)
       call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, 2.0_wp*tolerance)
-      if (method == method_scmh) call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
+      if (name == 'scmh') call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
          & 0.03_wp)
       do threads = 2, 4, 2
-         call sample_chains(banana, sampler_type(method, samples, burn_in, 4, threads, 7), other, error)
+         call sample_chains(banana, sampler, run_settings_type(samples, 4, threads, 7), other, error)
          call check(name//': the same to the bit on more threads', all(other%draws == chains%draws) .and. &
             & all(other%log_density == chains%log_density))
       end do

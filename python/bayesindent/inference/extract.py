@@ -21,7 +21,7 @@ from ..inference.verdicts import orientation_verdicts, verdicts
 __all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "check_stage", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
 
 #: The numbers the core gives methods and kinds of modulus.
-METHODS = {"ensemble": 1, "scmh": 2}
+METHODS = ("ensemble", "scmh")
 MODULUS_KINDS = {"indentation_modulus": 1, "effective_modulus": 2, "sample_modulus": 3}
 
 #: Samples of a chain before it is kept, where none are asked for.
@@ -146,7 +146,7 @@ class Posterior:
         if method not in METHODS:
             raise InputError(f"method: '{method}' is unknown; allowed: {', '.join(METHODS)}")
         draws, density, acceptance, status, message = native.calibration_sample(
-            self._handle, self.dimension, METHODS[method], samples, burn_in, chains, threads, seed
+            self._handle, self.dimension, method, samples, burn_in, chains, threads, seed
         )
         check(status, message)
         return np.ascontiguousarray(np.moveaxis(draws, 0, -1).swapaxes(0, 1)), np.ascontiguousarray(density.T), acceptance

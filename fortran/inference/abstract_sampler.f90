@@ -1,0 +1,59 @@
+!> What a sampler is: it makes one chain of a target from one random stream.
+module abstract_sampler
+   use kinds, only: wp
+   use random, only: random_stream_type
+   use sampling_target, only: target_type
+   implicit none
+   private
+   public :: sampler_type, draw_uniform
+
+   type, abstract :: sampler_type
+      !> Sweeps before the samples that are kept: as many evaluations of the density each as there are parameters.
+      integer :: burn_in = 0
+   contains
+      procedure(run_interface), deferred :: run
+   end type sampler_type
+
+   abstract interface
+      !> One chain; threads call it at the same time.
+      subroutine run_interface(self, target, stream, draws, log_density, acceptance, started)
+         import :: random_stream_type, sampler_type, target_type, wp
+         class(sampler_type), intent(in) :: self
+         class(target_type), intent(in) :: target
+         type(random_stream_type), intent(inout) :: stream
+         !> draws(parameter, sample) and their log densities.
+         real(wp), intent(out) :: draws(:, :), log_density(:)
+         !> Share of accepted proposals.
+         real(wp), intent(out) :: acceptance
+         !> Whether a point of the support with a finite density was found; else nothing is done.
+         logical, intent(out) :: started
+      end subroutine run_interface
+   end interface
+
+contains
+
+   !> Points uniform in the support, with their log densities; `found` may be fewer than asked for.
+   subroutine draw_uniform(target, stream, points, density, found)
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      !> (parameter, point), (point).
+      real(wp), intent(out) :: points(:, :), density(:)
+      integer, intent(out) :: found
+      real(wp) :: x(target%dimension), u
+      integer :: i, attempt
+
+      found = 0
+      do attempt = 1, 20000*size(density)
+         do i = 1, target%dimension
+            call stream%uniform(u)
+            x(i) = target%lower(i) + u*(target%upper(i) - target%lower(i))
+         end do
+         if (.not. target%admits(x)) cycle
+         found = found + 1
+         points(:, found) = x
+         density(found) = target%log_density(x)
+         if (.not. density(found) > -huge(1.0_wp)) found = found - 1
+         if (found == size(density)) exit
+      end do
+   end subroutine draw_uniform
+end module abstract_sampler

@@ -1,0 +1,88 @@
+!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd of
+!> each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
+module scmh_sampler
+   use kinds, only: wp
+   use random, only: random_stream_type
+   use abstract_sampler, only: draw_uniform, sampler_type
+   use sampling_target, only: target_type
+   implicit none
+   private
+   public :: scmh_sampler_type
+
+   !> Acceptance that the paper tunes each component to.
+   real(wp), parameter :: wanted_acceptance = 0.23_wp
+
+   type, extends(sampler_type) :: scmh_sampler_type
+   contains
+      procedure :: run
+   end type scmh_sampler_type
+
+contains
+
+   !> The start is one of the ten best of a hundred points drawn from the support.
+   subroutine run(self, target, stream, draws, log_density, acceptance, started)
+      class(scmh_sampler_type), intent(in) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      !> (parameter, sample), (sample).
+      real(wp), intent(out) :: draws(:, :), log_density(:)
+      !> Share of accepted steps of single parameters.
+      real(wp), intent(out) :: acceptance
+      logical, intent(out) :: started
+      real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
+      real(wp) :: step(target%dimension), total(target%dimension)
+      real(wp) :: proposed, current, kept, u, z
+      integer :: sweep, j, found, accepted, best, pick, samples
+      logical :: accept
+
+      samples = size(log_density)
+      acceptance = 0.0_wp
+      call draw_uniform(target, stream, starts, start_density, found)
+      started = found > 0
+      if (.not. started) return
+      call stream%pick(min(10, found), pick)
+      best = 1
+      do j = 1, pick
+         best = maxloc(start_density(:found), dim=1)
+         if (j < pick) start_density(best) = -huge(1.0_wp)
+      end do
+      x = starts(:, best)
+      current = start_density(best)
+      step = 0.1_wp*(target%upper - target%lower)
+      total = 0.0_wp
+      accepted = 0
+      do sweep = 1 - self%burn_in, samples
+         do j = 1, target%dimension
+            kept = x(j)
+            call stream%normal(z)
+            call stream%uniform(u)
+            x(j) = kept + step(j)*z
+            accept = .false.
+            if (target%admits(x)) then
+               proposed = target%log_density(x)
+               accept = log(u) < proposed - current
+            end if
+            if (accept) then
+               current = proposed
+               if (sweep > 0) accepted = accepted + 1
+            else
+               x(j) = kept
+            end if
+            if (sweep <= 0) then
+               ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes on.
+               u = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
+               step(j) = step(j)*exp(u*(merge(1.0_wp, 0.0_wp, accept) - wanted_acceptance))
+               step(j) = min(step(j), 10.0_wp*(target%upper(j) - target%lower(j)))
+               if (2*sweep > -self%burn_in) total(j) = total(j) + log(step(j))
+            end if
+         end do
+         ! The chain keeps the mean over the second half, which wanders less than the last value.
+         if (sweep == 0 .and. self%burn_in > 1) step = exp(total/((self%burn_in + 1)/2))
+         if (sweep > 0) then
+            draws(:, sweep) = x
+            log_density(sweep) = current
+         end if
+      end do
+      acceptance = real(accepted, wp)/(real(samples, wp)*target%dimension)
+   end subroutine run
+end module scmh_sampler
