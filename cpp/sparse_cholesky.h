@@ -10,35 +10,35 @@
 
 extern "C" {
 
-enum sparse_cholesky_status {
-  sparse_cholesky_ok = 0,
-  sparse_cholesky_indefinite = 1,
-  sparse_cholesky_no_memory = 2,
-  sparse_cholesky_bad_input = 3,
-  sparse_cholesky_internal = 4
+enum bayesindent_cholesky_status {
+  bayesindent_cholesky_ok = 0,
+  bayesindent_cholesky_indefinite = 1,
+  bayesindent_cholesky_no_memory = 2,
+  bayesindent_cholesky_bad_input = 3,
+  bayesindent_cholesky_internal = 4
 };
 
 // `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of a node share their neighbours, and the ordering
 // works on nodes. Returns null on failure, with the reason in `status`.
-void *sparse_cholesky_new(std::int32_t n, const std::int32_t *column_start, const std::int32_t *row, const std::int32_t *group,
-                          std::int32_t kept, std::int32_t *status);
-void sparse_cholesky_delete(void *analysis);
+void *bayesindent_cholesky_new(std::int32_t n, const std::int32_t *column_start, const std::int32_t *row, const std::int32_t *group,
+                               std::int32_t kept, std::int32_t *status);
+void bayesindent_cholesky_delete(void *analysis);
 
 // Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
-void sparse_cholesky_size(const void *analysis, double *entries, double *operations, double *bytes);
+void bayesindent_cholesky_size(const void *analysis, double *entries, double *operations, double *bytes);
 
-// Returns null where memory does not suffice. A released workspace is used again by the next acquire.
-void *sparse_cholesky_acquire(void *analysis);
-void sparse_cholesky_release(void *analysis, void *workspace);
+// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where memory does not suffice.
+void *bayesindent_cholesky_acquire(void *analysis, double free_bytes);
+void bayesindent_cholesky_release(void *analysis, void *workspace);
 
 // Factor the matrix with these values (order of `row`). On `indefinite`, `unknown` is the 0-based unknown whose pivot failed.
-std::int32_t sparse_cholesky_factor(const void *analysis, void *workspace, const double *values, std::int32_t *unknown);
+std::int32_t bayesindent_cholesky_factor(const void *analysis, void *workspace, const double *values, std::int32_t *unknown);
 
 // The lower Cholesky factor (kept x kept, column-major, zeros above) of the Schur complement of the kept unknowns.
-void sparse_cholesky_kept_factor(const void *analysis, const void *workspace, double *factor);
+void bayesindent_cholesky_kept_factor(const void *analysis, const void *workspace, double *factor);
 
-// Overwrite the `count` columns of `x` (n x count, column-major) with the solutions.
-void sparse_cholesky_solve(const void *analysis, void *workspace, std::int32_t count, double *x);
+// Overwrite the right-hand side `x` with the solution.
+void bayesindent_cholesky_solve(const void *analysis, void *workspace, double *x);
 }
 
 #endif

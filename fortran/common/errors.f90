@@ -5,13 +5,16 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, error_to_status, exit_failure, exit_bad_input
+   public :: error_type, raise, error_to_status, exit_status, exit_failure, exit_bad_input, machine_failure
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
 
+   !> The machine could not do the work (memory, disk): no result about its subject; programs end with `exit_failure`.
+   integer, parameter :: machine_failure = 3
+
    type :: error_type
-      !> `exit_bad_input` if the user's input is at fault, else `exit_failure`.
+      !> `exit_bad_input` if the user's input is at fault, `machine_failure` if the machine is, else `exit_failure`.
       integer :: status = exit_failure
       !> One line: what is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
@@ -29,6 +32,13 @@ contains
       error%message = message
       if (present(status)) error%status = status
    end subroutine raise
+
+   !> With which status a program ends on an error.
+   pure integer function exit_status(error)
+      type(error_type), intent(in) :: error
+
+      exit_status = merge(exit_bad_input, exit_failure, error%status == exit_bad_input)
+   end function exit_status
 
    !> The error for callers that know no Fortran types: its status and message, or 0 and blanks.
    pure subroutine error_to_status(error, status, message)

@@ -443,13 +443,13 @@ contains
       type(factor_type), intent(inout) :: factor
       real(wp), intent(in) :: force(:)
       real(wp), allocatable, intent(out) :: u(:, :)
-      real(wp), allocatable :: x(:, :)
+      real(wp), allocatable :: x(:)
 
-      allocate (x(grid%assembly%unknowns, 1), source=0.0_wp)
-      x(grid%assembly%unknowns - grid%assembly%kept + 1:, 1) = -force
+      allocate (x(grid%assembly%unknowns), source=0.0_wp)
+      x(grid%assembly%unknowns - grid%assembly%kept + 1:) = -force
       call solve_factored(grid%cholesky, factor, x)
       allocate (u(3, size(grid%mesh%x, 2)))
-      call expand_displacement(grid%mesh, grid%assembly, x(:, 1), u)
+      call expand_displacement(grid%mesh, grid%assembly, x, u)
    end subroutine solve_displacement
 
    !> Displacement of the nodes of the finest mesh at one depth.

@@ -3,6 +3,7 @@ module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise
    use kinds, only: wp
+   use memory, only: check_memory, free_memory, memory_text, raise_no_memory
    use text, only: to_text
    implicit none
    private
@@ -27,47 +28,47 @@ module sparse_cholesky
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 
    interface
-      function c_new(n, column_start, row, group, kept, status) bind(c, name='sparse_cholesky_new') result(handle)
+      function c_new(n, column_start, row, group, kept, status) bind(c, name='bayesindent_cholesky_new') result(handle)
          import :: c_int32_t, c_ptr
          integer(c_int32_t), value :: n, kept
          integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
          integer(c_int32_t), intent(out) :: status
          type(c_ptr) :: handle
       end function c_new
-      subroutine c_delete(analysis) bind(c, name='sparse_cholesky_delete')
+      subroutine c_delete(analysis) bind(c, name='bayesindent_cholesky_delete')
          import :: c_ptr
          type(c_ptr), value :: analysis
       end subroutine c_delete
-      subroutine c_size(analysis, entries, operations, bytes) bind(c, name='sparse_cholesky_size')
+      subroutine c_size(analysis, entries, operations, bytes) bind(c, name='bayesindent_cholesky_size')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis
          real(c_double), intent(out) :: entries, operations, bytes
       end subroutine c_size
-      function c_acquire(analysis) bind(c, name='sparse_cholesky_acquire') result(handle)
-         import :: c_ptr
+      function c_acquire(analysis, free_bytes) bind(c, name='bayesindent_cholesky_acquire') result(handle)
+         import :: c_double, c_ptr
          type(c_ptr), value :: analysis
+         real(c_double), value :: free_bytes
          type(c_ptr) :: handle
       end function c_acquire
-      subroutine c_release(analysis, workspace) bind(c, name='sparse_cholesky_release')
+      subroutine c_release(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
          import :: c_ptr
          type(c_ptr), value :: analysis, workspace
       end subroutine c_release
-      function c_factor(analysis, workspace, values, unknown) bind(c, name='sparse_cholesky_factor') result(status)
+      function c_factor(analysis, workspace, values, unknown) bind(c, name='bayesindent_cholesky_factor') result(status)
          import :: c_double, c_int32_t, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(in) :: values(*)
          integer(c_int32_t), intent(out) :: unknown
          integer(c_int32_t) :: status
       end function c_factor
-      subroutine c_kept_factor(analysis, workspace, factor) bind(c, name='sparse_cholesky_kept_factor')
+      subroutine c_kept_factor(analysis, workspace, factor) bind(c, name='bayesindent_cholesky_kept_factor')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
       end subroutine c_kept_factor
-      subroutine c_solve(analysis, workspace, count, x) bind(c, name='sparse_cholesky_solve')
-         import :: c_double, c_int32_t, c_ptr
+      subroutine c_solve(analysis, workspace, x) bind(c, name='bayesindent_cholesky_solve')
+         import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
-         integer(c_int32_t), value :: count
          real(c_double), intent(inout) :: x(*)
       end subroutine c_solve
    end interface
@@ -88,13 +89,15 @@ contains
       cholesky%kept = kept
       cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, kept, status)
       if (status == status_no_memory) then
-         call raise(error, 'too little memory to factor a system of '//to_text(cholesky%n)//' unknowns')
+         call raise_no_memory('the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       else if (status /= status_ok) then
          call raise(error, 'the sparsity pattern of '//to_text(cholesky%n)//' unknowns could not be analysed (status ' &
             & //to_text(int(status))//')')
       end if
       if (allocated(error)) return
       call c_size(cholesky%handle, cholesky%entries, cholesky%operations, cholesky%bytes)
+      call check_memory(cholesky%bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
+      if (allocated(error)) call free_analysis(cholesky)
    end subroutine analyse_pattern
 
    subroutine free_analysis(cholesky)
@@ -110,9 +113,12 @@ contains
       type(factor_type), intent(out) :: factor
       type(error_type), allocatable, intent(out) :: error
 
-      factor%handle = c_acquire(cholesky%handle)
-      if (.not. c_associated(factor%handle)) call raise(error, 'too little memory for a factor of ' &
-         & //to_text(1.0e-6_wp*cholesky%bytes)//' MB')
+      ! What is free now is so only until the next thread has taken its share.
+      !$omp critical (sparse_cholesky)
+      factor%handle = c_acquire(cholesky%handle, free_memory())
+      !$omp end critical (sparse_cholesky)
+      if (.not. c_associated(factor%handle)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
+         & //'; fewer workers or a lower refine need less', error)
    end subroutine acquire_factor
 
    subroutine release_factor(cholesky, factor)
@@ -146,12 +152,12 @@ contains
       call c_kept_factor(cholesky%handle, factor%handle, lower)
    end subroutine kept_factor
 
-   !> Overwrite the columns of `x` with the solutions.
+   !> Overwrite a right-hand side (unknowns) with the solution.
    subroutine solve_factored(cholesky, factor, x)
       type(cholesky_type), intent(in) :: cholesky
       type(factor_type), intent(inout) :: factor
-      real(wp), intent(inout), contiguous :: x(:, :)
+      real(wp), intent(inout), contiguous :: x(:)
 
-      call c_solve(cholesky%handle, factor%handle, size(x, 2), x)
+      call c_solve(cholesky%handle, factor%handle, x)
    end subroutine solve_factored
 end module sparse_cholesky

@@ -3,7 +3,7 @@ program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use batch_sample, only: check_sampling, sample_constants
    use batch_stages, only: fit_simulations, fits_surrogate, simulate_crystals
-   use errors, only: error_type, exit_bad_input
+   use errors, only: error_type, exit_bad_input, exit_status
    use files, only: make_folder, replace_file
    use namelist_schema, only: schema_markdown
    use problem, only: new_problem, problem_type
@@ -113,7 +113,7 @@ contains
 
       if (.not. allocated(error)) return
       write (error_unit, '(a)') error%message
-      call end_process(error%status)
+      call end_process(exit_status(error))
    end subroutine stop_on
 
    subroutine refuse_usage(reason)

@@ -1,6 +1,6 @@
 """Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains."""
 
-from .core import BayesindentError, InputError
+from .core import BayesindentError, InputError, MachineError
 from .crystal.elasticity import anisotropy_index, halfspace_modulus, stiffness
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, quantities, summary
@@ -15,6 +15,7 @@ __all__ = [
     "Indentation",
     "IndentationResult",
     "InputError",
+    "MachineError",
     "Problem",
     "Surrogate",
     "anisotropy_index",

@@ -319,7 +319,9 @@ contains
          end do
       end do
       b = matmul(dense, x)
-      call solve_factored(cholesky, factor, b)
+      do j = 1, 2
+         call solve_factored(cholesky, factor, b(:, j))
+      end do
       call check('solution of two right-hand sides', maxval(abs(b - x)) < 1.0e-12_wp, to_text(maxval(abs(b - x))))
       call kept_factor(cholesky, factor, schur)
       lower = dense

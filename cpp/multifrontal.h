@@ -1,0 +1,89 @@
+// Multifrontal Cholesky factorisation over CHOLMOD's symbolic analysis: the analysis of a pattern, and workspaces for numbers.
+#ifndef BAYESINDENT_MULTIFRONTAL_H
+#define BAYESINDENT_MULTIFRONTAL_H
+
+#include "sparse_cholesky.h"
+
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+namespace bayesindent {
+
+using integer = std::int32_t;
+
+// Columns that a front factors at a time.
+constexpr integer panel_width = 48;
+
+// Thrown where the work cannot be done.
+struct refusal {
+  bayesindent_cholesky_status status;
+};
+
+// The numbers of one matrix at a time, owned by one thread.
+struct workspace {
+  // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its own memory.
+  std::unique_ptr<double[]> arena, stack, panel;
+  // A permuted right-hand side and the rows of one front.
+  std::unique_ptr<double[]> column;
+};
+
+// A pattern with its elimination order, supernodes and memory plan; constant but for the pool of workspaces.
+class analysis {
+public:
+  // The lower triangle in compressed columns, the group of each unknown, and how many are eliminated last.
+  analysis(integer n, const integer *start, const integer *row, const integer *group, integer kept);
+
+  // A workspace of the pool, or a new one if it takes less than `free_bytes`; refused for lack of memory.
+  std::unique_ptr<workspace> acquire(double free_bytes);
+  void release(std::unique_ptr<workspace> used);
+  // A status; where a pivot fails, `unknown` is its unknown.
+  bayesindent_cholesky_status factor(workspace &work, const double *values, integer *unknown) const;
+  void kept_factor(const workspace &work, double *factor) const;
+  // Overwrite a right-hand side with the solution.
+  void solve(workspace &work, double *x) const;
+
+  double entries = 0.0, operations = 0.0, bytes = 0.0;
+
+private:
+  integer columns_of(integer s) const { return first[s + 1] - first[s]; }
+  integer rows_of(integer s) const { return static_cast<integer>(row_start[s + 1] - row_start[s]); }
+  std::size_t update_size(integer s) const {
+    const std::size_t m = rows_of(s) - columns_of(s);
+    return m * m;
+  }
+  // The update matrix of a supernode, `below` entries above the foot of its stack.
+  double *update_matrix(workspace &work, integer s, std::size_t below) const {
+    return parity[s] == upper ? work.arena.get() + arena_size - below - update_size(s) : work.stack.get() + below;
+  }
+  void add_child(const double *update, integer child, integer parent, double *into, bool columns) const;
+
+  // Steps of the constructor.
+  void find_supernodes(const integer *start, const integer *row, const integer *group);
+  void build_tree();
+  void plan_memory();
+  void map_entries(const integer *start, const integer *row);
+
+  integer n, kept, supernodes = 0;
+  std::vector<integer> position;           // of an unknown in the elimination order
+  std::vector<integer> unknown_at;         // its inverse
+  std::vector<integer> first;              // first column of each supernode
+  std::vector<std::size_t> row_start;      // of each supernode in `rows`
+  std::vector<integer> rows;               // rows of each supernode, its own columns first
+  std::vector<std::size_t> block_start;    // of each supernode's columns in the factor
+  std::vector<integer> parent;             // -1 at a root
+  std::vector<integer> relative;           // place of each row of `rows` in the parent's rows
+  std::vector<integer> child_start, child; // children in elimination order
+  std::vector<unsigned char> parity;       // of the depth of each supernode in the tree
+  std::vector<integer> entry_start, entry; // entries of the matrix that each supernode receives
+  std::vector<integer> target;             // place of each of them in the supernode's columns
+  std::size_t arena_size = 0, stack_size = 0, panel_size = 0, column_size = 0;
+  int upper = 0; // parity of the stack in the arena
+  std::mutex pool_lock;
+  std::vector<std::unique_ptr<workspace>> pool;
+};
+
+} // namespace bayesindent
+
+#endif

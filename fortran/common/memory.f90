@@ -1,0 +1,83 @@
+!> What the machine has left. Sizes come from users: what cannot be had is refused in words before it is asked for, since the
+!> system would end the process when it is used, not when it is allocated.
+module memory
+   use errors, only: error_type, machine_failure, raise
+   use kinds, only: wp
+   use text, only: to_text
+   implicit none
+   private
+   public :: check_memory, free_memory, memory_text, raise_no_memory
+
+   real(wp), parameter :: unlimited = 1.0e300_wp
+
+contains
+
+   !> Refuse what needs more memory than is free.
+   subroutine check_memory(bytes, what, error)
+      !> Bytes needed: a real, whose products do not overflow.
+      real(wp), intent(in) :: bytes
+      !> What for: 'a mesh of 100 elements'.
+      character(len=*), intent(in) :: what
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: share = 0.95_wp
+      real(wp) :: available
+
+      available = free_memory()
+      if (bytes > share*available) call raise(error, 'too little memory for '//what//': '//memory_text(bytes) &
+         & //' are needed, '//memory_text(available)//' are free', machine_failure)
+   end subroutine check_memory
+
+   !> The error of an allocation that failed.
+   subroutine raise_no_memory(what, error)
+      !> What it was for.
+      character(len=*), intent(in) :: what
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, 'too little memory for '//what, machine_failure)
+   end subroutine raise_no_memory
+
+   !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
+   real(wp) function free_memory() result(bytes)
+      real(wp), parameter :: kilobyte = 1024.0_wp
+      real(wp) :: group, space
+
+      bytes = kilobyte*entry_of('/proc/meminfo', 'MemAvailable:')
+      group = entry_of('/sys/fs/cgroup/memory.max', '')
+      if (group < unlimited) bytes = min(bytes, group - entry_of('/sys/fs/cgroup/memory.stat', 'anon '))
+      space = entry_of('/proc/self/limits', 'Max address space')
+      if (space < unlimited) bytes = min(bytes, space - kilobyte*entry_of('/proc/self/status', 'VmSize:'))
+      bytes = max(bytes, 0.0_wp)
+   end function free_memory
+
+   !> The number after a key at the beginning of a line; `unlimited` where there is none.
+   real(wp) function entry_of(path, key) result(number)
+      character(len=*), intent(in) :: path, key
+      character(len=200) :: line
+      integer :: unit, status
+
+      number = unlimited
+      open (newunit=unit, file=path, action='read', status='old', iostat=status)
+      if (status /= 0) return
+      do
+         read (unit, '(a)', iostat=status) line
+         if (status /= 0) exit
+         if (index(line, key) /= 1) cycle
+         read (line(len(key) + 1:), *, iostat=status) number
+         if (status /= 0) number = unlimited
+         exit
+      end do
+      close (unit)
+   end function entry_of
+
+   !> '5.6 GB'.
+   pure function memory_text(bytes) result(string)
+      real(wp), intent(in) :: bytes
+      character(len=:), allocatable :: string
+
+      if (bytes < 1.0e9_wp) then
+         string = to_text(1.0e-6_wp*bytes, 3)//' MB'
+      else
+         string = to_text(1.0e-9_wp*bytes, 3)//' GB'
+      end if
+   end function memory_text
+end module memory
