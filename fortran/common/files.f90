@@ -111,6 +111,7 @@ contains
       if (status == 0) close (unit, iostat=status, iomsg=reason)
       if (status /= 0) then
          call raise(error, path//': cannot be written: '//trim(reason))
+         ! allow(C181): the first failure has been told
          close (unit, status='delete', iostat=status)
          return
       end if

@@ -208,7 +208,7 @@ contains
             do r = 0, min(a, b)
                c = a + b - 2*r
                table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1)/real(2*a + 2*b - 2*r + 1, wp) &
-                  & *sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+                               & *sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
             end do
          end do
       end do

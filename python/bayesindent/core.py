@@ -29,7 +29,7 @@ def _choose_blas_kernels() -> None:
 
 _choose_blas_kernels()
 
-from . import _core  # noqa: E402
+from . import _core  # type: ignore[attr-defined] # noqa: E402
 
 __all__ = ["BayesindentError", "InputError", "MachineError", "NativeObject", "check", "native"]
 

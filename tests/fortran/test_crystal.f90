@@ -30,10 +30,10 @@ contains
       sample = stiffness_tensor(rotate_stiffness(c, g))
       turned = 0.0_wp
       do l = 1, 3; do k = 1, 3; do j = 1, 3; do i = 1, 3
-         do s = 1, 3; do r = 1, 3; do q = 1, 3; do p = 1, 3
-            turned(i, j, k, l) = turned(i, j, k, l) + g(p, i)*g(q, j)*g(r, k)*g(s, l)*crystal(p, q, r, s)
+            do s = 1, 3; do r = 1, 3; do q = 1, 3; do p = 1, 3
+                  turned(i, j, k, l) = turned(i, j, k, l) + g(p, i)*g(q, j)*g(r, k)*g(s, l)*crystal(p, q, r, s)
+               end do; end do; end do; end do
          end do; end do; end do; end do
-      end do; end do; end do; end do
       call check('Bond rotation equals the tensor rotation', maxval(abs(turned - sample)) < 1.0e-12_wp*161.1_wp)
    end subroutine test_rotation
 

@@ -189,7 +189,6 @@ contains
       call check_close('their error falls with the square of the facet', log(errors(1)/errors(2))/log(2.0_wp), 2.0_wp, 0.2_wp)
    end subroutine test_infinite
 
-
    !> Displacement at x, |x| > 0, for a force `load` into the material; material at z < 0.
    pure function boussinesq(x) result(u)
       real(wp), intent(in) :: x(3)

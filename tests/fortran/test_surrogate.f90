@@ -171,14 +171,14 @@ contains
       allocate (p(27), gram(27, 27))
       gram = 0.0_wp
       do k = 0, 8; do j = 0, 8; do i = 0, 8
-         weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
-         x = -cos(pi*[i, j, k]/8)
-         constants = cubic_lower + 0.5_wp*(x + 1)*(cubic_upper - cubic_lower)
-         call evaluate_polynomials(basis, constants, p, scale)
-         do q = 1, 27
-            gram(:, q) = gram(:, q) + weight*p*p(q)
-         end do
-      end do; end do; end do
+            weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
+            x = -cos(pi*[i, j, k]/8)
+            constants = cubic_lower + 0.5_wp*(x + 1)*(cubic_upper - cubic_lower)
+            call evaluate_polynomials(basis, constants, p, scale)
+            do q = 1, 27
+               gram(:, q) = gram(:, q) + weight*p*p(q)
+            end do
+         end do; end do; end do
       do q = 1, 27
          gram(q, q) = gram(q, q) - 1
       end do

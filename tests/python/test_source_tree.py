@@ -39,5 +39,5 @@ def test_pytest(tmp_path):
 
 
 def test_names_the_benchmarks_that_there_are():
-    with pytest.raises(BayesindentError, match="no benchmark 'unknown'"):
+    with pytest.raises(BayesindentError, match="no 'unknown'"):
         run_benchmark("unknown", [])

@@ -25,12 +25,12 @@ class Progress:
     def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """Yield `advance(n)`, which counts towards `total`; it may be called from any thread."""
         if not self.enabled or total <= 0:
-            yield lambda steps=1: None
+            yield lambda steps: None
         elif sys.stderr.isatty():
             columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
             with Bars(*columns, console=Console(stderr=True)) as bars:
                 task = bars.add_task(text, total=total)
-                yield lambda steps=1: bars.advance(task, steps)
+                yield lambda steps: bars.advance(task, steps)
         else:
             lines = Lines(text, total)
             yield lines.advance

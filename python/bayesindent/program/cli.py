@@ -118,8 +118,8 @@ class Parser(argparse.ArgumentParser):
     """A parser whose help ends with the variables of the namelist groups that the command reads."""
 
     def __init__(self, *args, **kwargs):
-        super().__init__(*args, **kwargs, formatter_class=argparse.RawDescriptionHelpFormatter)
-        self.groups = ()
+        super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
+        self.groups: tuple[str, ...] = ()
 
     def format_help(self) -> str:
         return super().format_help() + "".join(f"\n{describe_group(name)}" for name in self.groups)
@@ -167,8 +167,14 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("name", metavar="NAME")
     command.add_argument("arguments", nargs=argparse.REMAINDER, help="what the benchmark takes")
 
-    command = add("test", "build and run all tests of a source tree", test, "The last line counts the cases.", parents=())
-    command.add_argument("suite", nargs="*", help="only these suites: unit, python, cli, validation")
+    command = add("test", "build and run the tests of a source tree", test, "The last line counts the cases.", parents=())
+    command.add_argument("names", nargs="*", metavar="NAME", help="a suite (unit, python, cli), a unit test, or part of a case's name")
+    command.add_argument("--sanitize", action="store_true", help="of a build that checks addresses, undefined behaviour and bounds")
+
+    command = add("lint", "formatters, linters and type checker of a source tree", tool, parents=())
+    command.add_argument("--fix", dest="arguments", action="store_const", const=["--fix"], default=[], help="format and mend first")
+    command = add("lines", "code lines of a source tree by folder, and its largest parts", tool, parents=())
+    command.add_argument("arguments", nargs="*", metavar="ROOT", help="other source trees, beside it")
     return root
 
 
@@ -252,7 +258,14 @@ def test(arguments: argparse.Namespace) -> int:
     """Run the tests of the source tree."""
     from ..program.source_tree import run_tests
 
-    return run_tests(arguments.suite)
+    return run_tests(arguments.names, arguments.sanitize)
+
+
+def tool(arguments: argparse.Namespace) -> int:
+    """Run a tool of the source tree."""
+    from ..program.source_tree import run_tool
+
+    return run_tool(arguments.command, arguments.arguments)
 
 
 def output_folder(arguments: argparse.Namespace, source: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What only a source tree can do: run all the tests, and run the benchmarks."""
+"""What only a source tree can do: run its tests, its linters and its benchmarks, and count its lines."""
 
 import importlib.util
 import json
@@ -12,7 +12,20 @@ from xml.etree import ElementTree
 
 from ..core import BayesindentError
 
-__all__ = ["count_cases", "run_benchmark", "run_tests", "source_root"]
+__all__ = ["count_cases", "run_benchmark", "run_tests", "run_tool", "source_root"]
+
+#: Exit status of pytest when no case bears a name that was asked for.
+NOTHING_SELECTED = 5
+
+#: What a build that checks itself is made with.
+SANITIZERS = (
+    "-Db_sanitize=address,undefined",
+    "-Db_lundef=false",
+    "-Db_ndebug=false",
+    "-Dbuildtype=debugoptimized",
+    "-Dnative=false",
+    "-Dfortran_args=-fcheck=all,no-array-temps",
+)
 
 
 def source_root() -> Path:
@@ -23,25 +36,47 @@ def source_root() -> Path:
     return root
 
 
-def run_tests(suites: list[str]) -> int:
-    """Build and run the tests of these suites (none: all) by meson; print the count of cases last; return an exit status."""
-    build = source_root() / "build"
-    for report in build.glob("meson-logs/*.junit.xml"):
-        report.unlink()
-    log = build / "meson-logs" / "testlog.json"
-    log.unlink(missing_ok=True)
+def run_tests(names: list[str], sanitize: bool = False) -> int:
+    """Build and run the tests of these names (none: all), print the count of cases last, and return an exit status.
+
+    A name is a suite, one of meson's tests, or else part of the names of cases of pytest. With `sanitize` it is a build of its own in
+    build-sanitize/ that checks addresses, undefined behaviour and the bounds of arrays.
+    """
+    build = source_root() / ("build-sanitize" if sanitize else "build")
+    if sanitize and not (build / "build.ninja").exists():
+        meson("setup", "--reconfigure", source_root(), build, *SANITIZERS)
+    known = json.loads(meson("introspect", "--tests", build, capture_output=True).stdout)
+    suites = {test["name"]: {suite.rpartition(":")[-1] for suite in test["suite"]} for test in known}
+    chosen = [name for name in suites if not names or name in names or suites[name] & set(names)]
+    words = [name for name in names if name not in suites and name not in set().union(*suites.values())]
+    count: Counter = Counter()
+    if chosen:
+        count += run_meson_tests(build, *chosen)
+    if words:
+        count += run_meson_tests(build, "python", "cli", f"--test-args=-k '{' or '.join(words)}'")
+    skipped = f", {count['skipped']} skipped" if count["skipped"] else ""
+    print(f"{count['passed']} passed, {count['failed']} failed{skipped}", flush=True)
+    return 1 if count["failed"] or not count["passed"] else 0
+
+
+def meson(*arguments: str | Path, **options) -> subprocess.CompletedProcess:
+    """Run meson, and through it ninja, from the environment of this Python."""
     tools = Path(sys.executable).parent
-    command = [tools / "meson", "test", "-C", build, "--print-errorlogs"]
-    command += [argument for suite in suites for argument in ("--suite", suite)]
     environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"}
-    status = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL).returncode
+    return subprocess.run([tools / "meson", *arguments], env=environment, stdin=subprocess.DEVNULL, **options)
+
+
+def run_meson_tests(build: Path, *arguments: str) -> Counter:
+    """Build, run some of meson's tests, and count their cases."""
+    logs = build / "meson-logs"
+    for report in [*logs.glob("*.junit.xml"), *logs.glob("testlog.json")]:
+        report.unlink()
+    status = meson("test", "-C", build, "--print-errorlogs", *arguments).returncode
+    log = logs / "testlog.json"
     if not log.exists():
         raise BayesindentError(f"meson could not build or start the tests (status {status})")
     entries = [json.loads(line) for line in log.read_text().splitlines()]
-    count = sum((count_cases(entry, build / "meson-logs") for entry in entries), Counter())
-    skipped = f", {count['skipped']} skipped" if count["skipped"] else ""
-    print(f"{count['passed']} passed, {count['failed']} failed{skipped}", flush=True)
-    return 1 if status or count["failed"] or not count["passed"] else 0
+    return sum((count_cases(entry, logs) for entry in entries), Counter())
 
 
 def count_cases(entry: dict, logs: Path) -> Counter:
@@ -52,8 +87,8 @@ def count_cases(entry: dict, logs: Path) -> Counter:
     report = logs / f"{entry['name'].rsplit(':')[-1]}.junit.xml"
     if report.exists():
         suite = next(ElementTree.parse(report).iter("testsuite"))
-        count = Counter(failed=int(suite.get("failures")) + int(suite.get("errors")), skipped=int(suite.get("skipped")))
-        count["passed"] = int(suite.get("tests")) - count["failed"] - count["skipped"]
+        tests, failures, errors, skipped = (int(suite.get(key, 0)) for key in ("tests", "failures", "errors", "skipped"))
+        count = Counter(passed=tests - failures - errors - skipped, failed=failures + errors, skipped=skipped)
     else:
         lines = re.findall(r"^(not )?ok\b([^\n]*)", entry.get("stdout", ""), re.MULTILINE)
         count = Counter("failed" if bad else "skipped" if "# SKIP" in rest.upper() else "passed" for bad, rest in lines)
@@ -61,20 +96,30 @@ def count_cases(entry: dict, logs: Path) -> Counter:
             count["passed"] = 1
         if not lines and entry["result"] == "SKIP":
             count["skipped"] = 1
-    if entry["result"] not in ("OK", "SKIP") and not count["failed"]:
+    if entry["result"] not in ("OK", "SKIP") and entry.get("returncode") != NOTHING_SELECTED and not count["failed"]:
         count["failed"] = 1
     return count
 
 
 def run_benchmark(name: str, arguments: list[str]) -> int:
-    """Run tests/benchmarks/bench_NAME.py of the source tree: its `main(arguments)` returns an exit status or nothing."""
-    folder = source_root() / "tests" / "benchmarks"
-    file = folder / f"bench_{name}.py"
-    if not file.exists():
-        known = ", ".join(sorted(path.stem.removeprefix("bench_") for path in folder.glob("bench_*.py")))
-        raise BayesindentError(f"there is no benchmark '{name}' in {folder}; there are: {known or 'none'}")
-    sys.path.insert(0, str(folder))
+    """Run tests/benchmarks/bench_NAME.py of the source tree."""
+    return run_script("benchmarks", "bench_", name, arguments)
+
+
+def run_tool(name: str, arguments: list[str]) -> int:
+    """Run tests/tools/NAME.py of the source tree."""
+    return run_script("tools", "", name, arguments)
+
+
+def run_script(folder: str, prefix: str, name: str, arguments: list[str]) -> int:
+    """Run a script below tests/: its `main(arguments)` returns an exit status or nothing."""
+    scripts = source_root() / "tests" / folder
+    file = scripts / f"{prefix}{name}.py"
     specification = importlib.util.spec_from_file_location(file.stem, file)
+    if not file.exists() or specification is None or specification.loader is None:
+        known = ", ".join(sorted(path.stem.removeprefix(prefix) for path in scripts.glob(f"{prefix}*.py")))
+        raise BayesindentError(f"there is no '{name}' in {scripts}; there are: {known or 'none'}")
+    sys.path.insert(0, str(scripts))
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return int(module.main(arguments) or 0)
