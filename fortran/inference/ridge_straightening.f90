@@ -1,5 +1,5 @@
-!> Coordinates in which a curved ridge is straight: principal axes, then each coordinate less a quadratic function of those before it.
-!> The map keeps volumes up to a constant.
+!> Coordinates in which a curved ridge is straight: principal axes, then each coordinate less a quadratic function of the
+!> earlier ones. The map keeps volumes up to a constant.
 module ridge_straightening
    use errors, only: error_type
    use kinds, only: wp

@@ -1,5 +1,5 @@
-!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd of
-!> each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
+!> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd
+!> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
    use kinds, only: wp
    use random, only: random_stream_type
