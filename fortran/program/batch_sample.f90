@@ -4,7 +4,7 @@ module batch_sample
    use abstract_sampler, only: sampler_type
    use batch_stages, only: fits_surrogate, surrogate_name, worker_count
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
-   use constants_posterior, only: kind_from_name, likelihood_type, new_posterior, posterior_type
+   use constants_posterior, only: likelihood_type, new_posterior, posterior_type
    use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type
    use crystal_elasticity, only: constant_count, constant_names, symmetry_name
    use derived_quantities, only: quantity_number
@@ -204,14 +204,13 @@ contains
       type(likelihood_type) :: likelihood
       character(len=:), allocatable :: word
 
-      call self%get('measurements', 'modulus_kind', word)
-      likelihood%modulus_kind = kind_from_name(word)
+      call self%get('measurements', 'modulus_kind', likelihood%modulus_kind)
       call self%get('measurements', 'indenter_modulus_gpa', likelihood%indenter_modulus)
       call self%get('measurements', 'indenter_nu', likelihood%indenter_nu)
       call self%get('measurements', 'sample_nu', likelihood%sample_nu)
       call self%get('measurements', 'calibration_sd', likelihood%calibration_sd)
-      call self%get('measurements', 'likelihood', word)
-      if (word == 'student') call self%get('measurements', 'student_dof', likelihood%student_t)
+      call self%get('measurements', 'likelihood', likelihood%errors)
+      call self%get('measurements', 'student_dof', likelihood%student_dof)
       call self%get('measurements', 'scale', word)
       likelihood%infer_scale = word == 'inferred'
       call self%get('sampler', 'surrogate_variance', word)
@@ -396,7 +395,7 @@ contains
          do i = 1, samples, stride
             draws = draws + 1
             call posterior%moduli(chains%draws(:, i, chain), moduli(:, draws))
-            call posterior%map_modulus(moduli(:, draws), slope)
+            call posterior%kind%apply(moduli(:, draws), slope)
          end do
       end do
       mean = sum(moduli, dim=2)/draws

@@ -22,7 +22,7 @@ __all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "check_stage", "extract", "e
 
 #: The numbers the core gives methods and kinds of modulus.
 METHODS = ("ensemble", "scmh")
-MODULUS_KINDS = {"indentation_modulus": 1, "effective_modulus": 2, "sample_modulus": 3}
+MODULUS_KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
 
 #: Samples of a chain before it is kept, where none are asked for.
 BURN_IN = 20000
@@ -108,8 +108,8 @@ class Posterior:
         numbers, values = self._normals(priors or {})
         self.priors = dict(priors or {})
         self._handle, dimension, self.share_inside, self.lower, self.upper, self.anisotropy_cap, status, message = native.calibration_new(
-            surrogate.handle, lower, upper, cap, numbers, values, MODULUS_KINDS[modulus_kind], indenter_modulus_gpa, indenter_nu,
-            sample_nu, calibration_sd, self.student_t, int(infer_scale), int(surrogate_variance == "full"), int(prior_only),
+            surrogate.handle, lower, upper, cap, numbers, values, modulus_kind, indenter_modulus_gpa, indenter_nu,
+            sample_nu, calibration_sd, "student" if self.student_t else "normal", self.student_t, int(infer_scale), int(surrogate_variance == "full"), int(prior_only),
             np.asfortranarray(np.radians(self.euler_deg).T), self.modulus_gpa, sd,
         )  # fmt: skip
         check(status, message)

@@ -189,10 +189,12 @@ def test_student_t_by_quadrature(rough):
     settings |= {"surrogate_variance": "none", "student_t": 4.0}
     _, m = brute_force(model, case["truth"], angles, measured, sd, full=False)
     _, value = Posterior(model, angles, measured, sd, **settings).evaluate(case["truth"])
-    assert value[0] == pytest.approx(stats.t(4.0, m, sd).logpdf(measured).sum(), abs=1e-8)
+    scale = np.asarray(sd) * np.sqrt(0.5)
+    assert value[0] == pytest.approx(stats.t(4.0, m, scale).logpdf(measured).sum(), abs=1e-8)
+    assert stats.t(4.0, m, scale).std() == pytest.approx(sd)
     _, value = Posterior(model, angles, measured, sd, calibration_sd=0.02, **settings).evaluate(case["truth"])
     e = np.linspace(-0.2, 0.2, 20001)
-    density = stats.t(4.0, m[:, None] * (1 + e), np.asarray(sd)[:, None]).logpdf(measured[:, None]).sum(axis=0)
+    density = stats.t(4.0, m[:, None] * (1 + e), scale[:, None]).logpdf(measured[:, None]).sum(axis=0)
     density = density + stats.norm(0, 0.02).logpdf(e)
     assert value[0] == pytest.approx(np.log(np.trapezoid(np.exp(density), e)), abs=0.03)
 
@@ -248,7 +250,7 @@ def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
     assert result.posterior["C12"].values.std() < 7
 
 
-def test_calibration_error_widens_the_mean_modulus(surrogates):
+def test_inference_error_widens_the_mean_modulus(surrogates):
     _, settings = reference("cubic")
     settings |= {"surrogate_variance": "none", "samples": 4000}
     table = REFERENCE / "cubic_fe3si.csv"

@@ -67,8 +67,8 @@ end subroutine prior_default_bounds
 !> euler in radians, measured and sd in GPa; switches: infer the scale of the sds, count the surrogate's uncertainty, leave the
 !> data out. Given back: number of parameters, share of the stated domain that the surrogate covers, the bounds in use.
 subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals, normals, normal_values, modulus_kind, &
-   & indenter_modulus, indenter_nu, sample_nu, calibration_sd, student_t, infer_scale, surrogate_uncertainty, prior_only, n, &
-   & euler, measured, sd, handle, parameters, share_inside, used_lower, used_upper, used_cap, status, message)
+   & indenter_modulus, indenter_nu, sample_nu, calibration_sd, error_model, student_dof, infer_scale, surrogate_uncertainty, &
+   & prior_only, n, euler, measured, sd, handle, parameters, share_inside, used_lower, used_upper, used_cap, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_posterior, only: likelihood_type, new_posterior, posterior_to_handle, posterior_type
    use constants_prior, only: new_prior, normal_knowledge_type, prior_type
@@ -77,10 +77,11 @@ subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: surrogate
-   integer(c_int), intent(in) :: k, n_normals, n, normals(2, n_normals), modulus_kind, infer_scale, surrogate_uncertainty
+   integer(c_int), intent(in) :: k, n_normals, n, normals(2, n_normals), infer_scale, surrogate_uncertainty
    integer(c_int), intent(in) :: prior_only
    real(c_double), intent(in) :: lower(k), upper(k), anisotropy_cap, normal_values(2, n_normals)
-   real(c_double), intent(in) :: indenter_modulus, indenter_nu, sample_nu, calibration_sd, student_t
+   real(c_double), intent(in) :: indenter_modulus, indenter_nu, sample_nu, calibration_sd, student_dof
+   character(len=*), intent(in) :: modulus_kind, error_model
    real(c_double), intent(in) :: euler(3, n), measured(n), sd(n)
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: parameters
@@ -105,12 +106,13 @@ subroutine calibration_new(surrogate, k, lower, upper, anisotropy_cap, n_normals
    do i = 1, n_normals
       knowledge(i) = normal_knowledge_type(normals(1, i), normals(2, i), normal_values(1, i), normal_values(2, i))
    end do
-   likelihood%modulus_kind = modulus_kind
+   likelihood%modulus_kind = trim(modulus_kind)
    likelihood%indenter_modulus = indenter_modulus
    likelihood%indenter_nu = indenter_nu
    likelihood%sample_nu = sample_nu
    likelihood%calibration_sd = calibration_sd
-   likelihood%student_t = student_t
+   likelihood%errors = trim(error_model)
+   likelihood%student_dof = student_dof
    likelihood%infer_scale = infer_scale /= 0
    likelihood%surrogate_uncertainty = surrogate_uncertainty /= 0
    likelihood%prior_only = prior_only /= 0
@@ -193,7 +195,6 @@ subroutine calibration_moduli(handle, parameters, n, x, m, euler, seed, moduli, 
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_posterior, only: posterior_from_handle, posterior_type
    use random, only: new_random_stream, random_stream_type
-   use surrogate_basis, only: evaluate_harmonics
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -206,10 +207,7 @@ subroutine calibration_moduli(handle, parameters, n, x, m, euler, seed, moduli, 
    integer :: i
 
    posterior => posterior_from_handle(handle)
-   allocate (harmonics(m, posterior%basis%n_harmonics))
-   do i = 1, m
-      call evaluate_harmonics(posterior%basis, euler(:, i), harmonics(i, :))
-   end do
+   harmonics = posterior%grains%harmonics(euler)
    stream = new_random_stream(seed, 0)
    do i = 1, n
       call posterior%draw_moduli(x(:, i), harmonics, stream, moduli(:, i), factor(i))
@@ -233,7 +231,7 @@ subroutine calibration_map(handle, n, modulus, value)
    allocate (slope(n))
    slope = 1
    value = modulus
-   call posterior%map_modulus(value, slope)
+   call posterior%kind%apply(value, slope)
 end subroutine calibration_map
 
 !> Give back the memory of a posterior.

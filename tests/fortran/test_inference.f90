@@ -32,23 +32,27 @@ contains
 end module known_targets
 
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, derived quantities, gains of measurements.
-program test_calibration
+program test_inference
+   use abstract_error_model, only: error_model_type
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use crystal_elasticity, only: averages_type, new_stiffness, polycrystal_averages, symmetry_cubic, symmetry_hexagonal
    use derived_quantities, only: evaluate_quantities, quantity_count, quantity_number
+   use error_models, only: new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type
+   use modulus_kinds, only: modulus_map_type, new_modulus_map
    use next_measurement, only: expected_gains
    use polynomial_products, only: covariance_polynomial, evaluate_products, new_products, products_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
       & truncation_tensor, truncation_total
-   use testing, only: check, check_close, check_success, finish
+   use testing, only: check, check_close, check_refused, check_success, finish
+   use text, only: to_text
    use vector_math, only: exp_all, transposed_product
    implicit none
 
@@ -57,6 +61,7 @@ program test_calibration
       & [0.5_wp, 1.0_wp, 1.5_wp, 1.0_wp])
    call test_covariance('tensor', coordinates_box, truncation_tensor, 1, [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], &
       & [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp])
+   call test_error_models()
    call test_mixture()
    ! Some four standard errors of chains that are worth a few thousand independent draws.
    call test_sampler('ensemble', 20000, 20000, 0.05_wp)
@@ -140,6 +145,51 @@ contains
       end do
       call check(name//': T(c) equals the double sum', worst < 1.0e-11_wp)
    end subroutine test_covariance
+
+   !> Shared errors against the determinant and the inverse in closed form; scales; words.
+   subroutine test_error_models()
+      class(error_model_type), allocatable :: model
+      type(modulus_map_type) :: map
+      type(error_type), allocatable :: error
+      real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
+      integer :: k
+
+      call new_error_model('normal', 0.0_wp, model, error)
+      call check_success('normal errors', error)
+      ! Two columns that are the same, s q with |q| = 1, are errors of covariance 2 s² q qᵀ.
+      r = [3.5_wp, 2.5_wp, 1.0_wp, -1.0_wp]
+      do k = 0, 9, 3
+         large = 10.0_wp**k
+         u = 0.5_wp*large
+         call model%integrate(r, u, b, l, value)
+         expected = -0.5_wp*(sum(r**2) - sum(0.5_wp*r)**2 + sum(0.5_wp*r)**2/(1.0_wp + 2.0_wp*large**2)) &
+            & - 0.5_wp*log(1.0_wp + 2.0_wp*large**2) - 2.0_wp*log(2.0_wp*pi)
+         call check_close('shared errors of sd 10^'//to_text(k), value, expected, 1.0e-9_wp)
+      end do
+      call check_close('normal density', model%log_density(r, 2.0_wp), -sum(r**2)/8.0_wp - 4.0_wp*log(2.0_wp) &
+         & - 2.0_wp*log(2.0_wp*pi), 1.0e-13_wp)
+      call new_error_model('student', 3.0_wp, model, error)
+      call check_close('Student''s t of sd 1: its scale', model%scale, 1.0_wp/sqrt(3.0_wp), 1.0e-15_wp)
+      ! Three degrees of freedom: 2/(pi sqrt(3)) (1 + x²/3)^-2.
+      call check_close('density of Student''s t', model%log_density([1.5_wp], 1.0_wp), &
+         & log(2.0_wp/(pi*sqrt(3.0_wp))/1.75_wp**2), 1.0e-14_wp)
+      u = 0.0_wp
+      call model%integrate(r, u, b, l, value)
+      call check_close('Student''s t without shared errors', value, model%log_density(r, 1.0_wp), 1.0e-13_wp)
+      call new_error_model('student', 1.5_wp, model, error)
+      call check_close('without a variance the sd is the scale', model%scale, 1.0_wp, 0.0_wp)
+      call new_error_model('laplace', 1.0_wp, model, error)
+      call check_refused('another likelihood', error, 'normal, student')
+
+      call new_modulus_map('effective_modulus', 1140.0_wp, 0.07_wp, 0.3_wp, map, error)
+      modulus = 200.0_wp
+      slope = 1.0_wp
+      call map%apply(modulus, slope)
+      call check_close('effective modulus', modulus(1), 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
+      call check_close('and its slope', slope(1), (modulus(1)/200.0_wp)**2, 1.0e-15_wp)
+      call new_modulus_map('modulus', 1140.0_wp, 0.07_wp, 0.3_wp, map, error)
+      call check_refused('another kind', error, 'sample_modulus')
+   end subroutine test_error_models
 
    !> A fit recovers the two clouds it is given, and the density integrates to one.
    subroutine test_mixture()
@@ -333,4 +383,4 @@ contains
          & /(v*(sum(target**2)/draws - (sum(target)/draws)**2))
       call check_close('share of a normal target''s variance', gains(1), r*v/(v + sd**2), 0.01_wp)
    end subroutine test_gains
-end program test_calibration
+end program test_inference

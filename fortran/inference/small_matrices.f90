@@ -1,0 +1,163 @@
+!> Cholesky factors of matrices too small for LAPACK, in the innermost loop of Step 2.
+module small_matrices
+   use kinds, only: wp
+   implicit none
+   private
+   public :: factor_semidefinite, factor_definite, fit_columns, weighted_gram, sum_of_logs
+
+contains
+
+   !> Lower factor, in place, of a positive semidefinite matrix (lower triangle). A direction whose variance is lost to rounding has
+   !> none: its column becomes zero, so the factor is for products, not for solutions.
+   pure subroutine factor_semidefinite(a)
+      !> (n, n).
+      real(wp), intent(inout) :: a(:, :)
+      real(wp), parameter :: resolution = 1.0e-13_wp
+      real(wp) :: whole, pivot
+      integer :: j, i
+
+      do j = 1, size(a, 1)
+         whole = a(j, j)
+         pivot = whole - sum(a(j, :j - 1)**2)
+         if (pivot > resolution*whole) then
+            a(j, j) = sqrt(pivot)
+            do i = j + 1, size(a, 1)
+               a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
+            end do
+         else
+            a(j:, j) = 0.0_wp
+         end if
+      end do
+   end subroutine factor_semidefinite
+
+   !> Minimise sum of w (r - U b)² + b² over b.
+   !>
+   !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the unit matrix, which squares nothing.
+   pure subroutine fit_columns(r, u, weight, b, l, misfit)
+      !> (m), (m, n), (m): weights that are not negative.
+      real(wp), intent(in) :: r(:), u(:, :), weight(:)
+      !> (n); (n, n), the lower factor of I + Uᵀ W U; the minimum.
+      real(wp), intent(out) :: b(:), l(:, :), misfit
+      real(wp) :: rhs(size(b))
+      integer :: j
+      logical :: accurate
+
+      call weighted_gram(u, weight, l)
+      do j = 1, size(b)
+         rhs(j) = sum(u(:, j)*weight*r)
+      end do
+      call factor_definite(l, 1.0e-10_wp, accurate)
+      if (accurate) then
+         b = rhs
+         call solve_factored(l, b)
+         misfit = sum(weight*r**2) - sum(rhs*b)
+      else
+         call orthogonalise(r, u, weight, b, l)
+         misfit = sum(weight*(r - matmul(u, b))**2) + sum(b**2)
+      end if
+   end subroutine fit_columns
+
+   !> The same by modified Gram-Schmidt.
+   pure subroutine orthogonalise(r, u, weight, b, l)
+      real(wp), intent(in) :: r(:), u(:, :), weight(:)
+      real(wp), intent(out) :: b(:), l(:, :)
+      real(wp) :: q(size(r) + size(b), size(b) + 1)
+      integer :: m, n, i, j
+
+      m = size(r)
+      n = size(b)
+      q = 0.0_wp
+      do j = 1, n
+         q(:m, j) = sqrt(weight)*u(:, j)
+         q(m + j, j) = 1.0_wp
+      end do
+      q(:m, n + 1) = sqrt(weight)*r
+      l = 0.0_wp
+      do j = 1, n
+         l(j, j) = sqrt(sum(q(:, j)**2))
+         q(:, j) = q(:, j)/l(j, j)
+         do i = j + 1, n
+            l(i, j) = sum(q(:, j)*q(:, i))
+            q(:, i) = q(:, i) - l(i, j)*q(:, j)
+         end do
+         b(j) = sum(q(:, j)*q(:, n + 1))
+         q(:, n + 1) = q(:, n + 1) - b(j)*q(:, j)
+      end do
+      do j = n, 1, -1
+         b(j) = (b(j) - sum(l(j + 1:, j)*b(j + 1:)))/l(j, j)
+      end do
+   end subroutine orthogonalise
+
+   !> Lower factor, in place, of a positive definite matrix (lower triangle).
+   pure subroutine factor_definite(a, resolution, definite)
+      !> (n, n).
+      real(wp), intent(inout) :: a(:, :)
+      !> A pivot that is a smaller share of its entry has lost its digits.
+      real(wp), intent(in) :: resolution
+      !> Whether no pivot has; else the factor is not finished.
+      logical, intent(out) :: definite
+      real(wp) :: whole, pivot
+      integer :: j, i
+
+      do j = 1, size(a, 1)
+         whole = a(j, j)
+         pivot = whole - sum(a(j, :j - 1)**2)
+         definite = pivot > resolution*abs(whole)
+         if (.not. definite) return
+         a(j, j) = sqrt(pivot)
+         do i = j + 1, size(a, 1)
+            a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
+         end do
+      end do
+      definite = .true.
+   end subroutine factor_definite
+
+   !> Solve (L Lᵀ) x = b in place.
+   pure subroutine solve_factored(l, b)
+      !> (n, n), the diagonal positive.
+      real(wp), intent(in) :: l(:, :)
+      real(wp), intent(inout) :: b(:)
+      integer :: j
+
+      do j = 1, size(b)
+         b(j) = (b(j) - sum(l(j, :j - 1)*b(:j - 1)))/l(j, j)
+      end do
+      do j = size(b), 1, -1
+         b(j) = (b(j) - sum(l(j + 1:, j)*b(j + 1:)))/l(j, j)
+      end do
+   end subroutine solve_factored
+
+   !> I + Uᵀ W U, lower triangle.
+   pure subroutine weighted_gram(u, weight, gram)
+      !> (m, n), (m).
+      real(wp), intent(in) :: u(:, :), weight(:)
+      !> (n, n).
+      real(wp), intent(out) :: gram(:, :)
+      real(wp) :: total
+      integer :: g, h, i
+
+      gram = 0.0_wp
+      do g = 1, size(u, 2)
+         do h = g, size(u, 2)
+            total = 0.0_wp
+            !$omp simd reduction(+:total)
+            do i = 1, size(u, 1)
+               total = total + u(i, h)*weight(i)*u(i, g)
+            end do
+            gram(h, g) = total
+         end do
+         gram(g, g) = gram(g, g) + 1.0_wp
+      end do
+   end subroutine weighted_gram
+
+   !> Sum of the logarithms of positive numbers of ordinary size: one logarithm for eight of them.
+   pure real(wp) function sum_of_logs(values)
+      real(wp), intent(in) :: values(:)
+      integer :: i
+
+      sum_of_logs = 0.0_wp
+      do i = 1, size(values), 8
+         sum_of_logs = sum_of_logs + log(product(values(i:min(i + 7, size(values)))))
+      end do
+   end function sum_of_logs
+end module small_matrices
