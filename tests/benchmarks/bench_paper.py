@@ -15,7 +15,8 @@ from bench_learning import OURS, baselines, curve
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from bayesindent.pipeline.stages import perform
+from bayesindent.program.command import perform
+from bayesindent.program.commands.build import COMMAND as BUILD
 from bayesindent.report.report import write_report
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.domain import Domain
@@ -43,7 +44,7 @@ def main(argv=None) -> int:
         folder = output / f"seed_{seed}"
         problem = variant(arguments, seed, folder)
         start = time.perf_counter()
-        document = perform("build", problem, folder, Progress(True))
+        document = perform(BUILD, problem, folder, Progress(True))
         seconds = time.perf_counter() - start
         (folder / "resolved.nml").write_text(problem.resolved)
         write_report(folder, kind_of_files="svg")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline import simulator as simulator_module
 from bayesindent.pipeline.build import build
@@ -204,7 +205,8 @@ def test_scan_compares_truncations(tmp_path):
 
 def test_ask_and_tell(tmp_path):
     problem = make_problem(tmp_path, simulation={"simulator": "'import'"}, design={"n_candidates": 200, "budget": 12})
-    text = ask(problem, tmp_path, 12)
+    points = ask(problem, tmp_path, 12)["points"]
+    text = as_csv(list(points[0]), [list(point.values()) for point in points])
     rows = np.array([[float(v) for v in line.split(",")] for line in text.splitlines()[1:]])
     assert text.splitlines()[0] == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
     assert len(np.unique(rows, axis=0)) == 12

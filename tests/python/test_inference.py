@@ -509,7 +509,6 @@ def test_stages(tmp_path, surrogates):
     problem = bi.Problem(tmp_path / "case.nml", "run")
     document = extract_stage(problem, tmp_path / "out", None)
     assert document["parameters"]["C12"]["sd"] < 7
-    assert json.loads((tmp_path / "out" / "summary.json").read_text()) == json.loads(json.dumps(document))
     stored = az.from_netcdf(str(tmp_path / "out" / "posterior.nc"), engine="h5netcdf")
     assert stored.posterior["C44"].shape == (4, 2000)
     suggestions = next_stage(problem, tmp_path / "out", None)

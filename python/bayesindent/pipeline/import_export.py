@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.elasticity import CONSTANTS
 from ..pipeline.build import Loop
@@ -14,15 +13,16 @@ from ..pipeline.simulator import physics_identity
 __all__ = ["ask", "tell"]
 
 
-def ask(problem, output, count: int) -> str:
-    """The next `count` crystals as CSV, to the last bit."""
+def ask(problem, output, count: int) -> dict:
+    """The next `count` crystals: the document of `build --ask`, whose points are rows by the names of columns."""
     with Loop(problem, Path(output)) as loop:
         loop.replay()
         if not 1 <= count <= len(loop.choice.left):
             raise InputError(f"--ask {count}: allowed are 1 .. {len(loop.choice.left)}, the candidates that are left")
         points = loop.choice.candidates.points(loop.choice.look_ahead(count))
         header = [*CONSTANTS[loop.symmetry], "phi1_deg", "Phi_deg", "phi2_deg"]
-        return as_csv(header, [[*constants, *euler_deg] for constants, euler_deg in points])
+        rows = [dict(zip(header, (*constants, *euler_deg), strict=True)) for constants, euler_deg in points]
+        return {"points": rows, "warnings": loop.warnings}
 
 
 def tell(problem, output, points, name: str = "the table") -> dict:

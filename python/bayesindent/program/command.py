@@ -1,0 +1,87 @@
+"""What a command is: its words for help, what it does, and how its document is told to people."""
+
+import argparse
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..common.progress import Progress
+from ..common.result_files import write_json, write_text
+from ..version import __version__
+
+__all__ = ["Command", "output_folder", "perform", "prepare"]
+
+log = logging.getLogger("bayesindent")
+
+
+def unwanted(*_) -> dict:
+    """What a command does not have."""
+    raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
+
+    A command that reads a namelist has a stage, (problem, output, progress) -> document, which stands in for the action; its help
+    explains `groups`. `arguments` adds options to the parser, `file` names the stage's document in the output folder.
+    """
+
+    name: str
+    summary: str
+    description: str = ""
+    groups: tuple[str, ...] = ()
+    stage: Callable[..., dict] = unwanted
+    action: Callable[[argparse.Namespace], dict | int] | None = None
+    arguments: Callable[[argparse.ArgumentParser], None] | None = None
+    show: Callable[[dict], object] = unwanted
+    file: str = ""
+
+    @property
+    def has_document(self) -> bool:
+        """Whether it gives a document, rather than an exit status."""
+        return self.show is not unwanted
+
+    def run(self, arguments: argparse.Namespace) -> dict | int:
+        """Do it."""
+        if self.action is not None:
+            return self.action(arguments)
+        problem, output = prepare(arguments)
+        return with_warnings(problem, perform(self, problem, output, Progress(True)))
+
+
+def prepare(arguments: argparse.Namespace):
+    """The problem of a command's namelist, and its output folder with the resolved input and the log."""
+    from ..settings.problem import Problem
+
+    problem = Problem(arguments.file, arguments.command.name)
+    output = arguments.results = output_folder(arguments, arguments.file)
+    output.mkdir(parents=True, exist_ok=True)
+    handler = logging.FileHandler(output / "run.log", encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
+    write_text(output / "resolved.nml", problem.resolved)
+    return problem, output
+
+
+def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
+    """Where the results go."""
+    return arguments.output or Path("runs") / source.stem
+
+
+def perform(command: Command, problem, output: Path, progress: Progress) -> dict:
+    """Perform a command's stage; its document is kept in the output folder for reports."""
+    log.info("%s begins", command.name)
+    document = command.stage(problem, output, progress)
+    document["warnings"] = list(document.get("warnings", []))
+    write_json(output / (command.file or f"{command.name}.json"), document)
+    log.info("%s ends", command.name)
+    return document
+
+
+def with_warnings(problem, document: dict) -> dict:
+    """The document with the warnings of the reader before its own."""
+    return document | {"warnings": list(dict.fromkeys([*problem.warnings, *document["warnings"]]))}

@@ -1,0 +1,17 @@
+"""The commands, in the order of the help and of `run`."""
+
+from . import build, extract, next_grain, predict, report, run, simulate, source_tree, theory
+
+__all__ = ["COMMANDS"]
+
+COMMANDS = (
+    run.COMMAND,
+    simulate.COMMAND,
+    theory.COMMAND,
+    build.COMMAND,
+    extract.COMMAND,
+    next_grain.COMMAND,
+    predict.COMMAND,
+    report.COMMAND,
+    *source_tree.COMMANDS,
+)

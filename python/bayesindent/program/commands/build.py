@@ -1,0 +1,66 @@
+"""`build`: Step 1, and its simulations made elsewhere."""
+
+import argparse
+from pathlib import Path
+
+from ...common.progress import Progress
+from ..command import Command, perform, prepare, with_warnings
+
+__all__ = ["COMMAND"]
+
+
+def build(problem, output: Path, progress: Progress) -> dict:
+    """The surrogate."""
+    from ...pipeline.build import build as build_surrogate
+
+    return build_surrogate(problem, output, progress)
+
+
+def action(arguments: argparse.Namespace) -> dict:
+    """Build; or with --ask the next crystals, with --tell the moduli of others."""
+    from ...pipeline.import_export import ask, tell
+    from ...settings.problem import read_crystals
+
+    problem, output = prepare(arguments)
+    if arguments.ask is not None:
+        arguments.results = None
+        return with_warnings(problem, ask(problem, output, arguments.ask))
+    if arguments.tell is not None:
+        return with_warnings(problem, tell(problem, output, read_crystals(arguments.tell, problem.symmetry), str(arguments.tell)))
+    return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
+
+
+def show(document: dict) -> None:
+    """The points as CSV, for pipes; or what was imported or built."""
+    from ...common.result_files import as_csv
+
+    if "points" in document:
+        points = document["points"]
+        print(as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True)
+    elif "imported" in document:
+        print(f"Campaign: {document['imported']} results imported, {document['simulations']} simulations in all")
+    else:
+        print(
+            f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "
+            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa"
+        )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options."""
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
+    either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
+
+
+COMMAND = Command(
+    "build",
+    "step 1: a surrogate, taught by simulations chosen one after another",
+    """Writes surrogate.nc. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be interrupted and
+    run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes their moduli.""",
+    groups=("problem", "simulation", "domain", "surrogate", "design", "execution"),
+    stage=build,
+    action=action,
+    arguments=add_arguments,
+    show=show,
+)

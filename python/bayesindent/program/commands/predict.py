@@ -1,0 +1,52 @@
+"""`predict`: a surrogate on a table of crystals."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from ...common.result_files import write_csv
+from ..command import Command, output_folder
+
+__all__ = ["COMMAND"]
+
+
+def predict(arguments: argparse.Namespace) -> dict:
+    """Mean and sd of the modulus for each row: predictions.csv and its rows."""
+    from ...pipeline.moduli import identified, joined
+    from ...settings.problem import read_crystals
+    from ...surrogate.surrogate import Surrogate
+
+    model, table = Surrogate.load(arguments.surrogate), arguments.points
+    points = read_crystals(table, model.symmetry)
+    mean, sd = model.predict(points.constants_array(), points.euler_deg)
+    file = output_folder(arguments, table) / "predictions.csv"
+    write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
+    results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in range(len(points))]
+    outside = np.flatnonzero(model.outside(points.constants_array())) + 1
+    listed = ", ".join(map(str, outside[:10])) + (", .." if len(outside) > 10 else "")
+    warnings = [f"{table}: {len(outside)} of {len(points)} rows are outside the surrogate's domain: {listed}"] if len(outside) else []
+    return {"results": results, "file": str(file), "warnings": warnings}
+
+
+def show(document: dict) -> None:
+    """CSV, for pipes."""
+    sys.stdout.write(Path(document["file"]).read_text())
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options."""
+    parser.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.nc")
+    columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
+    parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
+
+
+COMMAND = Command(
+    "predict",
+    "mean and sd of the modulus for each row of a table",
+    "It prints them with modulus_gpa and sd_gpa.",
+    action=predict,
+    arguments=add_arguments,
+    show=show,
+)

@@ -1,0 +1,97 @@
+"""`simulate`: finite element indentation of the crystals of a namelist."""
+
+from pathlib import Path
+
+from ...common.progress import Progress
+from ...common.result_files import cell, write_csv, write_text
+from ...core import BayesindentError
+from ..command import Command
+from ..console import show_moduli
+
+__all__ = ["COMMAND", "simulate"]
+
+
+def simulate(problem, output: Path, progress: Progress) -> dict:
+    """Moduli.csv, curves.csv, and the document.
+
+    Every simulation is a row of campaign.sqlite as soon as it is done; those that are there are not repeated.
+    """
+    from ...pipeline.moduli import identified, write_moduli
+
+    points = problem.crystals
+    rows, new = simulated_rows(problem, output, progress)
+    write_moduli(output / "moduli.csv", problem, points, [row.modulus_gpa for row in rows])
+    curves = [(number, row) for number, row in enumerate(rows, start=1) if row.depth_um]
+    write_csv(
+        output / "curves.csv",
+        ["point", "depth_um", "force_mn"],
+        [[number, cell(depth), cell(force)] for number, row in curves for depth, force in zip(row.depth_um, row.force_mn)],
+    )
+    write_fields(problem, [i for i, row in enumerate(rows) if row.modulus_gpa is not None], output, progress)
+    results = [
+        identified(points, i)
+        | {"indentation_modulus_gpa": row.modulus_gpa, "elements": row.elements, "seconds": row.seconds}
+        | {"depth_um": row.depth_um or [], "force_mn": row.force_mn or []}
+        for i, row in enumerate(rows)
+    ]
+    failures = [f"crystal {i + 1} could not be simulated: {row.message}" for i, row in enumerate(rows) if row.modulus_gpa is None]
+    if rows and len(failures) == len(rows):
+        raise BayesindentError(f"every simulation failed: {failures[0]}")
+    document: dict = {"results": results, "new_simulations": new, "failed": len(failures), "warnings": failures}
+    if problem["simulation"]["both_meshes"]:
+        mesh = "paper" if problem["simulation"]["mesh"] == "halfspace" else "halfspace"
+        rows, new = simulated_rows(problem, output, progress, mesh)
+        document["other_mesh"] = {"mesh": mesh, "indentation_modulus_gpa": [row.modulus_gpa for row in rows]}
+        document["new_simulations"] += new
+    return document
+
+
+def simulated_rows(problem, output: Path, progress: Progress, mesh: str = "") -> tuple[list, int]:
+    """The campaign's row of each crystal of the file, on `mesh` or the problem's own, and how many were simulated now."""
+    from ...pipeline.campaign import Campaign
+    from ...pipeline.simulator import engine_of, physics_identity, simulate_into, simulator_of
+
+    points = problem.crystals
+    keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
+    with Campaign(output / "campaign.sqlite", physics_identity(problem, mesh)) as campaign:
+        todo = list(dict.fromkeys(key for key in keys if campaign.find(*key) is None))
+        if todo:
+            with progress.bar(f"indentations, {mesh} mesh" if mesh else "indentations", len(todo)) as advance:
+                simulate_into(campaign, simulator_of(problem, mesh), todo, engine_of(problem), lambda success: advance(1))
+        return [campaign.find(*key) for key in keys], len(todo)
+
+
+def write_fields(problem, chosen: list[int], output: Path, progress: Progress) -> None:
+    """Of the chosen crystals the files that &simulation asks for, one a crystal by its row from 1: fields for ParaView (vtu), a deck (inp).
+
+    A file that is there is written again: it costs one solution, and the crystal of its row may have changed.
+    """
+    from ...common.result_files import whole_file
+    from ...pipeline.simulator import new_indentation
+
+    settings, points = problem["simulation"], problem.crystals
+    if settings["simulator"] != "fe" or not (settings["vtu"] or settings["inp"]):
+        return
+    simulator = new_indentation(problem)
+    with progress.bar("fields and decks", len(chosen)) as advance:
+        for i in chosen:
+            stiffness, euler_deg = points.stiffness[i], points.euler_deg[i]
+            stem = output / f"crystal_{i + 1:04d}"
+            if settings["vtu"]:
+                with whole_file(stem.with_suffix(".vtu")) as file:
+                    simulator.write_vtu(file, stiffness, euler_deg)
+            if settings["inp"]:
+                title = f"{problem.title or 'spherical indentation'}, crystal {i + 1}"
+                write_text(stem.with_suffix(".inp"), simulator.deck(stiffness, euler_deg, title))
+            advance(1)
+
+
+COMMAND = Command(
+    "simulate",
+    "finite element indentation of the crystals in a namelist",
+    """Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ParaView or the
+    same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated again.""",
+    groups=("problem", "crystals", "simulation", "execution"),
+    stage=simulate,
+    show=show_moduli,
+)
