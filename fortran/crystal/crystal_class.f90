@@ -19,20 +19,22 @@ module crystal_class
       character(len=12) :: generators
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants
+      !> Closed-form coordinates (see `dimensionless_coordinates`), if there are any.
+      character(len=5) :: coordinate_set
    end type row_type
 
    type(row_type), parameter :: table(*) = [ &
-      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12'), &
-      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44'), &
-      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13'), &
-      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66'), &
-      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16'), &
-      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44'), &
-      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15'), &
-      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
-      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
+      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12', ''), &
+      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44', 'zener'), &
+      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13', 'axial'), &
+      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66', ''), &
+      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16', ''), &
+      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44', ''), &
+      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15', ''), &
+      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66', ''), &
+      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66', ''), &
       & row_type('triclinic', '-1', '', &
-      & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
+      & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66', '')]
 
    !> The class without symmetry, whose constants are all 21 entries row by row.
    character(len=*), parameter :: general_class = 'triclinic'
@@ -46,6 +48,7 @@ module crystal_class
       real(wp), allocatable :: generators(:, :, :)
       !> Fold of each generator, 0 for infinite order, (n).
       integer, allocatable :: folds(:)
+      character(len=5) :: coordinate_set = ''
       !> Where the stiffness is not zero: entry (row, column) gains factor times a constant.
       integer, allocatable, private :: row(:), column(:), constant(:)
       real(wp), allocatable, private :: factor(:)
@@ -71,6 +74,7 @@ contains
          return
       end if
       class%name = trim(table(i)%name)
+      class%coordinate_set = table(i)%coordinate_set
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
       allocate (class%constants(class%n_constants))
       do k = 1, class%n_constants
@@ -127,10 +131,10 @@ contains
 
    !> The stiffnesses that every generator leaves alone, as multiples of the named entries: null space of C(g) - C on the 21
    !> entries by elimination of the entries that are not named. The multiples are halves of integers in every class.
-   subroutine derive_map(class, error)
-      type(crystal_class_type), intent(inout) :: class
+   subroutine derive_map(self, error)
+      type(crystal_class_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: equations(21*size(class%generators, 3), 21), unit(6, 6), change(6, 6), map(21, class%n_constants), row(21)
+      real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), map(21, self%n_constants), row(21)
       integer :: first(21), second(21), order(21), n_dependent, i, j, k, g, pivot
 
       ! The entries of the upper triangle row by row; `order` puts those first that are not named.
@@ -142,10 +146,10 @@ contains
             second(k) = j
          end do
       end do
-      n_dependent = 21 - class%n_constants
+      n_dependent = 21 - self%n_constants
       j = 0
       do k = 1, 21
-         i = findloc(class%constants, entry_name(first(k), second(k)), dim=1)
+         i = findloc(self%constants, entry_name(first(k), second(k)), dim=1)
          if (i > 0) then
             order(n_dependent + i) = k
          else
@@ -157,8 +161,8 @@ contains
          unit = 0.0_wp
          unit(first(order(k)), second(order(k))) = 1.0_wp
          unit(second(order(k)), first(order(k))) = 1.0_wp
-         do g = 1, size(class%generators, 3)
-            change = rotate_stiffness(unit, class%generators(:, :, g)) - unit
+         do g = 1, size(self%generators, 3)
+            change = rotate_stiffness(unit, self%generators(:, :, g)) - unit
             equations(21*g - 20:21*g, k) = [(change(first(i), second(i)), i=1, 21)]
          end do
       end do
@@ -174,20 +178,20 @@ contains
          end do
       end do
       if (k <= n_dependent .or. any(abs(equations(k:, :)) > 1.0e-6_wp)) then
-         call raise(error, 'the constants of a '//class%name//' crystal do not span its stiffnesses')
+         call raise(error, 'the constants of a '//self%name//' crystal do not span its stiffnesses')
          return
       end if
       map(order(:n_dependent), :) = -snapped(equations(:n_dependent, n_dependent + 1:))
       if (any(abs(map(order(:n_dependent), :) + equations(:n_dependent, n_dependent + 1:)) > 1.0e-6_wp)) then
-         call raise(error, 'an entry of a '//class%name//' stiffness is no multiple of half a constant')
+         call raise(error, 'an entry of a '//self%name//' stiffness is no multiple of half a constant')
          return
       end if
-      do i = 1, class%n_constants
+      do i = 1, self%n_constants
          map(order(n_dependent + i), i) = 1.0_wp
       end do
-      allocate (class%row(0), class%column(0), class%constant(0), class%factor(0))
+      allocate (self%row(0), self%column(0), self%constant(0), self%factor(0))
       do k = 1, 21
-         do i = 1, class%n_constants
+         do i = 1, self%n_constants
             if (abs(map(k, i)) > 0.0_wp) call append(first(k), second(k))
             if (abs(map(k, i)) > 0.0_wp .and. first(k) /= second(k)) call append(second(k), first(k))
          end do
@@ -198,10 +202,10 @@ contains
       subroutine append(row_of_entry, column_of_entry)
          integer, intent(in) :: row_of_entry, column_of_entry
 
-         class%row = [class%row, row_of_entry]
-         class%column = [class%column, column_of_entry]
-         class%constant = [class%constant, i]
-         class%factor = [class%factor, map(k, i)]
+         self%row = [self%row, row_of_entry]
+         self%column = [self%column, column_of_entry]
+         self%constant = [self%constant, i]
+         self%factor = [self%factor, map(k, i)]
       end subroutine append
    end subroutine derive_map
 

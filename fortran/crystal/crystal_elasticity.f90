@@ -1,21 +1,16 @@
-!> Elastic constants of one crystal: stiffness, rotation, stability, polycrystal averages, anisotropy.
+!> Elasticity of one crystal of any class: rotation, stability, polycrystal averages, anisotropy of a general stiffness.
 !>
 !> Stiffness in GPa, Voigt order 11,22,33,23,13,12 without factors of two. Bunge-Euler angles (phi1, Phi, phi2) in
 !> radians; g maps sample to crystal axes, v_crystal = g v_sample.
 module crystal_elasticity
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use linear_algebra, only: cholesky_factor, cholesky_inverse
    use text, only: to_text
    implicit none
    private
-   public :: symmetry_cubic, symmetry_hexagonal, symmetry_triclinic
-   public :: symmetry_from_name, symmetry_name, constant_count, constant_names
-   public :: new_stiffness, rotation_matrix, rotate_stiffness, stiffness_tensor
-   public :: is_stable, check_stiffness, averages_type, polycrystal_averages, anisotropy_index, voigt_index
-
-   !> How many constants describe a crystal: 3, 5 or all 21.
-   integer, parameter :: symmetry_cubic = 1, symmetry_hexagonal = 2, symmetry_triclinic = 3
+   public :: rotation_matrix, rotate_stiffness, stiffness_tensor, voigt_index
+   public :: is_stable, check_stiffness, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy
 
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
@@ -26,112 +21,6 @@ module crystal_elasticity
    end type averages_type
 
 contains
-
-   !> The enumerator of 'cubic', 'hexagonal' or 'triclinic'; 0 for any other name.
-   pure integer function symmetry_from_name(name) result(symmetry)
-      character(len=*), intent(in) :: name
-
-      select case (name)
-      case ('cubic')
-         symmetry = symmetry_cubic
-      case ('hexagonal')
-         symmetry = symmetry_hexagonal
-      case ('triclinic')
-         symmetry = symmetry_triclinic
-      case default
-         symmetry = 0
-      end select
-   end function symmetry_from_name
-
-   pure function symmetry_name(symmetry) result(name)
-      integer, intent(in) :: symmetry
-      character(len=:), allocatable :: name
-
-      select case (symmetry)
-      case (symmetry_cubic)
-         name = 'cubic'
-      case (symmetry_hexagonal)
-         name = 'hexagonal'
-      case (symmetry_triclinic)
-         name = 'triclinic'
-      case default
-         name = 'unknown'
-      end select
-   end function symmetry_name
-
-   pure integer function constant_count(symmetry) result(n)
-      integer, intent(in) :: symmetry
-
-      select case (symmetry)
-      case (symmetry_cubic)
-         n = 3
-      case (symmetry_hexagonal)
-         n = 5
-      case default
-         n = 21
-      end select
-   end function constant_count
-
-   !> Names in the order in which constants are passed: C11, C12, C44; C11, C12, C44, C33, C13; or the upper triangle
-   !> row by row, C11, C12, .. C66.
-   pure function constant_names(symmetry) result(names)
-      integer, intent(in) :: symmetry
-      character(len=3), allocatable :: names(:)
-      integer :: i, j, k
-
-      select case (symmetry)
-      case (symmetry_cubic)
-         names = ['C11', 'C12', 'C44']
-      case (symmetry_hexagonal)
-         names = ['C11', 'C12', 'C44', 'C33', 'C13']
-      case default
-         allocate (names(21))
-         k = 0
-         do i = 1, 6
-            do j = i, 6
-               k = k + 1
-               names(k) = 'C'//achar(48 + i)//achar(48 + j)
-            end do
-         end do
-      end select
-   end function constant_names
-
-   !> Stiffness in the crystal frame from the independent constants of the symmetry (GPa, order of `constant_names`).
-   pure function new_stiffness(symmetry, constants) result(c)
-      integer, intent(in) :: symmetry
-      real(wp), intent(in) :: constants(:)
-      real(wp) :: c(6, 6)
-      integer :: i, j, k
-
-      c = 0.0_wp
-      select case (symmetry)
-      case (symmetry_cubic)
-         c(:3, :3) = constants(2)
-         do i = 1, 3
-            c(i, i) = constants(1)
-            c(i + 3, i + 3) = constants(3)
-         end do
-      case (symmetry_hexagonal)
-         c(:3, :3) = constants(5)
-         c(1, 1) = constants(1)
-         c(2, 2) = constants(1)
-         c(3, 3) = constants(4)
-         c(1, 2) = constants(2)
-         c(2, 1) = constants(2)
-         c(4, 4) = constants(3)
-         c(5, 5) = constants(3)
-         c(6, 6) = 0.5_wp*(constants(1) - constants(2))
-      case default
-         k = 0
-         do i = 1, 6
-            do j = i, 6
-               k = k + 1
-               c(i, j) = constants(k)
-               c(j, i) = constants(k)
-            end do
-         end do
-      end select
-   end function new_stiffness
 
    !> Bunge's g from (phi1, Phi, phi2) in radians: v_crystal = g v_sample.
    pure function rotation_matrix(euler) result(g)
@@ -191,83 +80,173 @@ contains
 
    !> Born's criterion: the strain energy is positive, that is, the stiffness is positive definite.
    pure logical function is_stable(c)
+      !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: l(6, 6), pivot
-      integer :: i, j
+      real(wp) :: inverse(6, 6)
 
-      is_stable = .false.
-      l = 0.0_wp
+      call invert_factor(c, inverse, is_stable)
+   end function is_stable
+
+   !> The inverse of the lower Cholesky factor L of c, so that the compliance is s(i, j) = sum over k of inverse(k, i)
+   !> inverse(k, j). Short loops of our own: a call of LAPACK takes longer than the work.
+   pure subroutine invert_factor(c, inverse, stable)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> Lower triangular, GPa^-1/2; what is above the diagonal is not set.
+      real(wp), intent(out) :: inverse(6, 6)
+      !> Whether c is positive definite; if not, `inverse` is not finished.
+      logical, intent(out) :: stable
+      real(wp) :: l(6, 6), total
+      integer :: i, j, k
+
+      stable = .false.
       do j = 1, 6
-         pivot = c(j, j) - sum(l(j, :j - 1)**2)
-         if (.not. pivot > 1.0e-12_wp*abs(c(j, j))) return
-         l(j, j) = sqrt(pivot)
+         total = c(j, j)
+         do k = 1, j - 1
+            total = total - l(j, k)**2
+         end do
+         if (.not. total > 1.0e-12_wp*abs(c(j, j))) return
+         inverse(j, j) = 1.0_wp/sqrt(total)
          do i = j + 1, 6
-            l(i, j) = (c(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j)
+            total = c(i, j)
+            do k = 1, j - 1
+               total = total - l(i, k)*l(j, k)
+            end do
+            l(i, j) = total*inverse(j, j)
+         end do
+         do i = 1, j - 1
+            total = 0.0_wp
+            do k = i, j - 1
+               total = total - l(j, k)*inverse(k, i)
+            end do
+            inverse(j, i) = total*inverse(j, j)
          end do
       end do
-      is_stable = .true.
-   end function is_stable
+      stable = .true.
+   end subroutine invert_factor
 
    !> Refuse a stiffness that is not finite or not Born-stable.
    pure subroutine check_stiffness(c, error)
+      !> GPa.
       real(wp), intent(in) :: c(6, 6)
       type(error_type), allocatable, intent(out) :: error
+      real(wp) :: values(6), vectors(6, 6)
 
       if (.not. all(abs(c) <= huge(1.0_wp))) then
          call raise(error, 'the stiffness holds a value that is not finite', exit_bad_input)
       else if (.not. is_stable(c)) then
-         call raise(error, 'the crystal is elastically unstable (C11 = '//to_text(c(1, 1))//', C12 = ' &
-            & //to_text(c(1, 2))//', C44 = '//to_text(c(4, 4))//' GPa); the stiffness must be positive definite', &
-            & exit_bad_input)
+         call diagonalise(kelvin_form(c), values, vectors)
+         call raise(error, 'the crystal is elastically unstable: the smallest eigenvalue of its stiffness is ' &
+            & //to_text(minval(values), 3)//' GPa; the stiffness must be positive definite', exit_bad_input)
       end if
    end subroutine check_stiffness
 
-   !> Voigt and Reuss averages of a stable crystal.
-   subroutine polycrystal_averages(c, averages, error)
+   !> Voigt and Reuss averages; of an unstable crystal Reuss's are NaN.
+   pure function polycrystal_averages(c) result(averages)
+      !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      type(averages_type), intent(out) :: averages
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: s(6, 6)
+      type(averages_type) :: averages
+      real(wp) :: inverse(6, 6), volumetric, normal, shear, coupled
+      integer :: k
+      logical :: stable
 
       averages%bulk_voigt = (c(1, 1) + c(2, 2) + c(3, 3) + 2.0_wp*(c(1, 2) + c(2, 3) + c(1, 3)))/9.0_wp
       averages%shear_voigt = (c(1, 1) + c(2, 2) + c(3, 3) - c(1, 2) - c(2, 3) - c(1, 3) &
          & + 3.0_wp*(c(4, 4) + c(5, 5) + c(6, 6)))/15.0_wp
-      s = c
-      call cholesky_factor(s, error)
-      if (allocated(error)) return
-      call cholesky_inverse(s)
-      averages%bulk_reuss = 1.0_wp/(s(1, 1) + s(2, 2) + s(3, 3) + 2.0_wp*(s(1, 2) + s(2, 3) + s(1, 3)))
-      averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) - s(1, 3)) &
-         & + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
-   end subroutine polycrystal_averages
+      call invert_factor(c, inverse, stable)
+      if (.not. stable) then
+         averages%bulk_reuss = ieee_value(1.0_wp, ieee_quiet_nan)
+         averages%shear_reuss = averages%bulk_reuss
+         return
+      end if
+      ! Sums of compliances: S11 + S22 + S33 with and without 2 (S12 + S23 + S13), and S44 + S55 + S66.
+      volumetric = inverse(1, 1)**2 + (inverse(2, 1) + inverse(2, 2))**2
+      normal = inverse(1, 1)**2 + inverse(2, 1)**2 + inverse(2, 2)**2
+      do k = 3, 6
+         volumetric = volumetric + (inverse(k, 1) + inverse(k, 2) + inverse(k, 3))**2
+         normal = normal + inverse(k, 1)**2 + inverse(k, 2)**2 + inverse(k, 3)**2
+      end do
+      shear = inverse(4, 4)**2 + inverse(5, 4)**2 + inverse(5, 5)**2 &
+         & + inverse(6, 4)**2 + inverse(6, 5)**2 + inverse(6, 6)**2
+      coupled = 0.5_wp*(volumetric - normal)
+      averages%bulk_reuss = 1.0_wp/volumetric
+      averages%shear_reuss = 15.0_wp/(4.0_wp*(normal - coupled) + 3.0_wp*shear)
+   end function polycrystal_averages
 
    !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan & Ostoja-Starzewski 2008): 0 for an
-   !> isotropic crystal, unbounded towards instability.
-   pure real(wp) function anisotropy_index(symmetry, constants) result(index)
-      integer, intent(in) :: symmetry
-      !> Constants in the order of `constant_names`, GPa; cubic or hexagonal, and stable.
-      real(wp), intent(in) :: constants(:)
-      real(wp) :: kv, gv, kr, gr, c66, shear, basal, det
+   !> isotropic crystal, unbounded towards instability; NaN for an unstable one.
+   pure real(wp) function anisotropy_index(c) result(index)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      type(averages_type) :: averages
 
-      select case (symmetry)
-      case (symmetry_cubic)
-         shear = 0.5_wp*(constants(1) - constants(2))
-         gv = (2.0_wp*shear + 3.0_wp*constants(3))/5.0_wp
-         gr = 5.0_wp/(2.0_wp/shear + 3.0_wp/constants(3))
-         index = 5.0_wp*gv/gr - 5.0_wp
-      case (symmetry_hexagonal)
-         ! Closed forms of the averages for hexagonal symmetry (Watt & Peselnick, J. Appl. Phys. 51, 1525, 1980).
-         c66 = 0.5_wp*(constants(1) - constants(2))
-         basal = constants(1) + constants(2)
-         det = basal*constants(4) - 2.0_wp*constants(5)**2
-         shear = basal + 2.0_wp*constants(4) - 4.0_wp*constants(5)
-         kv = (2.0_wp*basal + 4.0_wp*constants(5) + constants(4))/9.0_wp
-         gv = (shear + 12.0_wp*constants(3) + 12.0_wp*c66)/30.0_wp
-         kr = det/shear
-         gr = 2.5_wp*det*constants(3)*c66/(3.0_wp*kv*constants(3)*c66 + det*(constants(3) + c66))
-         index = 5.0_wp*gv/gr + kv/kr - 6.0_wp
-      case default
-         index = -1.0_wp
-      end select
+      averages = polycrystal_averages(c)
+      index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
    end function anisotropy_index
+
+   !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for an unstable crystal.
+   pure real(wp) function log_anisotropy(c)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: values(6), vectors(6, 6), logs(6), bulk, shear
+
+      call diagonalise(kelvin_form(c), values, vectors)
+      if (.not. minval(values) > 0.0_wp) then
+         log_anisotropy = ieee_value(1.0_wp, ieee_quiet_nan)
+         return
+      end if
+      logs = log(values)
+      ! The isotropic part of log K has the eigenvalue `bulk` on the dilatation and `shear` on the five deviators.
+      bulk = sum(logs*sum(vectors(:3, :), 1)**2)/3.0_wp
+      shear = (sum(logs) - bulk)/5.0_wp
+      log_anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))
+   end function log_anisotropy
+
+   !> The stiffness as a tensor of rank two in six dimensions: rows and columns 4 to 6 times sqrt 2.
+   pure function kelvin_form(c) result(k)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: k(6, 6)
+
+      k = c
+      k(4:, :) = sqrt(2.0_wp)*k(4:, :)
+      k(:, 4:) = sqrt(2.0_wp)*k(:, 4:)
+   end function kelvin_form
+
+   !> Eigenvalues and eigenvectors (columns) of a symmetric 6 x 6 matrix by cyclic Jacobi rotations.
+   pure subroutine diagonalise(matrix, values, vectors)
+      real(wp), intent(in) :: matrix(6, 6)
+      real(wp), intent(out) :: values(6), vectors(6, 6)
+      real(wp) :: a(6, 6), t, cosine, sine, old(6)
+      integer :: i, p, q, sweep
+      integer, parameter :: most_sweeps = 50
+
+      a = matrix
+      vectors = 0.0_wp
+      do i = 1, 6
+         vectors(i, i) = 1.0_wp
+      end do
+      do sweep = 1, most_sweeps
+         values = [(a(i, i), i=1, 6)]
+         if (sum(a**2) - sum(values**2) <= 1.0e-30_wp*sum(values**2)) exit
+         do q = 2, 6
+            do p = 1, q - 1
+               if (abs(a(p, q)) <= 1.0e-17_wp*(abs(a(p, p)) + abs(a(q, q)))) cycle
+               t = (a(q, q) - a(p, p))/(2.0_wp*a(p, q))
+               t = sign(1.0_wp, t)/(abs(t) + sqrt(t**2 + 1.0_wp))
+               cosine = 1.0_wp/sqrt(t**2 + 1.0_wp)
+               sine = t*cosine
+               old = a(:, p)
+               a(:, p) = cosine*old - sine*a(:, q)
+               a(:, q) = sine*old + cosine*a(:, q)
+               old = a(p, :)
+               a(p, :) = cosine*old - sine*a(q, :)
+               a(q, :) = sine*old + cosine*a(q, :)
+               old = vectors(:, p)
+               vectors(:, p) = cosine*old - sine*vectors(:, q)
+               vectors(:, q) = sine*old + cosine*vectors(:, q)
+            end do
+         end do
+      end do
+   end subroutine diagonalise
 end module crystal_elasticity

@@ -1,39 +1,82 @@
 ! The flat procedures that f2py wraps: explicit shapes, literal kinds, no derived types, `threadsafe` on each.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success. The Python module `core` raises it.
 
-!> Stiffness matrices (GPa, crystal frame) of n crystals from their independent constants.
-subroutine crystal_stiffness(symmetry, k, n, constants, stiffness)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use crystal_elasticity, only: new_stiffness
+!> A crystal class by name or synonym: its name, how many constants it has, and their names, three characters each.
+subroutine crystal_class_of(symmetry, name, count, constants, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_to_status, error_type
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, k, n
-   real(c_double), intent(in) :: constants(k, n)
-   real(c_double), intent(out) :: stiffness(6, 6, n)
+   character(len=*), intent(in) :: symmetry
+   character(len=12), intent(out) :: name
+   integer(c_int), intent(out) :: count
+   character(len=63), intent(out) :: constants
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(crystal_class_type) :: class
+   type(error_type), allocatable :: error
    integer :: i
 
+   name = ''
+   count = 0
+   constants = ''
+   call new_crystal_class(symmetry, class, error)
+   call error_to_status(error, status, message)
+   if (status /= 0) return
+   name = class%name
+   count = class%n_constants
+   do i = 1, count
+      constants(3*i - 2:3*i) = class%constants(i)
+   end do
+end subroutine crystal_class_of
+
+!> Stiffness matrices (GPa, crystal frame) of n crystals from their k constants.
+subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_to_status, error_type
+   implicit none
+   !f2py threadsafe
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: k, n
+   real(c_double), intent(in) :: constants(k, n)
+   real(c_double), intent(out) :: stiffness(6, 6, n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(crystal_class_type) :: class
+   type(error_type), allocatable :: error
+   integer :: i
+
+   stiffness = 0
+   call new_crystal_class(symmetry, class, error)
+   call error_to_status(error, status, message)
+   if (status /= 0) return
    do i = 1, n
-      stiffness(:, :, i) = new_stiffness(symmetry, constants(:, i))
+      stiffness(:, :, i) = class%stiffness(constants(:, i))
    end do
 end subroutine crystal_stiffness
 
-!> Anisotropy index (Eq. 14) of n cubic or hexagonal crystals, and 1 where the crystal is Born-stable, else 0.
-subroutine crystal_anisotropy(symmetry, k, n, constants, index, stable)
+!> Of n stiffness matrices (GPa): anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not Born-stable, and
+!> Voigt's and Reuss's bulk and shear moduli (GPa) in this order.
+subroutine crystal_averages(n, stiffness, index, log_index, averages)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use crystal_elasticity, only: anisotropy_index, is_stable, new_stiffness
+   use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, k, n
-   real(c_double), intent(in) :: constants(k, n)
-   real(c_double), intent(out) :: index(n)
-   integer(c_int), intent(out) :: stable(n)
+   integer(c_int), intent(in) :: n
+   real(c_double), intent(in) :: stiffness(6, 6, n)
+   real(c_double), intent(out) :: index(n), log_index(n), averages(4, n)
+   type(averages_type) :: found
    integer :: i
 
    do i = 1, n
-      index(i) = anisotropy_index(symmetry, constants(:, i))
-      stable(i) = merge(1, 0, is_stable(new_stiffness(symmetry, constants(:, i))))
+      index(i) = anisotropy_index(stiffness(:, :, i))
+      log_index(i) = log_anisotropy(stiffness(:, :, i))
+      found = polycrystal_averages(stiffness(:, :, i))
+      averages(:, i) = [found%bulk_voigt, found%shear_voigt, found%bulk_reuss, found%shear_reuss]
    end do
-end subroutine crystal_anisotropy
+end subroutine crystal_averages
 
 !> Exact and circular-contact indentation moduli (GPa) of n crystals (GPa) at n orientations (radians), on `threads` threads.
 subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status, message)

@@ -4,20 +4,25 @@
 !> Names of the quantities of a symmetry, 20 characters each, the constants first; count says how many.
 subroutine quantity_list(symmetry, count, names, units)
    use, intrinsic :: iso_c_binding, only: c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_type
    use derived_quantities, only: quantity_count, quantity_names, quantity_units
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry
+   character(len=*), intent(in) :: symmetry
    integer(c_int), intent(out) :: count
-   character(len=400), intent(out) :: names
-   character(len=60), intent(out) :: units
-   character(len=20) :: all_names(20)
-   character(len=3) :: all_units(20)
+   character(len=520), intent(out) :: names
+   character(len=78), intent(out) :: units
+   character(len=20) :: all_names(26)
+   character(len=3) :: all_units(26)
    integer :: i
+   type(crystal_class_type) :: class
+   type(error_type), allocatable :: error
 
-   count = quantity_count(symmetry)
-   all_names(:count) = quantity_names(symmetry)
-   all_units(:count) = quantity_units(symmetry)
+   call new_crystal_class(symmetry, class, error)
+   count = quantity_count(class)
+   all_names(:count) = quantity_names(class)
+   all_units(:count) = quantity_units(class)
    names = ''
    units = ''
    do i = 1, count
@@ -29,16 +34,22 @@ end subroutine quantity_list
 !> All m quantities of n stable crystals (GPa).
 subroutine quantity_values(symmetry, k, n, m, constants, values)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_type
    use derived_quantities, only: evaluate_quantities
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, k, n, m
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: k, n, m
    real(c_double), intent(in) :: constants(k, n)
    real(c_double), intent(out) :: values(m, n)
    integer :: i
+   type(crystal_class_type) :: class
+   type(error_type), allocatable :: error
 
+   call new_crystal_class(symmetry, class, error)
    do i = 1, n
-      call evaluate_quantities(symmetry, constants(:, i), values(:, i))
+      call evaluate_quantities(class, constants(:, i), values(:, i))
    end do
 end subroutine quantity_values
 

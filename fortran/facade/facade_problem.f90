@@ -30,24 +30,27 @@ end subroutine problem_read
 !> A table of crystals alone, as `crystals` of a problem; symmetry: that of the rows that do not say theirs.
 subroutine problem_read_crystals(path, symmetry, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc, c_ptr
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, error_to_status
    use point_tables, only: read_crystals
    use problem, only: problem_type
    implicit none
    !f2py threadsafe
    character(len=*), intent(in) :: path
-   integer(c_int), intent(in) :: symmetry
+   character(len=*), intent(in) :: symmetry
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
    type(problem_type), pointer :: self
    type(error_type), allocatable :: error
    type(c_ptr) :: address
+   type(crystal_class_type) :: class
 
    handle = 0
    allocate (self)
    allocate (self%crystals)
-   call read_crystals(path, path//': ', symmetry, self%crystals, error)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
    call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (self)
@@ -161,8 +164,8 @@ subroutine problem_table_rows(handle, table, n)
    end select
 end subroutine problem_table_rows
 
-!> Numbers of a table: angles in degrees, GPa, NaN where the table has none. symmetry: 0 in measurements, whose constants
-!> and stiffness are zero.
+!> Numbers of a table: angles in degrees, GPa, NaN where the table has none. symmetry: the class of each row, twelve
+!> characters; blank in measurements, whose constants and stiffness are zero.
 subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler_deg, modulus_gpa, sd_gpa)
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr
    use point_tables, only: points_type
@@ -171,10 +174,11 @@ subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: table, n
-   integer(c_int), intent(out) :: symmetry(n)
+   character(len=1), intent(out) :: symmetry(12, n)
    real(c_double), intent(out) :: constants(21, n), stiffness(6, 6, n), euler_deg(3, n), modulus_gpa(n), sd_gpa(n)
    type(problem_type), pointer :: self
    type(points_type), pointer :: points
+   integer :: i, j
 
    call c_f_pointer(transfer(handle, c_null_ptr), self)
    select case (table)
@@ -185,7 +189,14 @@ subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler
    case default
       points => self%candidates
    end select
-   symmetry = points%symmetry
+   symmetry = ' '
+   if (allocated(points%class)) then
+      do i = 1, n
+         do j = 1, len(points%class(i)%name)
+            symmetry(j, i) = points%class(i)%name(j:j)
+         end do
+      end do
+   end if
    constants = 0
    stiffness = 0
    if (allocated(points%constants)) then

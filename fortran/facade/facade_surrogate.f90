@@ -2,60 +2,83 @@
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
 !> Numbers of harmonics, polynomials and coordinates of a basis.
-subroutine basis_counts(symmetry, coordinates, truncation, degree, bandlimit, n_harmonics, n_polynomials, n_coordinates)
+subroutine basis_counts(symmetry, coordinates, truncation, degree, bandlimit, n_harmonics, n_polynomials, n_coordinates, status, &
+   & message)
    use, intrinsic :: iso_c_binding, only: c_int
-   use surrogate_basis, only: coordinate_count, harmonic_count, polynomial_count
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_to_status, error_type
+   use surrogate_basis, only: coordinate_count, polynomial_count
+   use symmetric_harmonics, only: harmonics_type, new_harmonics
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: coordinates, truncation, degree, bandlimit
    integer(c_int), intent(out) :: n_harmonics, n_polynomials, n_coordinates
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(crystal_class_type) :: class
+   type(harmonics_type) :: harmonics
+   type(error_type), allocatable :: error
 
-   n_coordinates = coordinate_count(symmetry, coordinates)
-   n_harmonics = harmonic_count(symmetry, bandlimit)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call new_harmonics(class, bandlimit, harmonics, error)
+   call error_to_status(error, status, message)
+   n_coordinates = coordinate_count(class, coordinates)
+   n_harmonics = harmonics%n
    n_polynomials = polynomial_count(n_coordinates, truncation, degree)
 end subroutine basis_counts
 
 !> Raw coordinates of n crystals, and their stiffness scale (GPa).
 subroutine basis_coordinates(symmetry, coordinates, k, n, m, constants, raw, scale)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_type
    use surrogate_basis, only: raw_coordinates
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, coordinates, k, n, m
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: coordinates, k, n, m
    real(c_double), intent(in) :: constants(k, n)
    real(c_double), intent(out) :: raw(m, n), scale(n)
    integer :: i
+   type(crystal_class_type) :: class
+   type(error_type), allocatable :: error
 
+   call new_crystal_class(symmetry, class, error)
    do i = 1, n
-      call raw_coordinates(symmetry, coordinates, constants(:, i), raw(:, i), scale(i))
+      call raw_coordinates(class, coordinates, constants(:, i), raw(:, i), scale(i))
    end do
 end subroutine basis_coordinates
 
 !> Degrees of the terms: of the harmonic, and of the polynomial in all coordinates together.
 subroutine basis_degrees(symmetry, coordinates, truncation, degree, bandlimit, n_terms, harmonic, polynomial, status, message)
    use, intrinsic :: iso_c_binding, only: c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, error_to_status
    use kinds, only: wp
    use surrogate_basis, only: basis_type, coordinate_count, new_basis
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, n_terms
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: coordinates, truncation, degree, bandlimit, n_terms
    integer(c_int), intent(out) :: harmonic(n_terms), polynomial(n_terms)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
    type(basis_type) :: basis
    type(error_type), allocatable :: error
    integer :: h, q, k, n
+   type(crystal_class_type) :: class
 
-   n = coordinate_count(symmetry, coordinates)
-   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, spread(-1.0_wp, 1, n), spread(1.0_wp, 1, n), basis, &
-      & error)
+   call new_crystal_class(symmetry, class, error)
+   n = coordinate_count(class, coordinates)
+   if (.not. allocated(error)) call new_basis(class, coordinates, truncation, degree, bandlimit, spread(-1.0_wp, 1, n), &
+      & spread(1.0_wp, 1, n), basis, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    do q = 1, basis%n_polynomials
       do h = 1, basis%n_harmonics
          k = h + (q - 1)*basis%n_harmonics
-         harmonic(k) = basis%harmonic_degrees(h)
+         harmonic(k) = basis%harmonics%degrees(h)
          polynomial(k) = sum(basis%degrees(:, q))
       end do
    end do
@@ -65,11 +88,13 @@ end subroutine basis_degrees
 subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, k, n, n_terms, constants, euler, &
    & terms, scale, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, error_to_status
    use surrogate_basis, only: basis_type, evaluate_terms, new_basis
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, m, k, n, n_terms
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: coordinates, truncation, degree, bandlimit, m, k, n, n_terms
    real(c_double), intent(in) :: lower(m), upper(m), constants(k, n), euler(3, n)
    real(c_double), intent(out) :: terms(n_terms, n), scale(n)
    integer(c_int), intent(out) :: status
@@ -77,8 +102,10 @@ subroutine basis_terms(symmetry, coordinates, truncation, degree, bandlimit, m, 
    type(basis_type) :: basis
    type(error_type), allocatable :: error
    integer :: i
+   type(crystal_class_type) :: class
 
-   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call new_basis(class, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, n
@@ -89,28 +116,28 @@ end subroutine basis_terms
 !> Harmonics of n unit vectors in crystal axes.
 subroutine basis_harmonics(symmetry, bandlimit, n, n_harmonics, directions, values, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type, error_to_status
-   use kinds, only: wp
-   use surrogate_basis, only: basis_type, coordinate_count, coordinates_dimensionless, evaluate_direction, new_basis, &
-      & truncation_total
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_to_status, error_type
+   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, bandlimit, n, n_harmonics
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: bandlimit, n, n_harmonics
    real(c_double), intent(in) :: directions(3, n)
    real(c_double), intent(out) :: values(n_harmonics, n)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
-   type(basis_type) :: basis
+   type(crystal_class_type) :: class
+   type(harmonics_type) :: harmonics
    type(error_type), allocatable :: error
-   integer :: i, m
+   integer :: i
 
-   m = coordinate_count(symmetry, coordinates_dimensionless)
-   call new_basis(symmetry, coordinates_dimensionless, truncation_total, 0, bandlimit, spread(-1.0_wp, 1, m), &
-      & spread(1.0_wp, 1, m), basis, error)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call new_harmonics(class, bandlimit, harmonics, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, n
-      call evaluate_direction(basis, directions(:, i), values(:, i))
+      call evaluate_harmonics(harmonics, directions(:, i), values(:, i))
    end do
 end subroutine basis_harmonics
 
@@ -118,12 +145,14 @@ end subroutine basis_harmonics
 subroutine surrogate_new(symmetry, coordinates, truncation, degree, bandlimit, m, lower, upper, n_terms, coefficients, &
    & covariance, anisotropy_cap, alpha, beta, sd_inflation, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use surrogate_basis, only: new_basis
    use surrogate_model, only: surrogate_to_handle, surrogate_type
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: symmetry, coordinates, truncation, degree, bandlimit, m, n_terms
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: coordinates, truncation, degree, bandlimit, m, n_terms
    real(c_double), intent(in) :: lower(m), upper(m), coefficients(n_terms), covariance(n_terms, n_terms)
    real(c_double), intent(in) :: anisotropy_cap, alpha, beta, sd_inflation
    integer(c_int64_t), intent(out) :: handle
@@ -131,12 +160,15 @@ subroutine surrogate_new(symmetry, coordinates, truncation, degree, bandlimit, m
    character(len=512), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
+   type(crystal_class_type) :: class
 
    status = 0
    message = ''
    handle = 0
    allocate (surrogate)
-   call new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, surrogate%basis, error)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call new_basis(class, coordinates, truncation, degree, bandlimit, lower, upper, &
+      & surrogate%basis, error)
    if (.not. allocated(error)) then
       if (surrogate%basis%n_terms /= n_terms) then
          status = 2
@@ -150,7 +182,6 @@ subroutine surrogate_new(symmetry, coordinates, truncation, degree, bandlimit, m
       deallocate (surrogate)
       return
    end if
-   surrogate%symmetry = symmetry
    surrogate%coefficients = reshape(coefficients, [surrogate%basis%n_harmonics, surrogate%basis%n_polynomials])
    surrogate%covariance = covariance
    surrogate%anisotropy_cap = anisotropy_cap
@@ -210,12 +241,13 @@ subroutine surrogate_header(handle, symmetry, coordinates, truncation, degree, b
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(out) :: symmetry, coordinates, truncation, degree, bandlimit, m, n_terms
+   character(len=12), intent(out) :: symmetry
+   integer(c_int), intent(out) :: coordinates, truncation, degree, bandlimit, m, n_terms
    real(c_double), intent(out) :: lower(5), upper(5), anisotropy_cap, alpha, beta, sd_inflation
    type(surrogate_type), pointer :: surrogate
 
    surrogate => surrogate_from_handle(handle)
-   symmetry = surrogate%symmetry
+   symmetry = surrogate%basis%class%name
    coordinates = surrogate%basis%coordinates
    truncation = surrogate%basis%truncation
    degree = surrogate%basis%degree

@@ -8,6 +8,7 @@ module constants_posterior
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_ptr
    use abstract_error_model, only: error_model_type
    use constants_prior, only: prior_type
+   use dimensionless_coordinates, only: from_logarithms, log_volume_of, to_logarithms
    use error_models, only: new_error_model
    use errors, only: error_type, exit_bad_input, raise
    use grain_surrogate, only: grain_surrogate_type, new_grain_surrogate
@@ -181,52 +182,30 @@ contains
       if (.not. self%likelihood%prior_only) log_density = log_density + self%log_likelihood(x)
    end function log_density
 
-   !> Logarithms of stiffnesses, in which moduli are nearly linear and ridges nearly straight. Cubic: bulk modulus, C11 - C12, C44.
-   !> Hexagonal, with r = sqrt(C11 C33): r - C13, r + C13, C44, C11 - C12 and the ratio C33/C11. All exist for stable crystals.
+   !> Coordinates in which ridges are nearly straight, see `to_logarithms`.
    pure subroutine to_working(self, x, w)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: w(:)
-      real(wp) :: r
 
       w = x(:self%dimension)
-      if (self%n_constants == 3) then
-         w(:3) = log([x(1) + 2.0_wp*x(2), x(1) - x(2), x(3)])
-      else
-         r = sqrt(x(1)*x(4))
-         w(:5) = log([r - x(5), r + x(5), x(3), x(1) - x(2), x(4)/x(1)])
-      end if
+      call to_logarithms(self%prior%class, x(:self%n_constants), w(:self%n_constants))
    end subroutine to_working
 
    pure subroutine from_working(self, w, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
       real(wp), intent(out) :: x(:)
-      real(wp) :: e(5), r, ratio
 
       x = w(:self%dimension)
-      e(:self%n_constants) = exp(min(50.0_wp, w(:self%n_constants)))
-      if (self%n_constants == 3) then
-         x(1) = (e(1) + 2.0_wp*e(2))/3.0_wp
-         x(2) = (e(1) - e(2))/3.0_wp
-         x(3) = e(3)
-      else
-         r = 0.5_wp*(e(1) + e(2))
-         ratio = sqrt(e(5))
-         x(1) = r/ratio
-         x(2) = x(1) - e(4)
-         x(3) = e(3)
-         x(4) = r*ratio
-         x(5) = 0.5_wp*(e(2) - e(1))
-      end if
+      call from_logarithms(self%prior%class, w(:self%n_constants), x(:self%n_constants))
    end subroutine from_working
 
    pure real(wp) function log_volume(self, w)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
 
-      log_volume = sum(w(:3))
-      if (self%n_constants == 5) log_volume = log_volume + w(4) + log(exp(w(1)) + exp(w(2)))
+      log_volume = log_volume_of(self%prior%class, w(:self%n_constants))
    end function log_volume
 
    !> Indentation moduli (GPa) that the mean surrogate gives the measured grains at a point.

@@ -4,7 +4,8 @@
 !> The support is the box of the stated bounds cut by Born's criterion, by the cap on Eq. 14 and by the surrogate's domain.
 !> On it the density is uniform in the constants, times one normal factor for each piece of normal knowledge.
 module constants_prior
-   use crystal_elasticity, only: anisotropy_index, constant_count, constant_names, symmetry_cubic
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: anisotropy_index
    use derived_quantities, only: evaluate_quantities, most_quantities, quantity_count
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -24,7 +25,8 @@ module constants_prior
    end type normal_knowledge_type
 
    type :: prior_type
-      integer :: symmetry = 0, n_constants = 0
+      type(crystal_class_type) :: class
+      integer :: n_constants = 0
       !> Bounds of the constants, GPa: the stated ones, cut to the surrogate's where its coordinates are the constants.
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp)
@@ -47,17 +49,17 @@ contains
    pure subroutine default_bounds(surrogate, lower, upper)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), allocatable, intent(out) :: lower(:), upper(:)
+      integer :: j
 
       if (surrogate%basis%coordinates == coordinates_box) then
          lower = surrogate%basis%lower
          upper = surrogate%basis%upper
          return
       end if
-      lower = [10.0_wp, 1.0_wp, 1.0_wp]
-      upper = [1000.0_wp, 600.0_wp, 600.0_wp]
-      if (surrogate%symmetry == symmetry_cubic) return
-      lower = [lower, 10.0_wp, 1.0_wp]
-      upper = [upper, 1000.0_wp, 600.0_wp]
+      associate (names => surrogate%basis%class%constants)
+         lower = [(merge(10.0_wp, 1.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
+         upper = [(merge(1000.0_wp, 600.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
+      end associate
    end subroutine default_bounds
 
    !> The prior on `lower` .. `upper` (GPa) with the cap on Eq. 14, cut to the surrogate's domain.
@@ -72,8 +74,8 @@ contains
       character(len=3), allocatable :: names(:)
       integer :: k, j
 
-      k = constant_count(surrogate%symmetry)
-      names = constant_names(surrogate%symmetry)
+      k = surrogate%basis%class%n_constants
+      names = surrogate%basis%class%constants
       if (size(lower) /= k .or. size(upper) /= k) then
          call raise(error, 'bounds are needed for each of '//to_text(k)//' constants, not '//to_text(size(lower)), &
             & exit_bad_input)
@@ -96,13 +98,13 @@ contains
                & //' and '//to_text(normals(j)%sd), exit_bad_input)
             return
          end if
-         if (normals(j)%numerator < 1 .or. normals(j)%numerator > quantity_count(surrogate%symmetry) .or. &
-            & normals(j)%denominator < 0 .or. normals(j)%denominator > quantity_count(surrogate%symmetry)) then
+         if (normals(j)%numerator < 1 .or. normals(j)%numerator > quantity_count(surrogate%basis%class) .or. &
+            & normals(j)%denominator < 0 .or. normals(j)%denominator > quantity_count(surrogate%basis%class)) then
             call raise(error, 'a normal prior is on a quantity that the symmetry does not have', exit_bad_input)
             return
          end if
       end do
-      prior%symmetry = surrogate%symmetry
+      prior%class = surrogate%basis%class
       prior%n_constants = k
       prior%lower = lower
       prior%upper = upper
@@ -124,7 +126,7 @@ contains
       real(wp) :: c(prior%n_constants), u, stated_cap
       integer :: i, j, stated, inside
 
-      names = constant_names(prior%symmetry)
+      names = prior%class%constants
       stated_cap = prior%anisotropy_cap
       prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%anisotropy_cap)
       if (prior%coordinates == coordinates_box) then
@@ -145,8 +147,7 @@ contains
             call stream%uniform(u)
             c(j) = prior%lower(j) + u*(prior%upper(j) - prior%lower(j))
          end do
-         if (.not. is_born_stable(prior%symmetry, c)) cycle
-         if (anisotropy_index(prior%symmetry, c) > stated_cap) cycle
+         if (.not. anisotropy_index(prior%class%stiffness(c)) <= stated_cap) cycle
          stated = stated + 1
          if (prior%admits(c)) inside = inside + 1
       end do
@@ -161,18 +162,6 @@ contains
       end if
    end subroutine cut_to_surrogate
 
-   !> Born's criterion in closed form, cubic or hexagonal.
-   pure logical function is_born_stable(symmetry, c)
-      integer, intent(in) :: symmetry
-      real(wp), intent(in) :: c(:)
-
-      if (symmetry == symmetry_cubic) then
-         is_born_stable = c(1) > c(2) .and. c(1) + 2.0_wp*c(2) > 0.0_wp .and. c(3) > 0.0_wp
-      else
-         is_born_stable = c(1) > abs(c(2)) .and. c(3) > 0.0_wp .and. (c(1) + c(2))*c(4) > 2.0_wp*c(5)**2
-      end if
-   end function is_born_stable
-
    !> Whether a crystal (GPa) is in the support.
    pure logical function admits(self, c)
       class(prior_type), intent(in) :: self
@@ -184,10 +173,9 @@ contains
       do j = 1, self%n_constants
          if (.not. (c(j) >= self%lower(j) .and. c(j) <= self%upper(j))) return
       end do
-      if (.not. is_born_stable(self%symmetry, c)) return
-      if (.not. anisotropy_index(self%symmetry, c(:self%n_constants)) <= self%anisotropy_cap) return
+      if (.not. anisotropy_index(self%class%stiffness(c)) <= self%anisotropy_cap) return
       if (self%coordinates == coordinates_dimensionless) then
-         call raw_coordinates(self%symmetry, self%coordinates, c, raw(:self%n_constants - 1), scale)
+         call raw_coordinates(self%class, self%coordinates, c, raw(:self%n_constants - 1), scale)
          do j = 1, self%n_constants - 1
             if (.not. (raw(j) >= self%range_lower(j) .and. raw(j) <= self%range_upper(j))) return
          end do
@@ -204,7 +192,7 @@ contains
 
       log_density = 0.0_wp
       if (size(self%normals) == 0) return
-      call evaluate_quantities(self%symmetry, c(:self%n_constants), values)
+      call evaluate_quantities(self%class, c(:self%n_constants), values)
       do j = 1, size(self%normals)
          x = values(self%normals(j)%numerator)
          if (self%normals(j)%denominator > 0) x = x/values(self%normals(j)%denominator)

@@ -80,7 +80,7 @@ contains
       real(wp), intent(out) :: y(:), scale, x(:)
       real(wp) :: p(self%terms%n_products)
 
-      call raw_coordinates(self%basis%symmetry, self%basis%coordinates, c(:self%n_constants), x, scale)
+      call raw_coordinates(self%basis%class, self%basis%coordinates, c(:self%n_constants), x, scale)
       x = (2.0_wp*x - self%basis%lower - self%basis%upper)/(self%basis%upper - self%basis%lower)
       call evaluate_products(self%terms, x, p)
       call transposed_product(self%terms%n_products, self%n_harmonics, self%coefficients, p, y)

@@ -6,7 +6,6 @@ module batch_sample
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: likelihood_type, new_posterior, posterior_type
    use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type
-   use crystal_elasticity, only: constant_count, constant_names, symmetry_name
    use derived_quantities, only: quantity_number
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, replace_file, resolve_path
@@ -152,9 +151,9 @@ contains
       call load_surrogate(path, surrogate, error)
       if (allocated(error)) then
          error%message = place(self%path, 'surrogate', 'file')//error%message
-      else if (surrogate%symmetry /= self%symmetry) then
-         call raise(error, place(self%path, 'surrogate', 'file')//path//' is for '//symmetry_name(surrogate%symmetry) &
-            & //' crystals, not '//symmetry_name(self%symmetry)//' ones', exit_bad_input)
+      else if (surrogate%basis%class%name /= self%class%name) then
+         call raise(error, place(self%path, 'surrogate', 'file')//path//' is for '//surrogate%basis%class%name &
+            & //' crystals, not '//self%class%name//' ones', exit_bad_input)
       end if
    end subroutine find_surrogate
 
@@ -184,16 +183,16 @@ contains
          if (.not. self%is_set('prior', trim(v%mean))) cycle
          call self%get('prior', trim(v%mean), one_mean)
          call self%get('prior', trim(v%sd), one_sd)
-         normals = [normals, normal_knowledge_type(quantity_number(self%symmetry, trim(v%numerator)), &
-            & quantity_number(self%symmetry, trim(v%denominator)), one_mean, one_sd)]
+         normals = [normals, normal_knowledge_type(quantity_number(self%class, trim(v%numerator)), &
+            & quantity_number(self%class, trim(v%denominator)), one_mean, one_sd)]
       end do
       if (self%is_set('prior', 'c_mean')) then
          call self%get('prior', 'c_mean', mean)
          call self%get('prior', 'c_sd', sd)
-         names = constant_names(self%symmetry)
+         names = self%class%constants
          do i = 1, size(names)
             if (sd(i) > 0.0_wp) normals = [normals, &
-               & normal_knowledge_type(quantity_number(self%symmetry, names(i)), 0, mean(i), sd(i))]
+               & normal_knowledge_type(quantity_number(self%class, names(i)), 0, mean(i), sd(i))]
          end do
       end if
       call new_prior(surrogate, lower, upper, cap, normals, prior, error)
@@ -234,8 +233,8 @@ contains
       character(len=9) :: names(n)
       integer :: k
 
-      k = constant_count(self%symmetry)
-      names(:k) = constant_names(self%symmetry)
+      k = self%class%n_constants
+      names(:k) = self%class%constants
       if (n > k) names(k + 1:) = 'sd_factor'
    end function parameter_names
 
@@ -259,7 +258,7 @@ contains
       integer :: n, k, i, j, chain, filled
 
       n = size(chains%draws, 1)
-      k = constant_count(self%symmetry)
+      k = self%class%n_constants
       allocate (character(len=256 + widest*(n + 3)*size(chains%draws, 2)*size(chains%draws, 3)) :: page)
       filled = 0
       call put('chain,draw,'//join(parameter_names(self, n), ',')//',log_density'//newline)
@@ -291,7 +290,7 @@ contains
       integer, intent(in) :: parameter
       real(wp), allocatable, intent(out) :: values(:, :)
 
-      values = written(chains%draws(parameter, :, :), parameter > constant_count(self%symmetry))
+      values = written(chains%draws(parameter, :, :), parameter > self%class%n_constants)
    end subroutine get_written
 
    !> How far the chains of each parameter have mixed.

@@ -231,7 +231,7 @@ contains
             & //'the file away', exit_bad_input)
          return
       end if
-      call read_crystals(path, path//': ', self%symmetry, old, error)
+      call read_crystals(path, path//': ', self%class, old, error)
       if (allocated(error)) return
       do i = 1, self%crystals%n
          do j = 1, old%n
@@ -360,16 +360,16 @@ contains
             & //'&surrogate is fitted to', exit_bad_input)
          return
       end if
-      call read_crystals(path, path//': ', self%symmetry, points, error)
+      call read_crystals(path, path//': ', self%class, points, error)
       if (allocated(error)) return
       rows = pack([(i, i=1, points%n)], ieee_is_finite(points%modulus_gpa))
       do i = 1, size(rows)
-         if (points%symmetry(rows(i)) == self%symmetry) cycle
+         if (points%class(rows(i))%name == self%class%name) cycle
          call raise(error, path//': line '//to_text(points%table%line(rows(i)))//': the crystal is not of the symmetry of ' &
             & //'&problem', exit_bad_input)
          return
       end do
-      domain%symmetry = self%symmetry
+      domain%class = self%class
       call self%get('domain', 'c_min', domain%lower)
       call self%get('domain', 'c_max', domain%upper)
       call self%get('domain', 'anisotropy_cap', domain%anisotropy_cap)

@@ -1,7 +1,8 @@
 !> What may stand in a namelist file: one table, a row a variable. Checks, `resolved.nml`, help and docs/namelists.md
 !> come from it and from nothing else; a new variable is a new row.
 module namelist_schema
-   use crystal_elasticity, only: symmetry_from_name
+   use crystal_class, only: crystal_class_names
+   use text, only: split_list
    implicit none
    private
    public :: schema_type, variable_type, group_type, new_schema, groups_of_command, commands, schema_markdown, &
@@ -21,17 +22,17 @@ module namelist_schema
    type :: variable_type
       character(len=:), allocatable :: group, name
       integer :: kind = kind_text
-      !> A value for each constant of the symmetry, in the order C11, C12, C44 or C11, C12, C44, C33, C13.
+      !> A value for each constant of the crystal class, in its order.
       logical :: per_constant = .false.
       !> '' where a number has none.
       character(len=:), allocatable :: unit
-      !> Namelist text; '*' is required; 'unset' has no value; 'cubic: ..; hexagonal: ..' depends on the symmetry.
+      !> Namelist text; '*' is required; 'unset' has no value; 'class: ..; class: ..' depends on the crystal class.
       character(len=:), allocatable :: default
       !> An interval, '[0, 1)', with '*' for no end; or the words of a choice, separated by commas.
       character(len=:), allocatable :: allowed
       character(len=:), allocatable :: meaning
-      !> The one symmetry that has the variable, 0 for all: a meaning that begins with 'cubic: ' or 'hexagonal: ' says it.
-      integer :: only = 0
+      !> The one crystal class that has the variable, blank for all: a meaning that begins with 'class: ' says it.
+      character(len=:), allocatable :: only
    end type variable_type
 
    type :: group_type
@@ -55,7 +56,7 @@ contains
       allocate (s%groups(0), s%variables(0))
 
       call add_group(s, 'problem', 'What the file is about.')
-      call add(s, 'symmetry', 'choice', '', '*', 'cubic, hexagonal', 'crystal symmetry of the metal')
+      call add(s, 'symmetry', 'choice', '', '*', crystal_class_names(), 'crystal symmetry of the metal')
       call add(s, 'title', 'text', '', '', '', 'a title for the report')
       call add(s, 'synthetic', 'logical', '', '.false.', '', 'the data are made up: every figure says so')
       call add(s, 'seed', 'integer', '', '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
@@ -239,8 +240,9 @@ contains
          v%default = default
          v%allowed = allowed
          v%meaning = meaning
-         v%only = 0
-         if (index(meaning, ': ') > 0) v%only = symmetry_from_name(meaning(:index(meaning, ': ') - 1))
+         v%only = ''
+         if (index(meaning, ': ') > 0) v%only = meaning(:index(meaning, ': ') - 1)
+         if (.not. any(split_list(crystal_class_names()) == v%only)) v%only = ''
       end associate
       call move_alloc(grown, s%variables)
    end subroutine add

@@ -1,13 +1,13 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
-   use crystal_elasticity, only: constant_count, constant_names, is_stable, new_stiffness, symmetry_from_name, &
-      & symmetry_name, symmetry_triclinic
+   use crystal_class, only: crystal_class_type, general_class, new_crystal_class
+   use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use kinds, only: pi, wp
    use tables, only: read_table, table_type
-   use text, only: join, lower, to_text
+   use text, only: join, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, angles_look_like_radians
@@ -17,9 +17,9 @@ module point_tables
       integer :: n = 0
       !> The cells as written.
       type(table_type) :: table
-      !> Enumerators of `crystal_elasticity`, (n); 0 in measurements.
-      integer, allocatable :: symmetry(:)
-      !> In the order of `constant_names`, padded with NaN, GPa, (21, n).
+      !> Crystal class of each row, (n); none in measurements.
+      type(crystal_class_type), allocatable :: class(:)
+      !> In the order of the class, padded with NaN, GPa, (21, n).
       real(wp), allocatable :: constants(:, :)
       !> Crystal frame, GPa, (6, 6, n).
       real(wp), allocatable :: stiffness(:, :, :)
@@ -36,15 +36,15 @@ module point_tables
 contains
 
    !> Crystals and orientations. `prefix` begins the message of a refusal.
-   subroutine read_crystals(path, prefix, default_symmetry, points, error)
+   subroutine read_crystals(path, prefix, default_class, points, error)
       character(len=*), intent(in) :: path, prefix
-      !> Symmetry of the rows that do not say theirs.
-      integer, intent(in) :: default_symmetry
+      !> Of the rows that do not say theirs.
+      type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
       call read_points(path, points, error)
-      if (.not. allocated(error)) call read_constants(points, default_symmetry, error)
+      if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call read_moduli(points, .false., error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
@@ -75,7 +75,6 @@ contains
       if (allocated(error)) return
       points%n = points%table%rows
       nan = not_a_number()
-      allocate (points%symmetry(points%n), source=0)
       allocate (points%euler_deg(3, points%n))
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
       do j = 1, 3
@@ -97,96 +96,94 @@ contains
    end subroutine read_points
 
    !> The independent constants of each row, and the stiffness.
-   subroutine read_constants(points, default_symmetry, error)
+   subroutine read_constants(points, default_class, error)
       type(points_type), intent(inout) :: points
-      integer, intent(in) :: default_symmetry
+      type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
-      character(len=3), allocatable :: names(:), needed(:)
-      integer :: column(21), symmetry_column, usual, i, j, k, n
-      real(wp) :: value, implied
+      type(crystal_class_type) :: general, usual
+      character(len=3), allocatable :: names(:)
+      integer :: column(21), symmetry_column, i, j
       character(len=:), allocatable :: cell
 
       allocate (points%constants(21, points%n), source=not_a_number())
-      allocate (points%stiffness(6, 6, points%n))
-      names = constant_names(symmetry_triclinic)
+      allocate (points%stiffness(6, 6, points%n), points%class(points%n))
+      call new_crystal_class(general_class, general, error)
+      if (allocated(error)) return
+      names = general%constants
       do j = 1, 21
          column(j) = points%table%find(names(j))
       end do
       symmetry_column = points%table%find('symmetry')
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
-      usual = default_symmetry
-      if (all(column > 0)) usual = symmetry_triclinic
+      usual = default_class
+      if (all(column > 0) .and. symmetry_column == 0) usual = general
       do i = 1, points%n
-         points%symmetry(i) = usual
-         if (symmetry_column > 0) then
-            cell = points%table%cell(symmetry_column, i)
-            if (len(cell) > 0) then
-               points%symmetry(i) = symmetry_from_name(lower(cell))
-               if (points%symmetry(i) == 0) then
-                  call refuse_cell(points%table, symmetry_column, i, ' is no symmetry; allowed ''cubic'', ''hexagonal'', ' &
-                     & //'''triclinic''', error)
-                  return
-               end if
-            else
-               points%symmetry(i) = default_symmetry
+         cell = ''
+         if (symmetry_column > 0) cell = points%table%cell(symmetry_column, i)
+         if (len(cell) == 0) then
+            points%class(i) = usual
+         else
+            if (i > 1) then
+               if (cell == points%table%cell(symmetry_column, i - 1)) points%class(i) = points%class(i - 1)
             end if
-         end if
-         needed = constant_names(points%symmetry(i))
-         n = constant_count(points%symmetry(i))
-         do k = 1, n
-            j = findloc(names == needed(k), .true., dim=1)
-            if (column(j) == 0) then
-               call raise(error, 'the column '//needed(k)//' is missing; a '//symmetry_name(points%symmetry(i)) &
-                  & //' crystal has '//join(needed, ', '), exit_bad_input)
+            if (points%class(i)%n_constants == 0) call new_crystal_class(cell, points%class(i), error)
+            if (allocated(error)) then
+               error%message = 'line '//to_text(points%table%line(i))//', column symmetry: '//error%message
                return
             end if
-            call points%table%number(column(j), i, value, error)
+         end if
+         call read_row(points, i, names, column, error)
+         if (allocated(error)) return
+      end do
+   end subroutine read_constants
+
+   !> The crystal of row i: its constants, and what else the row says about the stiffness.
+   subroutine read_row(points, i, names, column, error)
+      type(points_type), intent(inout) :: points
+      integer, intent(in) :: i
+      !> All 21 entries, and their columns or 0.
+      character(len=3), intent(in) :: names(21)
+      integer, intent(in) :: column(21)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: values(21), implied(21)
+      logical :: needed
+      integer :: j, k
+
+      associate (class => points%class(i))
+         do k = 1, class%n_constants
+            j = findloc(names, class%constants(k), dim=1)
+            if (column(j) == 0) then
+               call raise(error, 'the column '//names(j)//' is missing; a '//class%name//' crystal has ' &
+                  & //join(class%constants, ', '), exit_bad_input)
+               return
+            end if
+            call points%table%number(column(j), i, points%constants(k, i), error)
             if (allocated(error)) return
-            if (abs(value) > stiffness_most) then
+            if (abs(points%constants(k, i)) > stiffness_most) then
                call refuse_cell(points%table, column(j), i, ' GPa looks like MPa; allowed up to ' &
                   & //to_text(stiffness_most)//' GPa', error)
                return
             end if
-            points%constants(k, i) = value
          end do
-         points%stiffness(:, :, i) = new_stiffness(points%symmetry(i), points%constants(:n, i))
+         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
          ! A constant that does not apply is empty, or what the symmetry makes it.
+         implied = [(points%stiffness(j, j:, i), j=1, 6)]
          do j = 1, 21
-            if (column(j) == 0 .or. any(needed == names(j))) cycle
+            needed = any(class%constants == names(j))
+            if (column(j) == 0 .or. needed) cycle
             if (len(points%table%cell(column(j), i)) == 0) cycle
-            call points%table%number(column(j), i, value, error)
+            call points%table%number(column(j), i, values(j), error)
             if (allocated(error)) return
-            implied = points%stiffness(iachar(names(j)(2:2)) - 48, iachar(names(j)(3:3)) - 48, i)
-            if (abs(value - implied) > 1.0e-3_wp*abs(implied) + 1.0e-3_wp) then
-               call refuse_cell(points%table, column(j), i, ' GPa does not apply to a ' &
-                  & //symmetry_name(points%symmetry(i))//' crystal, whose '//names(j)//' is '//to_text(implied) &
-                  & //' GPa; leave the cell empty', error)
+            if (abs(values(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) then
+               call refuse_cell(points%table, column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+                  & //names(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
                return
             end if
          end do
-         if (.not. is_stable(points%stiffness(:, :, i))) then
-            call raise(error, 'line '//to_text(points%table%line(i))//': the crystal is elastically unstable (' &
-               & //constants_in_words(needed, points%constants(:n, i))//' GPa); the stiffness must be positive definite', &
-               & exit_bad_input)
-            return
-         end if
-      end do
-   end subroutine read_constants
-
-   !> 'C11 = 168.4, C12 = ...'; all 21 would not fit a line, so the diagonal stands for them.
-   pure function constants_in_words(names, values) result(words)
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: values(:)
-      character(len=:), allocatable :: words
-      integer :: i
-
-      words = ''
-      do i = 1, size(values)
-         if (size(values) == 21 .and. names(i)(2:2) /= names(i)(3:3)) cycle
-         if (i > 1) words = words//', '
-         words = words//trim(names(i))//' = '//to_text(values(i))
-      end do
-   end function constants_in_words
+      end associate
+      call check_stiffness(points%stiffness(:, :, i), error)
+      if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+   end subroutine read_row
 
    subroutine read_moduli(points, required, error)
       type(points_type), intent(inout) :: points

@@ -3,8 +3,8 @@
 !> Both programs read files here and nowhere else, so that they give the same verdict. A message is one line:
 !> `FILE: &group name: what is wrong, the value, what is allowed`.
 module problem
-   use crystal_elasticity, only: anisotropy_index, constant_count, constant_names, is_stable, new_stiffness, &
-      & symmetry_from_name, symmetry_hexagonal, symmetry_name
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, folder_of, printable, resolve_path
    use kinds, only: wp
@@ -36,8 +36,7 @@ module problem
       character(len=:), allocatable :: command
       !> What `run` would do, in order: words of 'simulate theory build extract next'.
       character(len=:), allocatable :: stages
-      !> Enumerator of `crystal_elasticity`.
-      integer :: symmetry = 0
+      type(crystal_class_type) :: class
       type(warning_type), allocatable :: warnings(:)
       !> The tables that the file names, unallocated if it names none.
       type(points_type), allocatable :: crystals, measurements, candidates
@@ -206,7 +205,7 @@ contains
       i = self%schema%find('problem', 'symmetry')
       call resolve_variable(self, i, file, error)
       if (allocated(error)) return
-      self%symmetry = symmetry_from_name(self%settings(i)%text)
+      call new_crystal_class(self%settings(i)%text, self%class, error)
    end subroutine find_symmetry
 
    !> The groups that the file has and that the command needs.
@@ -290,7 +289,7 @@ contains
             if (allocated(error)) return
          end do
          if (.not. setting%given) then
-            default = default_of(v, self%symmetry)
+            default = default_of(v, self%class%name)
             if (default == '*') then
                call raise(error, place(self%path, v%group, v%name)//'the variable is missing; '//v%meaning &
                   & //allowed_part(v), exit_bad_input)
@@ -306,20 +305,21 @@ contains
       self%settings(i) = setting
    end subroutine resolve_variable
 
-   !> The part of a default that is for this symmetry.
-   pure function default_of(v, symmetry) result(default)
+   !> The part of a default that is for this crystal class; a class that it does not name has none.
+   pure function default_of(v, class) result(default)
       type(variable_type), intent(in) :: v
-      integer, intent(in) :: symmetry
+      character(len=*), intent(in) :: class
       character(len=:), allocatable :: default
-      integer :: semicolon
+      integer :: colon
 
       default = v%default
-      if (index(default, 'cubic: ') /= 1) return
-      semicolon = index(default, '; hexagonal: ')
-      if (symmetry == symmetry_hexagonal) then
-         default = default(semicolon + len('; hexagonal: '):)
+      if (index(default, ': ') == 0) return
+      colon = index('; '//default, '; '//class//': ')
+      if (colon == 0) then
+         default = '*'
       else
-         default = default(len('cubic: ') + 1:semicolon - 1)
+         default = default(colon + len(class) + 2:)//';'
+         default = default(:index(default, ';') - 1)
       end if
    end function default_of
 
@@ -360,15 +360,15 @@ contains
 
       setting%set = .true.
       n = 1
-      if (v%per_constant) n = constant_count(self%symmetry)
+      if (v%per_constant) n = self%class%n_constants
       message = ''
-      if (v%only /= 0 .and. v%only /= self%symmetry) then
-         message = 'the variable is for '//symmetry_name(v%only)//' crystals; &problem says '//symmetry_name(self%symmetry)
+      if (v%only /= '' .and. v%only /= self%class%name) then
+         message = 'the variable is for '//trim(v%only)//' crystals; &problem says '//self%class%name
       else if (size(values) /= n) then
          message = to_text(size(values))//' values; '
          if (size(values) == 1) message = 'one value; '
          if (v%per_constant) then
-            message = message//to_text(n)//' are needed: '//join(constant_names(self%symmetry), ', ')
+            message = message//to_text(n)//' are needed: '//join(self%class%constants, ', ')
          else
             message = message//'one is needed'//allowed_part(v)
          end if
@@ -550,7 +550,7 @@ contains
       if (.not. (self%is_set(group, 'c_min') .and. self%is_set(group, 'c_max'))) return
       call self%get(group, 'c_min', low)
       call self%get(group, 'c_max', high)
-      names = constant_names(self%symmetry)
+      names = self%class%constants
       do i = 1, size(low)
          if (.not. low(i) < high(i)) then
             call raise(error, place(self%path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below ' &
@@ -563,7 +563,7 @@ contains
       do i = 1, size(best)
          if (names(i)(2:2) /= names(i)(3:3)) best(i) = max(low(i), min(high(i), 0.0_wp))
       end do
-      if (.not. is_stable(new_stiffness(self%symmetry, best))) call raise(error, place(self%path, group, 'c_max') &
+      if (.not. is_stable(self%class%stiffness(best))) call raise(error, place(self%path, group, 'c_max') &
          & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
    end subroutine check_bounds
 
@@ -611,7 +611,7 @@ contains
          call self%get('crystals', 'points', name)
          allocate (self%crystals)
          call read_crystals(resolve_path(self%folder, name), place(self%path, 'crystals', 'points')//printable(name)//': ', &
-            & self%symmetry, self%crystals, error)
+            & self%class, self%crystals, error)
          if (allocated(error)) return
          if (angles_look_like_radians(self%crystals)) call warn_radians(self, 'crystals', 'points', name)
       end if
@@ -646,7 +646,7 @@ contains
          return
       end if
       allocate (self%candidates)
-      call read_crystals(resolve_path(self%folder, name), prefix//printable(name)//': ', self%symmetry, self%candidates, error)
+      call read_crystals(resolve_path(self%folder, name), prefix//printable(name)//': ', self%class, self%candidates, error)
       if (allocated(error)) return
       outside = 0
       if (self%is_set('domain', 'c_min')) then
@@ -654,16 +654,16 @@ contains
          call self%get('domain', 'c_max', high)
          call self%get('domain', 'anisotropy_cap', cap)
       end if
-      n = constant_count(self%symmetry)
+      n = self%class%n_constants
       do i = 1, self%candidates%n
-         if (self%candidates%symmetry(i) /= self%symmetry) then
+         if (self%candidates%class(i)%name /= self%class%name) then
             call raise(error, prefix//printable(name)//': line '//to_text(self%candidates%table%line(i)) &
                & //': the crystal is not of the symmetry of &problem', exit_bad_input)
             return
          end if
          if (.not. allocated(low)) cycle
          associate (c => self%candidates%constants(:n, i))
-            if (any(c < low .or. c > high) .or. anisotropy_index(self%symmetry, c) > cap) outside = outside + 1
+            if (any(c < low .or. c > high) .or. anisotropy_index(self%class%stiffness(c)) > cap) outside = outside + 1
          end associate
       end do
       if (outside > 0) call warn(self, prefix//to_text(outside)//' of '//to_text(self%candidates%n)//' rows of ' &
@@ -685,7 +685,7 @@ contains
          else
             spread = maxval(maxval(euler, dim=2) - minval(euler, dim=2))
             ! The modulus of a hexagonal crystal depends on the declination of its c axis alone.
-            if (self%symmetry == symmetry_hexagonal) then
+            if (any(self%class%folds == 0)) then
                spread = maxval(abs(euler(2, :) - 90.0_wp)) - minval(abs(euler(2, :) - 90.0_wp))
             end if
             if (spread < same) call warn(self, prefix//': all grains have the same orientation (for a hexagonal crystal: ' &

@@ -7,24 +7,27 @@
 !> With `coordinates_box` the coordinates are the constants and the model is M = y. With `coordinates_dimensionless` they are
 !> ratios of the constants and M = s exp(y), s a stiffness: the modulus is homogeneous of degree one in the constants.
 module surrogate_basis
-   use crystal_elasticity, only: constant_count, symmetry_cubic, symmetry_hexagonal
+   use crystal_class, only: crystal_class_type
+   use dimensionless_coordinates, only: has_ratios, ratios_of
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: pi, wp
+   use kinds, only: wp
+   use symmetric_harmonics, only: harmonics_type, largest_bandlimit, new_harmonics, harmonics_of => evaluate_harmonics
    use text, only: to_text
    implicit none
    private
-   public :: basis_type, new_basis, harmonic_count, polynomial_count, coordinate_count
+   public :: basis_type, new_basis, polynomial_count, coordinate_count
    public :: coordinates_box, coordinates_dimensionless, coordinates_from_name, coordinates_name
    public :: truncation_tensor, truncation_total, truncation_from_name, truncation_name
-   public :: evaluate_harmonics, evaluate_direction, evaluate_polynomials, evaluate_terms, raw_coordinates, is_in_ranges
+   public :: evaluate_harmonics, evaluate_polynomials, evaluate_terms, raw_coordinates, is_in_ranges
    public :: largest_bandlimit, largest_degree
 
    integer, parameter :: coordinates_box = 1, coordinates_dimensionless = 2
    integer, parameter :: truncation_tensor = 1, truncation_total = 2
-   integer, parameter :: largest_bandlimit = 20, largest_degree = 12, most_coordinates = 5
+   integer, parameter :: largest_degree = 12, most_coordinates = 5
 
    type :: basis_type
-      integer :: symmetry = 0, coordinates = 0, truncation = 0
+      type(crystal_class_type) :: class
+      integer :: coordinates = 0, truncation = 0
       !> Highest degree of the polynomials (per coordinate, or in all) and of the harmonics.
       integer :: degree = 0, bandlimit = 0
       integer :: n_coordinates = 0, n_harmonics = 0, n_polynomials = 0, n_terms = 0
@@ -32,13 +35,10 @@ module surrogate_basis
       real(wp), allocatable :: lower(:), upper(:)
       !> Degree of each polynomial in each coordinate, degrees(n_coordinates, n_polynomials).
       integer, allocatable :: degrees(:, :)
-      !> Degree l of each harmonic.
-      integer, allocatable :: harmonic_degrees(:)
+      !> K_h, a function of the indentation direction in crystal axes.
+      type(harmonics_type) :: harmonics
       !> P_q = P_parent(q) times the Legendre polynomial of degree factor_degree(q) in coordinate factor(q).
       integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
-      !> Cubic harmonics as lower-triangular combinations of monomials u^powers(1,:) v^powers(2,:) of the invariants.
-      integer, allocatable, private :: powers(:, :)
-      real(wp), allocatable, private :: combination(:, :)
    end type basis_type
 
 contains
@@ -77,40 +77,14 @@ contains
       if (truncation == truncation_total) name = 'total'
    end function truncation_name
 
-   !> How many coordinates replace the constants of a symmetry.
-   pure integer function coordinate_count(symmetry, coordinates) result(n)
-      integer, intent(in) :: symmetry, coordinates
+   !> How many coordinates replace the constants of a class.
+   pure integer function coordinate_count(class, coordinates) result(n)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: coordinates
 
-      n = constant_count(symmetry)
+      n = class%n_constants
       if (coordinates == coordinates_dimensionless) n = n - 1
    end function coordinate_count
-
-   !> Number of symmetrised harmonics up to degree `bandlimit`: all are even; cubic ones are the polynomials in the two
-   !> invariants of degree 4 and 6, hexagonal ones (transverse isotropy) are zonal.
-   pure integer function harmonic_count(symmetry, bandlimit) result(n)
-      integer, intent(in) :: symmetry, bandlimit
-      integer :: l
-
-      n = 0
-      if (symmetry == symmetry_cubic) then
-         do l = 0, bandlimit, 2
-            n = n + cubic_multiplicity(l)
-         end do
-      else
-         n = bandlimit/2 + 1
-      end if
-   end function harmonic_count
-
-   !> How many cubic harmonics have the even degree l: the number of a, b >= 0 with 4a + 6b = l.
-   pure integer function cubic_multiplicity(l) result(n)
-      integer, intent(in) :: l
-      integer :: b
-
-      n = 0
-      do b = 0, l/6
-         if (mod(l - 6*b, 4) == 0) n = n + 1
-      end do
-   end function cubic_multiplicity
 
    !> Number of products of Legendre polynomials in n coordinates.
    pure integer function polynomial_count(n, truncation, degree) result(count)
@@ -128,33 +102,32 @@ contains
    end function polynomial_count
 
    !> A basis; `lower` and `upper` are the ranges of its raw coordinates (see `raw_coordinates`).
-   subroutine new_basis(symmetry, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
-      integer, intent(in) :: symmetry, coordinates, truncation
+   subroutine new_basis(class, coordinates, truncation, degree, bandlimit, lower, upper, basis, error)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: coordinates, truncation
       !> 0 to `largest_degree`; even, 0 to `largest_bandlimit`.
       integer, intent(in) :: degree, bandlimit
       real(wp), intent(in) :: lower(:), upper(:)
       type(basis_type), intent(out) :: basis
       type(error_type), allocatable, intent(out) :: error
 
-      if (symmetry /= symmetry_cubic .and. symmetry /= symmetry_hexagonal) then
-         call raise(error, 'symmetry: a surrogate is for cubic or hexagonal crystals', exit_bad_input)
+      if (coordinates == coordinates_dimensionless .and. .not. has_ratios(class)) then
+         call raise(error, 'coordinates: a '//class%name//' crystal has no dimensionless ones; allowed ''box''', exit_bad_input)
       else if (coordinates /= coordinates_box .and. coordinates /= coordinates_dimensionless) then
          call raise(error, 'coordinates: allowed are ''box'' and ''dimensionless''', exit_bad_input)
       else if (truncation /= truncation_tensor .and. truncation /= truncation_total) then
          call raise(error, 'truncation: allowed are ''tensor'' and ''total''', exit_bad_input)
       else if (degree < 0 .or. degree > largest_degree) then
          call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
-      else if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-         call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
-            & //to_text(largest_bandlimit), exit_bad_input)
-      else if (size(lower) /= coordinate_count(symmetry, coordinates) .or. size(upper) /= size(lower)) then
-         call raise(error, 'a range is needed for each of '//to_text(coordinate_count(symmetry, coordinates)) &
+      else if (size(lower) /= coordinate_count(class, coordinates) .or. size(upper) /= size(lower)) then
+         call raise(error, 'a range is needed for each of '//to_text(coordinate_count(class, coordinates)) &
             & //' coordinates, not '//to_text(size(lower)), exit_bad_input)
       else if (.not. all(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp))) then
          call raise(error, 'the range of a coordinate is empty', exit_bad_input)
       end if
+      if (.not. allocated(error)) call new_harmonics(class, bandlimit, basis%harmonics, error)
       if (allocated(error)) return
-      basis%symmetry = symmetry
+      basis%class = class
       basis%coordinates = coordinates
       basis%truncation = truncation
       basis%degree = degree
@@ -162,15 +135,10 @@ contains
       basis%lower = lower
       basis%upper = upper
       basis%n_coordinates = size(lower)
-      basis%n_harmonics = harmonic_count(symmetry, bandlimit)
+      basis%n_harmonics = basis%harmonics%n
       basis%n_polynomials = polynomial_count(basis%n_coordinates, truncation, degree)
       basis%n_terms = basis%n_harmonics*basis%n_polynomials
       call list_polynomials(basis)
-      if (symmetry == symmetry_cubic) then
-         call build_cubic_harmonics(basis)
-      else
-         call list_zonal_harmonics(basis)
-      end if
    end subroutine new_basis
 
    !> Degrees of the polynomials, ordered by total degree, and from which earlier one each follows.
@@ -231,111 +199,6 @@ contains
       end do
    end function number
 
-   subroutine list_zonal_harmonics(basis)
-      type(basis_type), intent(inout) :: basis
-      integer :: h
-
-      allocate (basis%harmonic_degrees(basis%n_harmonics))
-      do h = 1, basis%n_harmonics
-         basis%harmonic_degrees(h) = 2*(h - 1)
-      end do
-   end subroutine list_zonal_harmonics
-
-   !> The cubic harmonics by Gram-Schmidt on the monomials of the two invariants, in order of degree.
-   !>
-   !> Polynomials on the sphere that the cubic group leaves alone are polynomials in I4 = x^4+y^4+z^4 and I6 = x^2 y^2 z^2, and
-   !> harmonics of degree l are orthogonal to all polynomials of lower degree. The sign makes the coefficient of the last
-   !> monomial positive; two harmonics of one degree are told apart by the order of monomials (higher power of I4 first).
-   subroutine build_cubic_harmonics(basis)
-      type(basis_type), intent(inout) :: basis
-      real(wp), allocatable :: values(:, :), weights(:), nodes(:), node_weights(:)
-      real(wp) :: direction(3), uv(2), phi, sine, projection
-      integer :: l, a, b, h, i, j, n, m, sweep, point
-
-      allocate (basis%harmonic_degrees(basis%n_harmonics), basis%powers(2, basis%n_harmonics))
-      allocate (basis%combination(basis%n_harmonics, basis%n_harmonics))
-      h = 0
-      do l = 0, basis%bandlimit, 2
-         do b = 0, l/6
-            if (mod(l - 6*b, 4) /= 0) cycle
-            a = (l - 6*b)/4
-            h = h + 1
-            basis%harmonic_degrees(h) = l
-            basis%powers(:, h) = [a, b]
-         end do
-      end do
-      ! Products have degree 2 bandlimit at most: n Gauss-Legendre heights and 2n longitudes integrate them exactly.
-      n = basis%bandlimit + 2
-      m = 2*n
-      allocate (nodes(n), node_weights(n), weights(n*m), values(n*m, basis%n_harmonics))
-      call gauss_legendre(nodes, node_weights)
-      point = 0
-      do i = 1, n
-         sine = sqrt(1.0_wp - nodes(i)**2)
-         do j = 1, m
-            phi = 2.0_wp*pi*(j - 0.5_wp)/m
-            direction = [sine*cos(phi), sine*sin(phi), nodes(i)]
-            point = point + 1
-            weights(point) = 0.5_wp*node_weights(i)/m
-            uv = cubic_invariants(direction)
-            do h = 1, basis%n_harmonics
-               values(point, h) = uv(1)**basis%powers(1, h)*uv(2)**basis%powers(2, h)
-            end do
-         end do
-      end do
-      basis%combination = 0.0_wp
-      do h = 1, basis%n_harmonics
-         basis%combination(h, h) = 1.0_wp
-         do sweep = 1, 2
-            do i = 1, h - 1
-               projection = sum(weights*values(:, h)*values(:, i))
-               values(:, h) = values(:, h) - projection*values(:, i)
-               basis%combination(h, :i) = basis%combination(h, :i) - projection*basis%combination(i, :i)
-            end do
-            projection = sqrt(sum(weights*values(:, h)**2))
-            values(:, h) = values(:, h)/projection
-            basis%combination(h, :h) = basis%combination(h, :h)/projection
-         end do
-      end do
-   end subroutine build_cubic_harmonics
-
-   !> I4 and I6, shifted to mean 0 and scaled to order 1.
-   pure function cubic_invariants(direction) result(uv)
-      real(wp), intent(in) :: direction(3)
-      real(wp) :: uv(2)
-      real(wp) :: square(3)
-
-      square = direction**2
-      uv(1) = 2.5_wp*sum(square**2) - 1.5_wp
-      uv(2) = 27.0_wp*(square(1)*square(2)*square(3) - 1.0_wp/105.0_wp)
-   end function cubic_invariants
-
-   !> Nodes and weights on [-1, 1] by Newton's method on the Legendre polynomial.
-   pure subroutine gauss_legendre(nodes, weights)
-      real(wp), intent(out) :: nodes(:), weights(:)
-      real(wp) :: x, p0, p1, p2, slope
-      integer :: n, i, k, iteration
-
-      n = size(nodes)
-      do i = 1, n
-         x = cos(pi*(i - 0.25_wp)/(n + 0.5_wp))
-         do iteration = 1, 100
-            p0 = 1.0_wp
-            p1 = x
-            do k = 2, n
-               p2 = ((2*k - 1)*x*p1 - (k - 1)*p0)/k
-               p0 = p1
-               p1 = p2
-            end do
-            slope = n*(x*p1 - p0)/(x*x - 1.0_wp)
-            x = x - p1/slope
-            if (abs(p1/slope) < 4.0_wp*epsilon(1.0_wp)) exit
-         end do
-         nodes(i) = x
-         weights(i) = 2.0_wp/((1.0_wp - x*x)*slope**2)
-      end do
-   end subroutine gauss_legendre
-
    !> K_h of a grain: its indentation direction is sample z in crystal axes, g z.
    pure subroutine evaluate_harmonics(basis, euler, k)
       type(basis_type), intent(in) :: basis
@@ -343,32 +206,8 @@ contains
       real(wp), intent(in) :: euler(3)
       real(wp), intent(out) :: k(:)
 
-      call evaluate_direction(basis, [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))], k)
+      call harmonics_of(basis%harmonics, [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))], k)
    end subroutine evaluate_harmonics
-
-   !> K_h of a unit vector in crystal axes.
-   pure subroutine evaluate_direction(basis, direction, k)
-      type(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: direction(3)
-      real(wp), intent(out) :: k(:)
-      real(wp) :: uv(2), monomials(basis%n_harmonics), p(0:basis%bandlimit)
-      integer :: h
-
-      if (basis%symmetry == symmetry_cubic) then
-         uv = cubic_invariants(direction)
-         do h = 1, basis%n_harmonics
-            monomials(h) = uv(1)**basis%powers(1, h)*uv(2)**basis%powers(2, h)
-         end do
-         do h = 1, basis%n_harmonics
-            k(h) = sum(basis%combination(h, :h)*monomials(:h))
-         end do
-      else
-         call legendre(direction(3), p)
-         do h = 1, basis%n_harmonics
-            k(h) = p(2*(h - 1))
-         end do
-      end if
-   end subroutine evaluate_direction
 
    !> Legendre polynomials of mean square 1 on [-1, 1]: sqrt(2n+1) P_n(x), n = 0, 1, ..
    pure subroutine legendre(x, p)
@@ -391,34 +230,18 @@ contains
    end subroutine legendre
 
    !> The coordinates of a crystal before they are mapped to [-1, 1], and the stiffness scale s in GPa (1 for a box).
-   !>
-   !> Cubic: s = Voigt's shear modulus, K/(K+s), log of the Zener ratio. Hexagonal, with r = sqrt(C11 C33): s is the geometric
-   !> mean of r-C13, r+C13, C44, C66; the coordinates are contrasts of their logarithms, and log C33/C11.
-   pure subroutine raw_coordinates(symmetry, coordinates, constants, raw, scale)
-      integer, intent(in) :: symmetry, coordinates
+   pure subroutine raw_coordinates(class, coordinates, constants, raw, scale)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: coordinates
       !> GPa, of a Born-stable crystal; the coordinates of others may be NaN.
       real(wp), intent(in) :: constants(:)
       real(wp), intent(out) :: raw(:), scale
-      real(wp) :: bulk, r, a, b, c66
 
       if (coordinates == coordinates_box) then
          scale = 1.0_wp
          raw = constants
-      else if (symmetry == symmetry_cubic) then
-         bulk = (constants(1) + 2.0_wp*constants(2))/3.0_wp
-         scale = (constants(1) - constants(2) + 3.0_wp*constants(3))/5.0_wp
-         raw(1) = bulk/(bulk + scale)
-         raw(2) = log(2.0_wp*constants(3)/(constants(1) - constants(2)))
       else
-         r = sqrt(constants(1)*constants(4))
-         a = r - constants(5)
-         b = r + constants(5)
-         c66 = 0.5_wp*(constants(1) - constants(2))
-         scale = sqrt(sqrt(a*b*constants(3)*c66))
-         raw(1) = log(a/b)
-         raw(2) = log(constants(3)/c66)
-         raw(3) = log(a*b/(constants(3)*c66))
-         raw(4) = log(constants(4)/constants(1))
+         call ratios_of(class, constants, raw, scale)
       end if
    end subroutine raw_coordinates
 
@@ -431,7 +254,7 @@ contains
       real(wp) :: raw(basis%n_coordinates), factors(0:basis%degree, basis%n_coordinates)
       integer :: i, q
 
-      call raw_coordinates(basis%symmetry, basis%coordinates, constants, raw, scale)
+      call raw_coordinates(basis%class, basis%coordinates, constants, raw, scale)
       do i = 1, basis%n_coordinates
          call legendre((2.0_wp*raw(i) - basis%lower(i) - basis%upper(i))/(basis%upper(i) - basis%lower(i)), factors(:, i))
       end do
@@ -463,7 +286,7 @@ contains
       real(wp), intent(in) :: constants(:)
       real(wp) :: raw(basis%n_coordinates), scale, slack(basis%n_coordinates)
 
-      call raw_coordinates(basis%symmetry, basis%coordinates, constants, raw, scale)
+      call raw_coordinates(basis%class, basis%coordinates, constants, raw, scale)
       slack = 1.0e-9_wp*(basis%upper - basis%lower)
       is_in_ranges = all(raw >= basis%lower - slack .and. raw <= basis%upper + slack)
    end function is_in_ranges

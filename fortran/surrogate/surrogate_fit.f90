@@ -1,7 +1,8 @@
 !> A surrogate from simulated moduli: the domain and its coordinates, the prior of the coefficients, the fit, and how honest its
 !> standard deviations are. Both programs fit here.
 module surrogate_fit
-   use crystal_elasticity, only: anisotropy_index, constant_count, is_stable, new_stiffness
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
       & new_regression, regression_type
@@ -22,7 +23,7 @@ module surrogate_fit
 
    !> Born-stable crystals between bounds (GPa) whose anisotropy index (Eq. 14) does not exceed a cap.
    type :: domain_type
-      integer :: symmetry = 0
+      type(crystal_class_type) :: class
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp)
    end type domain_type
@@ -67,11 +68,13 @@ contains
    pure logical function is_admissible(domain, constants)
       type(domain_type), intent(in) :: domain
       real(wp), intent(in) :: constants(:)
+      real(wp) :: c(6, 6)
 
       is_admissible = .false.
       if (any(constants < domain%lower) .or. any(constants > domain%upper)) return
-      if (.not. is_stable(new_stiffness(domain%symmetry, constants))) return
-      is_admissible = anisotropy_index(domain%symmetry, constants) <= domain%anisotropy_cap
+      c = domain%class%stiffness(constants)
+      if (.not. is_stable(c)) return
+      is_admissible = anisotropy_index(c) <= domain%anisotropy_cap
    end function is_admissible
 
    !> The first n admissible crystals of a Halton sequence in the box, with indentation directions uniform on the sphere.
@@ -139,13 +142,13 @@ contains
       end if
       call spread_crystals(domain, range_points, constants, euler, error)
       if (allocated(error)) return
-      k = constant_count(domain%symmetry)
-      m = coordinate_count(domain%symmetry, coordinates)
+      k = domain%class%n_constants
+      m = coordinate_count(domain%class, coordinates)
       allocate (lower(m), upper(m), raw(m), corner(k))
       lower = huge(1.0_wp)
       upper = -huge(1.0_wp)
       do i = 1, range_points
-         call raw_coordinates(domain%symmetry, coordinates, constants(:, i), raw, scale)
+         call raw_coordinates(domain%class, coordinates, constants(:, i), raw, scale)
          lower = min(lower, raw)
          upper = max(upper, raw)
       end do
@@ -154,7 +157,7 @@ contains
             corner(j) = merge(domain%upper(j), domain%lower(j), btest(i, j - 1))
          end do
          if (.not. is_admissible(domain, corner)) cycle
-         call raw_coordinates(domain%symmetry, coordinates, corner, raw, scale)
+         call raw_coordinates(domain%class, coordinates, corner, raw, scale)
          lower = min(lower, raw)
          upper = max(upper, raw)
       end do
@@ -175,7 +178,7 @@ contains
       do q = 1, basis%n_polynomials
          do h = 1, basis%n_harmonics
             weights(h + (q - 1)*basis%n_harmonics) = &
-               & fall**(sum(basis%degrees(:, q)) + basis%harmonic_degrees(h)/level_per_degree)
+               & fall**(sum(basis%degrees(:, q)) + basis%harmonics%degrees(h)/level_per_degree)
          end do
       end do
       weights(1) = constant_weight
@@ -198,7 +201,7 @@ contains
       if (allocated(error)) return
       allocate (terms(basis%n_terms, n), y(n))
       do i = 1, n
-         call halfspace_modulus(new_stiffness(domain%symmetry, constants(:, i)), euler(:, i), theory, error)
+         call halfspace_modulus(domain%class%stiffness(constants(:, i)), euler(:, i), theory, error)
          if (allocated(error)) return
          call observe(basis, constants(:, i), euler(:, i), theory%modulus, terms(:, i), y(i))
       end do
@@ -288,7 +291,7 @@ contains
       if (allocated(error)) return
       allocate (terms(basis%n_terms, misfit_points), product(basis%n_terms, misfit_points))
       do i = 1, misfit_points
-         call halfspace_modulus(new_stiffness(domain%symmetry, constants(:, i)), euler(:, i), theory, error)
+         call halfspace_modulus(domain%class%stiffness(constants(:, i)), euler(:, i), theory, error)
          if (allocated(error)) return
          call observe(basis, constants(:, i), euler(:, i), theory%modulus, terms(:, i), y)
          z(i) = abs(y - dot_product(terms(:, i), mean))
@@ -330,7 +333,7 @@ contains
       end if
       call coordinate_ranges(domain, options%coordinates, lower, upper, error)
       if (allocated(error)) return
-      call new_basis(domain%symmetry, options%coordinates, options%truncation, options%degree, options%bandlimit, lower, upper, &
+      call new_basis(domain%class, options%coordinates, options%truncation, options%degree, options%bandlimit, lower, upper, &
          & surrogate%basis, error)
       if (allocated(error)) return
       associate (basis => surrogate%basis)
@@ -351,7 +354,6 @@ contains
          if (allocated(error)) return
          call leave_groups_out(regression, number_crystals(constants), residual, sd, error)
          if (allocated(error)) return
-         surrogate%symmetry = domain%symmetry
          surrogate%anisotropy_cap = domain%anisotropy_cap
          surrogate%alpha = regression%alpha
          surrogate%beta = regression%beta

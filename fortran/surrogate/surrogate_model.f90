@@ -4,7 +4,8 @@
 !> the mean of y; its sd is by the delta method, |dM/dy| sd(y), and is that of a simulated modulus: it includes 1/beta.
 module surrogate_model
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_null_ptr, c_ptr
-   use crystal_elasticity, only: anisotropy_index, constant_count, is_stable, new_stiffness, symmetry_from_name, symmetry_name
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
    use surrogate_basis, only: basis_type, coordinate_count, coordinates_dimensionless, coordinates_from_name, &
@@ -16,7 +17,6 @@ module surrogate_model
    public :: surrogate_to_handle, surrogate_from_handle
 
    type :: surrogate_type
-      integer :: symmetry = 0
       type(basis_type) :: basis
       !> Largest anisotropy index (Eq. 14) of the domain.
       real(wp) :: anisotropy_cap = huge(1.0_wp)
@@ -83,10 +83,12 @@ contains
    pure logical function is_outside(surrogate, constants)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), intent(in) :: constants(:)
+      real(wp) :: c(6, 6)
 
       is_outside = .true.
-      if (.not. is_stable(new_stiffness(surrogate%symmetry, constants))) return
-      if (anisotropy_index(surrogate%symmetry, constants) > surrogate%anisotropy_cap) return
+      c = surrogate%basis%class%stiffness(constants)
+      if (.not. is_stable(c)) return
+      if (anisotropy_index(c) > surrogate%anisotropy_cap) return
       is_outside = .not. is_in_ranges(surrogate%basis, constants)
    end function is_outside
 
@@ -105,7 +107,7 @@ contains
       end if
       write (unit, '(a)') '! A surrogate for the indentation modulus; see docs/surrogate.md. GPa and radians.', &
          & '&surrogate_model', &
-         & '  symmetry = '''//symmetry_name(surrogate%symmetry)//'''', &
+         & '  symmetry = '''//surrogate%basis%class%name//'''', &
          & '  coordinates = '''//coordinates_name(surrogate%basis%coordinates)//'''', &
          & '  truncation = '''//truncation_name(surrogate%basis%truncation)//'''', &
          & '  degree = '//to_text(surrogate%basis%degree), &
@@ -140,7 +142,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=32) :: symmetry, coordinates, truncation
       character(len=256) :: reason
-      integer :: degree, bandlimit, unit, status, n, j, first, kind
+      integer :: degree, bandlimit, unit, status, n, j, first
+      type(crystal_class_type) :: class
       real(wp) :: lower(5), upper(5), anisotropy_cap, alpha, beta, sd_inflation
       real(wp), allocatable :: coefficients(:), covariance(:)
       namelist /surrogate_model/ symmetry, coordinates, truncation, degree, bandlimit, lower, upper, anisotropy_cap, alpha, &
@@ -163,15 +166,14 @@ contains
       symmetry = ''
       coordinates = ''
       truncation = ''
-      kind = 0
       n = 0
       allocate (coefficients(0), covariance(0))
       read (unit, nml=surrogate_model, iostat=status, iomsg=reason)
       if (status == 0) then
-         kind = symmetry_from_name(trim(symmetry))
-         n = min(5, coordinate_count(kind, coordinates_from_name(trim(coordinates))))
-         call new_basis(kind, coordinates_from_name(trim(coordinates)), truncation_from_name(trim(truncation)), &
-            & degree, bandlimit, lower(:n), upper(:n), surrogate%basis, error)
+         call new_crystal_class(symmetry, class, error)
+         n = min(5, coordinate_count(class, coordinates_from_name(trim(coordinates))))
+         if (.not. allocated(error)) call new_basis(class, coordinates_from_name(trim(coordinates)), &
+            & truncation_from_name(trim(truncation)), degree, bandlimit, lower(:n), upper(:n), surrogate%basis, error)
          if (.not. allocated(error) .and. .not. (alpha > 0.0_wp .and. beta > 0.0_wp .and. sd_inflation > 0.0_wp)) then
             call raise(error, 'alpha, beta and sd_inflation must be positive', exit_bad_input)
          end if
@@ -195,7 +197,6 @@ contains
          call raise(error, path//': a coefficient or covariance is missing or not finite', exit_bad_input)
          return
       end if
-      surrogate%symmetry = kind
       surrogate%anisotropy_cap = anisotropy_cap
       surrogate%alpha = alpha
       surrogate%beta = beta

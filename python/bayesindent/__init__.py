@@ -1,7 +1,8 @@
 """Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains."""
 
 from .core import BayesindentError, InputError, MachineError
-from .crystal.elasticity import anisotropy_index, halfspace_modulus, stiffness
+from .crystal.elasticity import anisotropy_index, halfspace_modulus, log_anisotropy, polycrystal_averages, stiffness
+from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, quantities, summary
 from .inference.next_grain import next_grain
@@ -19,9 +20,12 @@ __all__ = [
     "Problem",
     "Surrogate",
     "anisotropy_index",
+    "constants",
     "extract",
     "halfspace_modulus",
+    "log_anisotropy",
     "next_grain",
+    "polycrystal_averages",
     "quantities",
     "stiffness",
     "summary",

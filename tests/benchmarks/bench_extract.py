@@ -16,7 +16,6 @@ import numpy as np
 from theory_cases import SYMMETRIES, Case
 
 from bayesindent.core import native
-from bayesindent.crystal.elasticity import SYMMETRIES as NUMBERS
 from bayesindent.inference.extract import Posterior
 
 
@@ -105,7 +104,7 @@ def numpy_posterior(case: Case):
     angles = np.radians(case.euler_deg)
     sine = np.sin(angles[:, 1])
     directions = np.array([np.sin(angles[:, 2]) * sine, np.cos(angles[:, 2]) * sine, np.cos(angles[:, 1])])
-    harmonics, _, _ = native.basis_harmonics(NUMBERS[case.symmetry], basis.bandlimit, basis.n_harmonics, np.asfortranarray(directions))
+    harmonics, _, _ = native.basis_harmonics(case.symmetry, basis.bandlimit, basis.n_harmonics, np.asfortranarray(directions))
     matrix = harmonics.T @ surrogate.coefficients.reshape(basis.n_polynomials, basis.n_harmonics).T
     norms = np.sqrt(2 * np.arange(degree + 1) + 1)[:, None, None]
     middle, half = (basis.lower + basis.upper)[:, None] / 2, (basis.upper - basis.lower)[:, None] / 2

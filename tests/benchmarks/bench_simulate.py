@@ -25,11 +25,11 @@ from pathlib import Path
 import numpy as np
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.crystal.elasticity import constant_names
 
 SECTIONS = ("accuracy", "random", "convergence", "cost", "ccx", "memory", "workers", "size")
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"
-#: Boxes and caps of the paper's domains: constants in the order of `CONSTANTS`, GPa.
+#: Boxes and caps of the paper's domains: constants in the order of `constant_names`, GPa.
 DOMAINS = {
     "cubic": ((50, 40, 15), (250, 150, 120), 7.2),
     "hexagonal": ((80, 40, 30, 70, 40), (240, 120, 90, 210, 90), 66.2),
@@ -68,7 +68,7 @@ def reference_crystals():
     with REFERENCE.open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["material"] in ("Zn", "Cu", "Fe-3%Si")]
     names = [f"{row['material']} {row['orientation']}" for row in rows]
-    matrices = [bi.stiffness(row["symmetry"], **{c: float(row[c]) for c in CONSTANTS[row["symmetry"]]}) for row in rows]
+    matrices = [bi.stiffness(row["symmetry"], **{c: float(row[c]) for c in constant_names(row["symmetry"])}) for row in rows]
     angles = [[float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")] for row in rows]
     return names, np.array(matrices), np.array(angles), np.array([float(row["M_elliptic"]) for row in rows])
 
@@ -97,9 +97,10 @@ def random_crystals(symmetry: str, count: int, seed: int = 1):
     while len(drawn) < count:
         constants = random.uniform(lower, upper)
         angles = random.uniform(0, 360), np.degrees(np.arccos(random.uniform(-1, 1))), random.uniform(0, 360)
-        index, stable = bi.anisotropy_index(symmetry, constants)
-        if stable and index <= cap:
-            drawn.append((bi.stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], constants, strict=True))), angles, float(index)))
+        stiffness = bi.stiffness(symmetry, **dict(zip(constant_names(symmetry), constants, strict=True)))
+        index = float(bi.anisotropy_index(stiffness))
+        if index <= cap:
+            drawn.append((stiffness, angles, index))
     return tuple(np.array(column) for column in zip(*drawn, strict=True))
 
 

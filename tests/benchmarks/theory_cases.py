@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesindent.crystal.elasticity import CONSTANTS, halfspace_modulus, stiffness
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness
 from bayesindent.inference.extract import measurements_of
 from bayesindent.surrogate.domain import Domain
 from bayesindent.surrogate.surrogate import Basis, Surrogate
@@ -23,7 +23,7 @@ class Case:
     """A reference data set: surrogate, angles, moduli, sds, and the settings of its prior."""
 
     def __init__(self, symmetry: str):
-        self.symmetry, self.names = symmetry, CONSTANTS[symmetry]
+        self.symmetry, self.names = symmetry, constant_names(symmetry)
         document = json.loads((REFERENCE / f"{FILES[symmetry]}.json").read_text())
         self.truth = np.array(document["truth"])
         self.lower, self.upper = np.array(document["bounds"])
@@ -44,7 +44,7 @@ def theory_surrogate(symmetry: str, points: int = 6000) -> Surrogate:
     domain = Domain.default(symmetry)
     constants, angles = domain.crystals(points, seed=2)
     basis = Basis(symmetry, "dimensionless", "total", *SIZES[symmetry], *domain.ranges("dimensionless"))
-    modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], constants.T, strict=True))), angles)
+    modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
     y = basis.to_y(modulus, scale)
     normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)

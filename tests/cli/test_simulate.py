@@ -110,3 +110,26 @@ def test_both_meshes_stand_side_by_side(bayesindent, tmp_path):
     assert 0.04 < bias[0] < bias[1] < 0.16
     assert "paper mesh" in (tmp_path / "out" / "report.html").read_text()
     assert json.loads(bayesindent("run", "a.nml", "--output", "out", "--json").stdout)["simulate"]["new_simulations"] == 0
+
+
+def test_theory_of_a_table_that_mixes_all_classes(bayesindent, tmp_path):
+    """Seventeen crystals of nine classes in six directions each; entries that depend on others may be stated or empty."""
+    reference = SOURCE / "tests" / "reference"
+    with open(reference / "crystals.csv", newline="") as file:
+        lines = [line for line in file if not line.startswith("#")]
+    crystals = {row["name"]: row for row in csv.DictReader(lines)}
+    with open(reference / "crystal_moduli.csv", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    header = [*next(iter(crystals.values())), "phi1_deg", "Phi_deg", "phi2_deg"]
+    with open(tmp_path / "points.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, header)
+        writer.writeheader()
+        writer.writerows({key: (row | crystals[row["name"]])[key] for key in header} for row in rows)
+    (tmp_path / "all.nml").write_text("&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n")
+    done = bayesindent("theory", "all.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    results = json.loads(done.stdout)["results"]
+    moduli = [row["indentation_modulus_gpa"] for row in results]
+    assert moduli == pytest.approx([float(row["M_elliptic"]) for row in rows], rel=1e-6)
+    quartz = next(result for result, row in zip(results, rows, strict=True) if row["name"] == "quartz")
+    assert quartz["constants"] == {"C11": 86.6, "C12": 6.7, "C13": 12.6, "C14": -17.8, "C33": 106.1, "C44": 57.8}

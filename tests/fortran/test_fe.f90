@@ -1,6 +1,5 @@
 !> Elements, mesh, sparse solver and contact against what they must reproduce exactly, and Hertz' solution.
 program test_fe
-   use crystal_elasticity, only: new_stiffness, symmetry_cubic, symmetry_hexagonal, symmetry_triclinic
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
    use fe_contact, only: contact_residual, solve_contact
@@ -15,7 +14,7 @@ program test_fe
    use random, only: new_random_stream, random_stream_type
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, free_analysis, &
       & kept_factor, release_factor, solve_factored
-   use testing, only: check, check_close, check_refused, check_success, finish
+   use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
    use text, only: to_text
    implicit none
 
@@ -180,7 +179,7 @@ contains
       real(wp) :: c(6, 6), errors(2), exact
       integer :: i
 
-      c = new_stiffness(symmetry_cubic, 2.0_wp*mu*[(1.0_wp - nu)/(1.0_wp - 2.0_wp*nu), nu/(1.0_wp - 2.0_wp*nu), 0.5_wp])
+      c = stiffness_of('cubic', 2.0_wp*mu*[(1.0_wp - nu)/(1.0_wp - 2.0_wp*nu), nu/(1.0_wp - 2.0_wp*nu), 0.5_wp])
       exact = exterior_energy()
       do i = 1, 2
          errors(i) = abs(infinite_energy(12*i, c)/exact - 1.0_wp)
@@ -390,7 +389,7 @@ contains
          call new_indentation_model(options, model, error)
          call check_success('a model of the half-space', error)
          if (allocated(error)) return
-         call simulate_indentation(model, new_stiffness(symmetry_cubic, [200.0_wp, 80.0_wp, 60.0_wp]), &
+         call simulate_indentation(model, stiffness_of('cubic', [200.0_wp, 80.0_wp, 60.0_wp]), &
             & [0.1_wp, 0.2_wp, 0.3_wp], result, error)
          call check_success('indentation of an isotropic half-space', error)
          if (allocated(error)) return
@@ -416,18 +415,18 @@ contains
       options%refine = 0.6_wp
       call new_indentation_model(options, model, error)
       call check_success('a coarse model', error)
-      call simulate_indentation(model, new_stiffness(symmetry_cubic, [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
+      call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
          & result, error)
       call check_refused('an unstable crystal', error, 'unstable')
       ! Nearly unstable: the contact is a long ellipse.
-      call simulate_indentation(model, new_stiffness(symmetry_hexagonal, [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
+      call simulate_indentation(model, stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
          & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
       call check_refused('contact beyond the refined zone', error, 'the contact leaves the refined zone')
       ! A long ellipse that fits once the depths shrink.
       options%refine = 1.0_wp
       call free_indentation_model(model)
       call new_indentation_model(options, model, error)
-      elongated = new_stiffness(symmetry_hexagonal, [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
+      elongated = stiffness_of('hexagonal', [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
       call simulate_indentation(model, elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, result, error)
       call check_success('a long contact ellipse', error)
       call check('its depths have shrunk, and both solves count', result%depth(10) < 0.9_wp*model%depth(10) &

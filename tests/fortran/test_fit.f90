@@ -1,6 +1,6 @@
 !> The domain, the ranges of its coordinates, the prior from the theory, and the fit of a surrogate.
 program test_fit
-   use crystal_elasticity, only: anisotropy_index, is_stable, new_stiffness, symmetry_cubic, symmetry_hexagonal
+   use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
@@ -9,7 +9,7 @@ program test_fit
    use surrogate_fit, only: coordinate_ranges, domain_type, fit_options_type, fit_surrogate, learn_inflation, &
       & number_crystals, prior_theory, prior_weights, prior_zero, spread_crystals
    use surrogate_model, only: is_outside, predict, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, finish
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish, stiffness_of
    implicit none
 
    call test_spread()
@@ -25,13 +25,13 @@ contains
    function cubic() result(domain)
       type(domain_type) :: domain
 
-      domain = domain_type(symmetry_cubic, [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp)
+      domain = domain_type(class_of('cubic'), [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp)
    end function cubic
 
    function hexagonal() result(domain)
       type(domain_type) :: domain
 
-      domain = domain_type(symmetry_hexagonal, [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], &
+      domain = domain_type(class_of('hexagonal'), [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], &
          & [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp], 10.0_wp)
    end function hexagonal
 
@@ -48,8 +48,8 @@ contains
       call check_success('4000 crystals of the cubic domain', error)
       inside = .true.
       do i = 1, 4000
-         inside = inside .and. is_stable(new_stiffness(symmetry_cubic, constants(:, i))) &
-            & .and. anisotropy_index(symmetry_cubic, constants(:, i)) <= 7.2_wp &
+         inside = inside .and. is_stable(stiffness_of('cubic', constants(:, i))) &
+            & .and. anisotropy_index(stiffness_of('cubic', constants(:, i))) <= 7.2_wp &
             & .and. all(constants(:, i) >= domain%lower) .and. all(constants(:, i) <= domain%upper)
       end do
       call check('all are admissible', inside)
@@ -76,7 +76,7 @@ contains
       type(error_type), allocatable :: error
       real(wp), allocatable :: weights(:)
 
-      call new_basis(symmetry_cubic, coordinates_dimensionless, truncation_total, 2, 4, [-1.0_wp, -1.0_wp], [1.0_wp, 1.0_wp], &
+      call new_basis(class_of('cubic'), coordinates_dimensionless, truncation_total, 2, 4, [-1.0_wp, -1.0_wp], [1.0_wp, 1.0_wp], &
          & basis, error)
       weights = prior_weights(basis, prior_theory)
       call check('the constant term is almost free', weights(1) < 0.01_wp*minval(weights(2:)))
@@ -101,7 +101,7 @@ contains
       call spread_crystals(domain, n + unseen, constants, euler, error)
       allocate (modulus(n + unseen), difference(unseen))
       do i = 1, n + unseen
-         call halfspace_modulus(new_stiffness(domain%symmetry, constants(:, i)), euler(:, i), theory, error)
+         call halfspace_modulus(domain%class%stiffness(constants(:, i)), euler(:, i), theory, error)
          modulus(i) = theory%modulus
       end do
       call fit_surrogate(domain, options, constants(:, :n), euler(:, :n), modulus(:n), surrogate, error)

@@ -37,7 +37,7 @@ program test_inference
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use crystal_elasticity, only: averages_type, new_stiffness, polycrystal_averages, symmetry_cubic, symmetry_hexagonal
+   use crystal_elasticity, only: averages_type, polycrystal_averages
    use derived_quantities, only: evaluate_quantities, quantity_count, quantity_number
    use error_models, only: new_error_model
    use errors, only: error_type
@@ -51,7 +51,7 @@ program test_inference
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
       & truncation_tensor, truncation_total
-   use testing, only: check, check_close, check_refused, check_success, finish
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish, stiffness_of
    use text, only: to_text
    use vector_math, only: exp_all, transposed_product
    implicit none
@@ -103,7 +103,7 @@ contains
       real(wp) :: direct, worst, scale, x(size(lower))
       integer :: n, i, j, g, h, q, r, column, nh
 
-      call new_basis(symmetry_hexagonal, coordinates, truncation, degree, 4, lower, upper, basis, error)
+      call new_basis(class_of('hexagonal'), coordinates, truncation, degree, 4, lower, upper, basis, error)
       call check_success(name//': a basis', error)
       n = basis%n_terms
       nh = basis%n_harmonics
@@ -330,30 +330,29 @@ contains
       real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
       real(wp), allocatable :: values(:)
       type(averages_type) :: averages
-      type(error_type), allocatable :: error
 
-      allocate (values(quantity_count(symmetry_cubic)))
-      call evaluate_quantities(symmetry_cubic, copper, values)
-      call polycrystal_averages(new_stiffness(symmetry_cubic, copper), averages, error)
-      call check_close('cubic bulk modulus', values(quantity_number(symmetry_cubic, 'bulk_modulus')), averages%bulk_voigt, &
+      allocate (values(quantity_count(class_of('cubic'))))
+      call evaluate_quantities(class_of('cubic'), copper, values)
+      averages = polycrystal_averages(stiffness_of('cubic', copper))
+      call check_close('cubic bulk modulus', values(quantity_number(class_of('cubic'), 'bulk_modulus')), averages%bulk_voigt, &
          & 1.0e-10_wp)
-      call check_close('cubic shear modulus', values(quantity_number(symmetry_cubic, 'shear_modulus')), &
+      call check_close('cubic shear modulus', values(quantity_number(class_of('cubic'), 'shear_modulus')), &
          & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
       ! Young's moduli of copper along its axes, as in textbooks: 66.7, 130.3, 191.1 GPa.
-      call check_close('copper along 100', values(quantity_number(symmetry_cubic, 'youngs_100')), 66.7_wp, 0.1_wp)
-      call check_close('copper along 110', values(quantity_number(symmetry_cubic, 'youngs_110')), 130.3_wp, 0.3_wp)
-      call check_close('copper along 111', values(quantity_number(symmetry_cubic, 'youngs_111')), 191.1_wp, 0.3_wp)
+      call check_close('copper along 100', values(quantity_number(class_of('cubic'), 'youngs_100')), 66.7_wp, 0.1_wp)
+      call check_close('copper along 110', values(quantity_number(class_of('cubic'), 'youngs_110')), 130.3_wp, 0.3_wp)
+      call check_close('copper along 111', values(quantity_number(class_of('cubic'), 'youngs_111')), 191.1_wp, 0.3_wp)
       deallocate (values)
-      allocate (values(quantity_count(symmetry_hexagonal)))
-      call evaluate_quantities(symmetry_hexagonal, zinc, values)
-      call polycrystal_averages(new_stiffness(symmetry_hexagonal, zinc), averages, error)
-      call check_close('hexagonal bulk modulus', values(quantity_number(symmetry_hexagonal, 'bulk_modulus')), &
+      allocate (values(quantity_count(class_of('hexagonal'))))
+      call evaluate_quantities(class_of('hexagonal'), zinc, values)
+      averages = polycrystal_averages(stiffness_of('hexagonal', zinc))
+      call check_close('hexagonal bulk modulus', values(quantity_number(class_of('hexagonal'), 'bulk_modulus')), &
          & 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss), 1.0e-10_wp)
-      call check_close('hexagonal shear modulus', values(quantity_number(symmetry_hexagonal, 'shear_modulus')), &
+      call check_close('hexagonal shear modulus', values(quantity_number(class_of('hexagonal'), 'shear_modulus')), &
          & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
-      call check_close('zinc along c', values(quantity_number(symmetry_hexagonal, 'youngs_c')), &
+      call check_close('zinc along c', values(quantity_number(class_of('hexagonal'), 'youngs_c')), &
          & 61.1_wp - 2.0_wp*50.3_wp**2/(161.1_wp + 34.2_wp), 1.0e-10_wp)
-      call check('a name that is none', quantity_number(symmetry_hexagonal, 'zener_ratio') == 0)
+      call check('a name that is none', quantity_number(class_of('hexagonal'), 'zener_ratio') == 0)
    end subroutine test_quantities
 
    !> Normal predictions have closed forms: 0.5 log(1 + V/sd²) nats, and V r²/(V + sd²) of a target's variance.

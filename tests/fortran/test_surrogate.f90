@@ -1,13 +1,15 @@
 !> Basis and surrogate: orthonormality, symmetry, counts, predictions, the text form.
 program test_surrogate
-   use crystal_elasticity, only: rotation_matrix, symmetry_cubic, symmetry_hexagonal
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type
    use kinds, only: pi, wp
    use random, only: new_random_stream, random_stream_type
-   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_direction, evaluate_harmonics, &
+   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_harmonics, &
       & evaluate_polynomials, evaluate_terms, new_basis, truncation_tensor, truncation_total
    use surrogate_model, only: is_outside, load_surrogate, predict, save_surrogate, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, finish
+   use symmetric_harmonics, only: harmonics_of => evaluate_harmonics
+   use testing, only: check, check_close, check_refused, check_success, class_of, clenshaw_curtis_weight, finish
    implicit none
 
    real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp]
@@ -16,10 +18,7 @@ program test_surrogate
    real(wp), parameter :: hexagonal_upper(5) = [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp]
 
    call test_counts()
-   call test_orthonormal_harmonics(symmetry_cubic)
-   call test_orthonormal_harmonics(symmetry_hexagonal)
-   call test_known_harmonics()
-   call test_cubic_symmetry()
+   call test_direction()
    call test_polynomials()
    call test_homogeneity()
    call test_prediction()
@@ -28,22 +27,25 @@ program test_surrogate
 contains
 
    subroutine make_basis(symmetry, coordinates, truncation, degree, bandlimit, basis)
-      integer, intent(in) :: symmetry, coordinates, truncation, degree, bandlimit
+      character(len=*), intent(in) :: symmetry
+      integer, intent(in) :: coordinates, truncation, degree, bandlimit
       type(basis_type), intent(out) :: basis
       type(error_type), allocatable :: error
+      type(crystal_class_type) :: crystal
 
+      crystal = class_of(symmetry)
       if (coordinates == coordinates_dimensionless) then
-         if (symmetry == symmetry_cubic) then
-            call new_basis(symmetry, coordinates, truncation, degree, bandlimit, [0.4_wp, -2.0_wp], [0.95_wp, 2.0_wp], basis, &
+         if (symmetry == 'cubic') then
+            call new_basis(crystal, coordinates, truncation, degree, bandlimit, [0.4_wp, -2.0_wp], [0.95_wp, 2.0_wp], basis, &
                & error)
          else
-            call new_basis(symmetry, coordinates, truncation, degree, bandlimit, [-3.0_wp, -2.0_wp, -1.0_wp, -1.0_wp], &
+            call new_basis(crystal, coordinates, truncation, degree, bandlimit, [-3.0_wp, -2.0_wp, -1.0_wp, -1.0_wp], &
                & [0.0_wp, 2.0_wp, 3.0_wp, 1.0_wp], basis, error)
          end if
-      else if (symmetry == symmetry_cubic) then
-         call new_basis(symmetry, coordinates, truncation, degree, bandlimit, cubic_lower, cubic_upper, basis, error)
+      else if (symmetry == 'cubic') then
+         call new_basis(crystal, coordinates, truncation, degree, bandlimit, cubic_lower, cubic_upper, basis, error)
       else
-         call new_basis(symmetry, coordinates, truncation, degree, bandlimit, hexagonal_lower, hexagonal_upper, basis, error)
+         call new_basis(crystal, coordinates, truncation, degree, bandlimit, hexagonal_lower, hexagonal_upper, basis, error)
       end if
       if (allocated(error)) call check_success('new_basis', error)
    end subroutine make_basis
@@ -52,114 +54,35 @@ contains
       type(basis_type) :: basis
       type(error_type), allocatable :: error
 
-      call make_basis(symmetry_cubic, coordinates_box, truncation_tensor, 2, 10, basis)
+      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 10, basis)
       call check('paper, cubic: 27 x 5', basis%n_polynomials == 27 .and. basis%n_harmonics == 5 .and. basis%n_terms == 135)
-      call make_basis(symmetry_cubic, coordinates_box, truncation_tensor, 2, 12, basis)
+      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 12, basis)
       call check('two cubic harmonics of degree 12', basis%n_harmonics == 7)
-      call check('degrees of the cubic harmonics', all(basis%harmonic_degrees == [0, 4, 6, 8, 10, 12, 12]))
-      call make_basis(symmetry_hexagonal, coordinates_box, truncation_tensor, 2, 4, basis)
+      call check('degrees of the cubic harmonics', all(basis%harmonics%degrees == [0, 4, 6, 8, 10, 12, 12]))
+      call make_basis('hexagonal', coordinates_box, truncation_tensor, 2, 4, basis)
       call check('paper, hexagonal: 243 x 3', basis%n_terms == 729)
-      call make_basis(symmetry_cubic, coordinates_dimensionless, truncation_total, 3, 6, basis)
+      call make_basis('cubic', coordinates_dimensionless, truncation_total, 3, 6, basis)
       call check('dimensionless cubic D3 L6: 30', basis%n_terms == 30)
-      call make_basis(symmetry_hexagonal, coordinates_dimensionless, truncation_total, 2, 4, basis)
+      call make_basis('hexagonal', coordinates_dimensionless, truncation_total, 2, 4, basis)
       call check('dimensionless hexagonal D2 L4: 45', basis%n_terms == 45)
-      call new_basis(symmetry_cubic, coordinates_box, truncation_tensor, 2, 5, cubic_lower, cubic_upper, basis, error)
+      call new_basis(class_of('cubic'), coordinates_box, truncation_tensor, 2, 5, cubic_lower, cubic_upper, basis, error)
       call check_refused('an odd bandlimit is refused', error, 'bandlimit = 5')
-      call new_basis(symmetry_cubic, coordinates_box, truncation_tensor, 2, 4, cubic_upper, cubic_lower, basis, error)
+      call new_basis(class_of('cubic'), coordinates_box, truncation_tensor, 2, 4, cubic_upper, cubic_lower, basis, error)
       call check_refused('an empty range is refused', error, 'empty')
    end subroutine test_counts
 
-   !> The Gram matrix by a product rule: Clenshaw-Curtis in height, midpoints in longitude.
-   subroutine test_orthonormal_harmonics(symmetry)
-      integer, intent(in) :: symmetry
+   !> The indentation direction of a grain is sample z in crystal axes, g z.
+   subroutine test_direction()
       type(basis_type) :: basis
-      real(wp), allocatable :: gram(:, :), k(:)
-      real(wp) :: phi, theta, weight, total
-      integer :: i, j, h, n
+      real(wp) :: k(7), turned(7), g(3, 3), euler(3)
 
-      call make_basis(symmetry, coordinates_dimensionless, truncation_total, 0, 16, basis)
-      n = basis%n_harmonics
-      allocate (gram(n, n), k(n))
-      gram = 0.0_wp
-      total = 0.0_wp
-      ! Clenshaw-Curtis in cos(theta), exact to degree 64; 80 longitudes, exact to order 79.
-      do i = 0, 64
-         theta = pi*i/64
-         weight = clenshaw_curtis_weight(i, 64)/(2*80)
-         do j = 1, 80
-            phi = 2.0_wp*pi*(j - 0.3_wp)/80
-            call evaluate_direction(basis, [sin(theta)*cos(phi), sin(theta)*sin(phi), cos(theta)], k)
-            total = total + weight
-            do h = 1, n
-               gram(:, h) = gram(:, h) + weight*k*k(h)
-            end do
-         end do
-      end do
-      call check_close('weights of the sphere', total, 1.0_wp, 1.0e-13_wp)
-      do h = 1, n
-         gram(h, h) = gram(h, h) - 1.0_wp
-      end do
-      call check_close('orthonormal harmonics to l = 16', maxval(abs(gram)), 0.0_wp, 1.0e-10_wp)
-   end subroutine test_orthonormal_harmonics
-
-   pure real(wp) function clenshaw_curtis_weight(i, n) result(weight)
-      integer, intent(in) :: i, n
-      integer :: k
-
-      weight = 1.0_wp
-      do k = 1, n/2
-         weight = weight - merge(1.0_wp, 2.0_wp, 2*k == n)*cos(2.0_wp*pi*k*i/n)/(4.0_wp*k*k - 1.0_wp)
-      end do
-      weight = weight*merge(1.0_wp, 2.0_wp, i == 0 .or. i == n)/n
-   end function clenshaw_curtis_weight
-
-   !> The textbook cubic harmonic of degree 4, sqrt(21)/4 (5 I4 - 3) for mean square 1, and zonal ones.
-   subroutine test_known_harmonics()
-      type(basis_type) :: basis
-      real(wp) :: k(7), n(3)
-
-      call make_basis(symmetry_cubic, coordinates_dimensionless, truncation_total, 0, 12, basis)
-      n = [2.0_wp, 3.0_wp, 6.0_wp]/7.0_wp
-      call evaluate_direction(basis, n, k)
-      call check_close('cubic, l = 0', k(1), 1.0_wp, 1.0e-14_wp)
-      call check_close('cubic, l = 4', k(2), sqrt(21.0_wp)/4*(5*sum(n**4) - 3), 1.0e-12_wp)
-      call check_close('cubic, l = 6', k(3), sqrt(13.0_wp/128)*(462*(n(1)*n(2)*n(3))**2 &
-         & + 21*sum(n**4) - 17), 1.0e-12_wp)
-      call make_basis(symmetry_hexagonal, coordinates_dimensionless, truncation_total, 0, 4, basis)
-      call evaluate_harmonics(basis, [1.0_wp, acos(0.6_wp), 2.0_wp], k(:3))
-      call check_close('zonal, l = 2', k(2), sqrt(5.0_wp)*(3*0.36_wp - 1)/2, 1.0e-13_wp)
-      call check_close('zonal, l = 4', k(3), 3*(35*0.36_wp**2 - 30*0.36_wp + 3)/8, 1.0e-13_wp)
-   end subroutine test_known_harmonics
-
-   !> The 48 operations of the cubic group, and an angle's worth of Bunge's convention.
-   subroutine test_cubic_symmetry()
-      integer, parameter :: orders(3, 6) = reshape([1, 2, 3, 1, 3, 2, 2, 1, 3, 2, 3, 1, 3, 1, 2, 3, 2, 1], [3, 6])
-      type(basis_type) :: basis
-      real(wp) :: k(7), turned(7), n(3), g(3, 3), euler(3), worst
-      integer :: i, s
-
-      call make_basis(symmetry_cubic, coordinates_dimensionless, truncation_total, 0, 12, basis)
-      euler = [0.4_wp, 1.1_wp, 2.3_wp]
-      call evaluate_harmonics(basis, euler, k)
+      euler = [0.3_wp, 1.1_wp, 2.2_wp]
       g = rotation_matrix(euler)
-      n = matmul(g, [0.0_wp, 0.0_wp, 1.0_wp])
-      call evaluate_direction(basis, n, turned)
-      call check_close('the direction is g z', maxval(abs(turned - k)), 0.0_wp, 1.0e-13_wp)
-      worst = 0.0_wp
-      do i = 1, 6
-         do s = 0, 7
-            call evaluate_direction(basis, n(orders(:, i))*[sign_of(s, 0), sign_of(s, 1), sign_of(s, 2)], turned)
-            worst = max(worst, maxval(abs(turned - k)))
-         end do
-      end do
-      call check_close('48 operations leave the harmonics alone', worst, 0.0_wp, 1.0e-12_wp)
-   end subroutine test_cubic_symmetry
-
-   pure real(wp) function sign_of(bits, position)
-      integer, intent(in) :: bits, position
-
-      sign_of = merge(-1.0_wp, 1.0_wp, btest(bits, position))
-   end function sign_of
+      call make_basis('cubic', coordinates_dimensionless, truncation_total, 0, 12, basis)
+      call evaluate_harmonics(basis, euler, k)
+      call harmonics_of(basis%harmonics, g(:, 3), turned)
+      call check_close('harmonics of the direction g z', maxval(abs(k - turned)), 0.0_wp, 1.0e-12_wp)
+   end subroutine test_direction
 
    subroutine test_polynomials()
       type(basis_type) :: basis
@@ -167,7 +90,7 @@ contains
       real(wp) :: scale, x(3), constants(3), weight
       integer :: i, j, k, q
 
-      call make_basis(symmetry_cubic, coordinates_box, truncation_tensor, 2, 0, basis)
+      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 0, basis)
       allocate (p(27), gram(27, 27))
       gram = 0.0_wp
       do k = 0, 8; do j = 0, 8; do i = 0, 8
@@ -197,7 +120,7 @@ contains
       real(wp) :: p(15), larger(15), scale, larger_scale
       real(wp), parameter :: zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
 
-      call make_basis(symmetry_hexagonal, coordinates_dimensionless, truncation_total, 2, 4, basis)
+      call make_basis('hexagonal', coordinates_dimensionless, truncation_total, 2, 4, basis)
       call evaluate_polynomials(basis, zinc, p, scale)
       call evaluate_polynomials(basis, 7*zinc, larger, larger_scale)
       call check_close('ratios do not change with the scale', maxval(abs(p - larger)), 0.0_wp, 1.0e-12_wp)
@@ -212,9 +135,8 @@ contains
       real(wp) :: scale, euler(3), modulus, sd, y, variance, again, again_sd, u
       integer :: i, j, n, unit
 
-      call make_basis(symmetry_cubic, coordinates_dimensionless, truncation_total, 2, 4, surrogate%basis)
+      call make_basis('cubic', coordinates_dimensionless, truncation_total, 2, 4, surrogate%basis)
       n = surrogate%basis%n_terms
-      surrogate%symmetry = symmetry_cubic
       surrogate%anisotropy_cap = 10.0_wp
       surrogate%alpha = 3.0_wp
       surrogate%beta = 1.0e4_wp

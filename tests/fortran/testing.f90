@@ -1,11 +1,12 @@
 !> A test harness of a few lines: each check prints one line of the Test Anything Protocol.
 module testing
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
-   use kinds, only: wp
+   use kinds, only: pi, wp
    use text, only: to_text
    implicit none
    private
-   public :: check, check_close, check_success, check_refused, finish
+   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, finish, clenshaw_curtis_weight
 
    integer :: count = 0, failures = 0
 
@@ -58,6 +59,39 @@ contains
          call check(name, .false., 'no error was raised')
       end if
    end subroutine check_refused
+
+   !> A crystal class that exists.
+   function class_of(name) result(class)
+      character(len=*), intent(in) :: name
+      type(crystal_class_type) :: class
+      type(error_type), allocatable :: error
+
+      call new_crystal_class(name, class, error)
+      if (allocated(error)) call check_success('class_of '//name, error)
+   end function class_of
+
+   !> Stiffness (GPa) of a class from its constants (GPa).
+   function stiffness_of(name, constants) result(c)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: constants(:)
+      real(wp) :: c(6, 6)
+      type(crystal_class_type) :: found
+
+      found = class_of(name)
+      c = found%stiffness(constants)
+   end function stiffness_of
+
+   !> Weight of node cos(pi i/n), 0 <= i <= n, of the rule that integrates polynomials of degree n over [-1, 1]; n is even.
+   pure real(wp) function clenshaw_curtis_weight(i, n) result(weight)
+      integer, intent(in) :: i, n
+      integer :: k
+
+      weight = 1.0_wp
+      do k = 1, n/2
+         weight = weight - merge(1.0_wp, 2.0_wp, 2*k == n)*cos(2.0_wp*pi*k*i/n)/(4.0_wp*k*k - 1.0_wp)
+      end do
+      weight = weight*merge(1.0_wp, 2.0_wp, i == 0 .or. i == n)/n
+   end function clenshaw_curtis_weight
 
    !> Print the plan; the process ends with status 1 if anything failed.
    subroutine finish()

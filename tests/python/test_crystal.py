@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.crystal.elasticity import constant_names
 from conftest import REFERENCE
 
 
@@ -17,14 +17,45 @@ def reference_rows():
 
 @pytest.mark.parametrize("row", reference_rows(), ids=lambda row: f"{row['material']}-{row['orientation']}")
 def test_theory_meets_reference(row):
-    names = CONSTANTS[row["symmetry"]]
+    names = constant_names(row["symmetry"])
     stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in names})
     euler = [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")]
     assert bi.halfspace_modulus(stiffness, euler) == pytest.approx(float(row["M_elliptic"]), rel=2e-6)
     assert bi.halfspace_modulus(stiffness, euler, circular=True) == pytest.approx(float(row["M_vn"]), rel=2e-6)
-    index, stable = bi.anisotropy_index(row["symmetry"], [float(row[name]) for name in names])
-    assert stable
-    assert index == pytest.approx(float(row["A_U"]), abs=1e-6)
+    assert bi.anisotropy_index(stiffness) == pytest.approx(float(row["A_U"]), abs=1e-6)
+
+
+def crystals():
+    """Rows of moduli with the crystal that each is of."""
+    with open(REFERENCE / "crystals.csv", newline="") as file:
+        of = {row["name"]: row for row in csv.DictReader(line for line in file if not line.startswith("#"))}
+    with open(REFERENCE / "crystal_moduli.csv", newline="") as file:
+        return [row | of[row["name"]] for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+
+
+@pytest.mark.parametrize("row", crystals(), ids=lambda row: f"{row['name']}-{row['phi1_deg']}")
+def test_theory_of_every_class(row):
+    stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in bi.constants(row["symmetry"])})
+    modulus = bi.halfspace_modulus(stiffness, [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")])
+    assert modulus == pytest.approx(float(row["M_elliptic"]), rel=1e-6)
+
+
+def test_names_of_classes():
+    assert bi.constants("M-3m") == bi.constants("cubic") == ("C11", "C12", "C44")
+    assert bi.constants("-1") == tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7))
+    with pytest.raises(bi.InputError, match="'kubic' is no crystal class; allowed isotropic, cubic, m-3m"):
+        bi.stiffness("kubic", C11=1)
+    with pytest.raises(bi.InputError, match="takes the constants C11, C12, not C11"):
+        bi.stiffness("isotropic", C11=1)
+
+
+def test_averages_of_arrays():
+    copper = bi.stiffness("cubic", C11=[[168.4], [100.0]], C12=121.4, C44=75.4)
+    index, logarithmic, averages = bi.anisotropy_index(copper), bi.log_anisotropy(copper), bi.polycrystal_averages(copper)
+    assert index.shape == logarithmic.shape == averages["bulk_voigt"].shape == (2, 1)
+    assert index[0, 0] == pytest.approx(1.824218, abs=1e-6) and logarithmic[0, 0] == pytest.approx(1.28, abs=0.005)
+    assert averages["bulk_reuss"][0, 0] == pytest.approx((168.4 + 2 * 121.4) / 3)
+    assert np.isnan([index[1, 0], logarithmic[1, 0], averages["shear_reuss"][1, 0]]).all()
 
 
 def test_arrays_broadcast():

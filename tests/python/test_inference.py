@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.crystal.elasticity import constant_names
 from bayesindent.inference.extract import Posterior, extract_stage, measurements_of, quantity_names
 from bayesindent.inference.next_grain import candidate_directions, euler_of, next_stage, suggest, target_values
 from bayesindent.inference.verdicts import orientation_verdicts
@@ -22,7 +22,7 @@ SIZES = {"cubic": (6, 10), "hexagonal": (5, 8)}
 
 def reference(symmetry):
     case = json.loads((REFERENCE / f"{NAMES[symmetry]}.json").read_text())
-    bounds = dict(zip(CONSTANTS[symmetry], zip(*case["bounds"], strict=True), strict=True))
+    bounds = dict(zip(constant_names(symmetry), zip(*case["bounds"], strict=True), strict=True))
     return case, {"bounds": bounds, "anisotropy_cap": case["anisotropy_cap"]}
 
 
@@ -31,7 +31,7 @@ def theory_surrogate(symmetry, degree, bandlimit, coordinates="dimensionless", p
     domain = bi.Domain.default(symmetry)
     constants, angles = domain.crystals(points, seed=2)
     basis = Basis(symmetry, coordinates, truncation, degree, bandlimit, *domain.ranges(coordinates))
-    modulus = bi.halfspace_modulus(bi.stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], constants.T, strict=True))), angles)
+    modulus = bi.halfspace_modulus(bi.stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
     normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
     y = basis.to_y(modulus, scale)
@@ -97,8 +97,8 @@ def columns(symmetry):
 def test_posterior_meets_reference(symmetry, documents):
     case, _ = reference(symmetry)
     document = documents[symmetry]
-    mean = np.array([document["parameters"][name]["mean"] for name in CONSTANTS[symmetry]])
-    sd = np.array([document["parameters"][name]["sd"] for name in CONSTANTS[symmetry]])
+    mean = np.array([document["parameters"][name]["mean"] for name in constant_names(symmetry)])
+    sd = np.array([document["parameters"][name]["sd"] for name in constant_names(symmetry)])
     assert np.abs((mean - case["mean"]) / case["sd"]).max() < 0.15
     assert sd == pytest.approx(case["sd"], rel=0.10)
     assert np.abs(np.array(document["correlation"]) - case["corr"]).max() < 0.05
@@ -304,7 +304,7 @@ def test_identifiability(results, documents, symmetry):
     # Combinations are not correlated with each other, in the posterior or before.
     exponents = np.array([list(row["exponents"].values()) for row in combinations])
     for group in (results[symmetry].posterior, results[symmetry].prior):
-        logs = exponents @ np.log([group[name].values.ravel() for name in CONSTANTS[symmetry]])
+        logs = exponents @ np.log([group[name].values.ravel() for name in constant_names(symmetry)])
         assert np.corrcoef(logs) == pytest.approx(np.eye(len(logs)), abs=1e-6)
     young = next(row for row in rows if row["name"] == "youngs_modulus")
     assert young["contraction"] > 0.95
@@ -425,7 +425,7 @@ def test_kinds_of_modulus_agree(surrogates):
     for kind, (values, sds) in tables.items():
         table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
         result = bi.extract(surrogates["cubic"], table, modulus_kind=kind, samples=5000, **settings)
-        means.append([result.posterior[name].values.mean() for name in CONSTANTS["cubic"]])
+        means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
     assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
 
 
@@ -455,7 +455,7 @@ def test_gain_by_brute_force(surrogates, results):
     """The gain of each candidate against its definition, by a double loop over draws."""
     _, settings = reference("cubic")
     posterior = Posterior(surrogates["cubic"], *columns("cubic"), surrogate_variance="none", **settings)
-    draws = np.stack([results["cubic"].posterior[name].values.ravel() for name in CONSTANTS["cubic"]], axis=1)[::200]
+    draws = np.stack([results["cubic"].posterior[name].values.ravel() for name in constant_names("cubic")], axis=1)[::200]
     found = suggest(posterior, draws, sd_gpa=4.5, target="all", count=1, seed=1, threads=1)
     wanted = suggest(posterior, draws, sd_gpa=4.5, target="C44", count=1, seed=1, threads=1)
     predicted, _ = posterior.moduli(draws, euler_of(candidate_directions("cubic")))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import CONSTANTS
+from bayesindent.crystal.elasticity import constant_names
 from bayesindent.settings.problem import read_crystals, read_measurements, schema
 from conftest import REFERENCE, SOURCE
 
@@ -101,7 +101,7 @@ def test_reference_tables_load(tmp_path):
     assert len(crystals) == 31
     assert crystals.symmetry == ["hexagonal"] * 15 + ["cubic"] * 16
     assert crystals.constants[0] == {"C11": 161.1, "C12": 34.2, "C44": 38.3, "C33": 61.1, "C13": 50.3}
-    assert list(crystals.constants[-1]) == list(CONSTANTS["cubic"])
+    assert list(crystals.constants[-1]) == list(constant_names("cubic"))
     assert crystals.columns[0] == "material"
     assert crystals.rows[0][7] == "Phi=0"
     for i, name in enumerate(crystals.symmetry):
@@ -115,7 +115,7 @@ def test_reference_tables_load(tmp_path):
 
 
 def test_triclinic_rows(tmp_path):
-    names = CONSTANTS["triclinic"]
+    names = constant_names("triclinic")
     matrix = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
     values = [repr(float(matrix[int(n[1]) - 1, int(n[2]) - 1])) for n in names]
     path = write(tmp_path, ",".join([*names, "phi1_deg", "Phi_deg", "phi2_deg"]) + "\n" + ",".join([*values, "1", "2", "30"]), "a.csv")
@@ -187,7 +187,7 @@ def value_of(variable, symmetry, draw):
         number = st.floats(0.001, 0.999).map(lambda u: low + u * (high - low))
         if variable.kind == "integer":
             number = number.map(round)
-        return [draw(number) for _ in CONSTANTS[symmetry]] if variable.per_constant else draw(number)
+        return [draw(number) for _ in constant_names(symmetry)] if variable.per_constant else draw(number)
     return draw(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z"), include_characters=" '\"!/&=,"), max_size=30))
 
 

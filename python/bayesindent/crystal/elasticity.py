@@ -1,30 +1,40 @@
 """Single crystals: stiffness, anisotropy, and the exact theory of the indented half-space."""
 
+from functools import cache
+
 import numpy as np
 
 from ..core import InputError, check, native
 
-__all__ = ["CONSTANTS", "SYMMETRIES", "anisotropy_index", "constants_array", "halfspace_modulus", "stiffness", "stiffness_rows"]
-
-#: The number the core gives each symmetry.
-SYMMETRIES = {"cubic": 1, "hexagonal": 2, "triclinic": 3}
-
-#: Names of the independent constants in the order in which arrays hold them.
-CONSTANTS = {
-    "cubic": ("C11", "C12", "C44"),
-    "hexagonal": ("C11", "C12", "C44", "C33", "C13"),
-    "triclinic": tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7)),
-}
+__all__ = ["anisotropy_index", "class_name", "constant_names", "constants_array", "halfspace_modulus", "log_anisotropy",
+           "polycrystal_averages", "stiffness", "stiffness_rows"]  # fmt: skip
 
 #: A stiffness is symmetric if its halves differ by no more than this share of its largest entry.
 SYMMETRIC = 1e-6
 
 
+@cache
+def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
+    """Name and constants of a class as the core's table has them."""
+    name, count, constants, status, message = native.crystal_class_of(symmetry)
+    check(status, message)
+    text = constants.decode()
+    return name.decode().strip(), tuple(text[3 * i : 3 * i + 3] for i in range(count))
+
+
+def class_name(symmetry: str) -> str:
+    """The one name of the crystal class that `symmetry` names ('m-3m' is 'cubic'). Raises `InputError` for others."""
+    return _crystal_class(symmetry)[0]
+
+
+def constant_names(symmetry: str) -> tuple[str, ...]:
+    """Names of the independent constants of a crystal class, by name or synonym, in the order in which arrays hold them."""
+    return _crystal_class(symmetry)[1]
+
+
 def constants_array(symmetry: str, constants: dict) -> np.ndarray:
-    """Stack named constants (GPa, scalars or arrays that broadcast) into (..., k) in the order of `CONSTANTS`."""
-    if symmetry not in SYMMETRIES:
-        raise InputError(f"symmetry: '{symmetry}' is unknown; allowed: {', '.join(SYMMETRIES)}")
-    names = CONSTANTS[symmetry]
+    """Stack named constants (GPa, scalars or arrays that broadcast) into (..., k) in the order of `constant_names`."""
+    names = constant_names(symmetry)
     if set(constants) != set(names):
         raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
     return np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
@@ -33,26 +43,43 @@ def constants_array(symmetry: str, constants: dict) -> np.ndarray:
 def stiffness(symmetry: str, **constants) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa, crystal frame, Voigt order 11,22,33,23,13,12, from constants in GPa.
 
-    `symmetry` is 'cubic' (C11, C12, C44), 'hexagonal' (C11, C12, C44, C33, C13) or 'triclinic' (C11, C12, .. C66).
+    `symmetry` names a crystal class ('cubic', 'hexagonal', '4/mmm', ..); the constants are those of `constant_names`.
     Arrays of constants broadcast. Raises `InputError` for other names.
     """
     values = constants_array(symmetry, constants)
-    flat = values.reshape(-1, values.shape[-1]).T
-    matrices = native.crystal_stiffness(SYMMETRIES[symmetry], flat)
+    matrices, status, message = native.crystal_stiffness(symmetry, values.reshape(-1, values.shape[-1]).T)
+    check(status, message)
     return np.moveaxis(matrices, -1, 0).reshape(*values.shape[:-1], 6, 6)
 
 
 def stiffness_rows(symmetry: str, constants) -> np.ndarray:
     """Stiffness (n, 6, 6) of rows of constants (n, k)."""
     values = np.asarray(constants, dtype=float)
-    return stiffness(symmetry, **dict(zip(CONSTANTS[symmetry], values.T, strict=True)))
+    return stiffness(symmetry, **dict(zip(constant_names(symmetry), values.T, strict=True)))
 
 
-def anisotropy_index(symmetry: str, constants) -> tuple[np.ndarray, np.ndarray]:
-    """Universal anisotropy index (Eq. 14) and whether the crystal is Born-stable, of constants (..., k) in GPa."""
-    values = np.asarray(constants, dtype=float)
-    index, stable = native.crystal_anisotropy(SYMMETRIES[symmetry], values.reshape(-1, values.shape[-1]).T)
-    return index.reshape(values.shape[:-1]), stable.astype(bool).reshape(values.shape[:-1])
+def anisotropy_index(stiffness) -> np.ndarray:
+    """Universal anisotropy index (Eq. 14) of stiffnesses (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
+    return _averages(stiffness)[0]
+
+
+def log_anisotropy(stiffness) -> np.ndarray:
+    """Norm of the anisotropic part of log K, K the Kelvin form of stiffnesses (..., 6, 6) in GPa; NaN where not Born-stable."""
+    return _averages(stiffness)[1]
+
+
+def polycrystal_averages(stiffness) -> dict[str, np.ndarray]:
+    """Voigt's and Reuss's bulk and shear moduli (GPa) of stiffnesses (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
+    names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
+    return dict(zip(names, np.moveaxis(_averages(stiffness)[2], -1, 0), strict=True))
+
+
+def _averages(stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eq. 14 (...), log-anisotropy (...) and averages (..., 4)."""
+    matrices = np.asarray(stiffness, dtype=float)
+    shape = matrices.shape[:-2]
+    index, log_index, averages = native.crystal_averages(np.moveaxis(matrices.reshape(-1, 6, 6), 0, -1))
+    return index.reshape(shape), log_index.reshape(shape), averages.T.reshape(*shape, 4)
 
 
 def oriented_crystals(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:

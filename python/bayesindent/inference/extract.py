@@ -7,7 +7,7 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..common.result_files import plain, whole_file
 from ..core import InputError, check, native
-from ..crystal.elasticity import CONSTANTS, SYMMETRIES
+from ..crystal.elasticity import constant_names
 from ..inference.verdicts import orientation_verdicts, verdicts
 
 __all__ = ["METHODS", "MODULUS_KINDS", "Posterior", "check_stage", "extract", "extract_stage", "quantities", "quantity_names", "summary"]
@@ -39,7 +39,7 @@ MOST_DRAWS = 4000
 
 def quantity_names(symmetry: str) -> dict[str, str]:
     """Quantities of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
-    count, names, units = native.quantity_list(SYMMETRIES[symmetry])
+    count, names, units = native.quantity_list(symmetry)
     names, units = names.decode(), units.decode()
     return {names[20 * i : 20 * i + 20].strip(): units[3 * i : 3 * i + 3].strip() for i in range(count)}
 
@@ -49,7 +49,7 @@ def quantities(symmetry: str, constants) -> dict[str, np.ndarray]:
     polycrystal (Voigt-Reuss-Hill), anisotropy index (Eq. 14), ratios, and Young's moduli along directions of the crystal."""
     values = np.asarray(constants, dtype=float)
     names = quantity_names(symmetry)
-    flat = native.quantity_values(SYMMETRIES[symmetry], len(names), np.asfortranarray(values.reshape(-1, values.shape[-1]).T))
+    flat = native.quantity_values(symmetry, len(names), np.asfortranarray(values.reshape(-1, values.shape[-1]).T))
     return {name: row.reshape(values.shape[:-1]) for name, row in zip(names, flat, strict=True)}
 
 
@@ -84,7 +84,7 @@ class Posterior:
     ):
         self._handle = 0
         self.surrogate, self.symmetry = surrogate, surrogate.symmetry
-        self.names = CONSTANTS[self.symmetry]
+        self.names = constant_names(self.symmetry)
         self.euler_deg = np.atleast_2d(np.asarray(euler_deg, dtype=float))
         self.modulus_gpa = np.atleast_1d(np.asarray(modulus_gpa, dtype=float))
         if sd_gpa is None and not infer_scale:
@@ -347,7 +347,7 @@ def summary(result) -> dict:
             "ess_tail": float(az.ess(values, method="tail")),
             "r_hat": float(az.rhat(values)) if chains > 1 else None,
         }
-    names = CONSTANTS[attributes["symmetry"]]
+    names = constant_names(attributes["symmetry"])
     draws = np.stack([posterior[name].values.ravel() for name in names])
     observed = result.observed_data
     modulus = result.predictions["modulus"].values.reshape(-1, observed.sizes["grain"])
@@ -381,7 +381,7 @@ def identifiability(result) -> list[dict]:
     so a relative one. `contraction` is one minus that ratio of variances: 1 is decided by the data, 0 by the prior.
     """
     symmetry = result.posterior.attrs["symmetry"]
-    names = CONSTANTS[symmetry]
+    names = constant_names(symmetry)
     after = np.stack([result.posterior[name].values.ravel() for name in names])
     before = np.stack([result.prior[name].values.ravel() for name in names])
     if min(after.min(), before.min()) <= 0:
@@ -422,9 +422,9 @@ def identifiability(result) -> list[dict]:
 def settings_of(problem) -> dict:
     """What a problem's groups say of Step 2, as arguments of `extract`."""
     measured, prior, sampler = problem["measurements"], problem["prior"], problem["sampler"]
-    names = CONSTANTS[problem["problem"]["symmetry"]]
+    names = constant_names(problem["problem"]["symmetry"])
     try:
-        priors = priors_of(prior, names)
+        priors = priors_of(prior, problem["problem"]["symmetry"])
     except InputError as error:
         raise InputError(f"{problem.path}: &prior {error}") from None
     bounds = {}
@@ -462,9 +462,8 @@ NORMALS = {
 }
 
 
-def priors_of(prior: Mapping, names: Sequence[str]) -> dict:
+def priors_of(prior: Mapping, symmetry: str) -> dict:
     """Normal priors of the group &prior."""
-    symmetry = next(symmetry for symmetry, constants in CONSTANTS.items() if constants == tuple(names))
     known = quantity_names(symmetry)
     priors = {}
     for key, (mean, sd) in NORMALS.items():
@@ -474,7 +473,7 @@ def priors_of(prior: Mapping, names: Sequence[str]) -> dict:
             raise InputError(f"{mean} is given, which a {symmetry} crystal has not")
         priors[key] = (prior[mean], prior[sd])
     if prior["c_mean"] is not None:
-        priors |= {name: (m, s) for name, m, s in zip(names, prior["c_mean"], prior["c_sd"], strict=True) if s > 0}
+        priors |= {name: (m, s) for name, m, s in zip(constant_names(symmetry), prior["c_mean"], prior["c_sd"], strict=True) if s > 0}
     return priors
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..crystal.elasticity import CONSTANTS
+from ..crystal.elasticity import constant_names
 
 __all__ = ["orientation_verdicts", "verdicts"]
 
@@ -25,7 +25,7 @@ def verdicts(result, document: dict) -> list[str]:
             "the posterior is cut to these"
         )
     lines += mixing_verdicts(document)
-    lines += ridge_verdicts(document, CONSTANTS[attributes["symmetry"]])
+    lines += ridge_verdicts(document, constant_names(attributes["symmetry"]))
     bounds = json.loads(attributes["bounds"])
     for name, (low, high) in bounds.items():
         lines += bound_verdicts(name, result.posterior[name].values.ravel(), low, high)

@@ -11,7 +11,7 @@ import numpy as np
 from ..common.progress import Progress
 from ..common.result_files import write_csv
 from ..core import BayesindentError, InputError
-from ..crystal.elasticity import CONSTANTS, halfspace_modulus, stiffness_rows
+from ..crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
 from ..pipeline.campaign import IMPORTED, Campaign
 from ..pipeline.simulator import engine_of, physics_identity, simulate_into, simulator_of
 from ..pipeline.validation import validate
@@ -188,7 +188,7 @@ class Loop:
 
     def export(self, physics: str) -> None:
         """Write simulations.csv, to the last bit: what the surrogate has learnt from, for the batch program and for people."""
-        header = [*CONSTANTS[self.symmetry], "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa"]
+        header = [*constant_names(self.symmetry), "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa"]
         rows = [[*constants, *euler_deg, modulus] for constants, euler_deg, modulus in self.learning.points]
         write_csv(self.output / "simulations.csv", header, rows, comment=f"physics: {physics}")
 

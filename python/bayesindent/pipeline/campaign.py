@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError
-from ..crystal.elasticity import CONSTANTS
+from ..crystal.elasticity import constant_names
 
 __all__ = ["IMPORTED", "Campaign", "Row"]
 
@@ -232,7 +232,7 @@ class Campaign:
             key = _key(symmetry, c, e)
             stored = self.find(symmetry, c, e)
             earlier = stored.modulus_gpa if stored is not None else new.get(key)
-            what = ", ".join(f"{name} {value:g}" for name, value in zip(CONSTANTS[symmetry], c, strict=True))
+            what = ", ".join(f"{name} {value:g}" for name, value in zip(constant_names(symmetry), c, strict=True))
             if stored is not None and earlier is None:
                 raise InputError(
                     f"row {i} ({what}): the campaign has this point as failed ({stored.message}); a stored row is never "

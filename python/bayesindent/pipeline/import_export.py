@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError
-from ..crystal.elasticity import CONSTANTS
+from ..crystal.elasticity import constant_names
 from ..pipeline.build import Loop
 from ..pipeline.campaign import Campaign
 from ..pipeline.simulator import physics_identity
@@ -20,7 +20,7 @@ def ask(problem, output, count: int) -> dict:
         if not 1 <= count <= len(loop.choice.left):
             raise InputError(f"--ask {count}: allowed are 1 .. {len(loop.choice.left)}, the candidates that are left")
         points = loop.choice.candidates.points(loop.choice.look_ahead(count))
-        header = [*CONSTANTS[loop.symmetry], "phi1_deg", "Phi_deg", "phi2_deg"]
+        header = [*constant_names(loop.symmetry), "phi1_deg", "Phi_deg", "phi2_deg"]
         rows = [dict(zip(header, (*constants, *euler_deg), strict=True)) for constants, euler_deg in points]
         return {"points": rows, "warnings": loop.warnings}
 

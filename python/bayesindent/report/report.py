@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 from ..core import BayesindentError
-from ..crystal.elasticity import CONSTANTS
+from ..crystal.elasticity import constant_names
 from ..pipeline.simulator import new_indentation
 from ..report import figures
 from ..surrogate.surrogate import Surrogate
@@ -87,7 +87,7 @@ class Results:
         self.namelist = f90nml.read(resolved) if resolved.exists() else f90nml.Namelist()
         problem = self.namelist.get("problem", {})
         self.symmetry = problem.get("symmetry", "cubic")
-        self.constants = CONSTANTS[self.symmetry]
+        self.constants = constant_names(self.symmetry)
         self.synthetic = bool(problem.get("synthetic", False))
         self.title = problem.get("title") or f"Indentation of a {self.symmetry} metal"
         self.simulate, self.theory, self.build, self.extract, self.next = (

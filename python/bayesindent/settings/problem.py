@@ -10,11 +10,10 @@ import f90nml
 import numpy as np
 
 from ..core import check, native
-from ..crystal.elasticity import CONSTANTS, SYMMETRIES
+from ..crystal.elasticity import class_name, constant_names
 
 __all__ = ["Points", "Problem", "Variable", "read_crystals", "read_measurements", "schema"]
 
-_NAMES = {number: name for name, number in SYMMETRIES.items()}
 _RESOLVED, _WARNINGS, _GROUPS, _STAGES, _CELLS = 1, 2, 3, 4, 10
 _CRYSTALS, _MEASUREMENTS, _CANDIDATES = 1, 2, 3
 
@@ -56,7 +55,7 @@ class Points:
         return len(self.rows)
 
     def constants_array(self) -> np.ndarray:
-        """Constants (n, k) in GPa in the order of `CONSTANTS`, of a table whose rows have one symmetry."""
+        """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
         return np.array([list(row.values()) for row in self.constants])
 
 
@@ -84,7 +83,7 @@ class Problem(Mapping):
             native.problem_free(handle)
         self._groups = _load(self.resolved)
         self.folder = self.path.parent
-        self.symmetry = self["problem"]["symmetry"]
+        self.symmetry = class_name(self["problem"]["symmetry"])
         self.title = self["problem"]["title"]
         self.synthetic = self["problem"]["synthetic"]
         self.seed = self["problem"]["seed"]
@@ -108,7 +107,7 @@ class Problem(Mapping):
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
-    return _read(native.problem_read_crystals(os.fsencode(path), SYMMETRIES[symmetry]), _CRYSTALS)
+    return _read(native.problem_read_crystals(os.fsencode(path), symmetry), _CRYSTALS)
 
 
 def read_measurements(path: str | os.PathLike, *, sd_optional: bool = False) -> Points:
@@ -163,7 +162,7 @@ def _points(handle: int, table: int) -> Points | None:
         return None
     symmetry, constants, stiffness, euler_deg, modulus, sd = native.problem_table(handle, table, n)
     rows = [_items(row) for row in _text(handle, _CELLS + table).split(b"\x1e")[:-1]]
-    names = [_NAMES.get(number) for number in symmetry]
+    names = [row.tobytes().decode().strip() or None for row in np.asfortranarray(symmetry).T]
     return Points(
         symmetry=names,
         constants=[_named(name, column) for name, column in zip(names, constants.T.tolist(), strict=True)],
@@ -178,5 +177,5 @@ def _points(handle: int, table: int) -> Points | None:
 
 def _named(symmetry: str | None, values: list[float]) -> dict[str, float]:
     """The constants of one row by name; `values` are padded to 21."""
-    names = CONSTANTS[symmetry] if symmetry else ()
+    names = constant_names(symmetry) if symmetry else ()
     return dict(zip(names, values[: len(names)], strict=True))

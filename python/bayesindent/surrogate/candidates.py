@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..crystal.elasticity import anisotropy_index
+from ..crystal.elasticity import anisotropy_index, stiffness_rows
 from ..surrogate.domain import Domain, directions
 from ..surrogate.surrogate import Basis, raw_coordinates
 
@@ -80,9 +80,7 @@ def spread(domain: Domain, n: int, seed: int, orientations: str) -> tuple[np.nda
 def outside(constants, domain: Domain, basis: Basis) -> np.ndarray:
     """Whether crystals (n, k) in GPa are outside what a surrogate of this domain and basis covers."""
     constants = np.asarray(constants, dtype=float)
-    index, stable = anisotropy_index(domain.symmetry, constants)
-    bad = ~stable
-    bad[stable] |= index[stable] > domain.anisotropy_cap
+    bad = ~(anisotropy_index(stiffness_rows(domain.symmetry, constants)) <= domain.anisotropy_cap)
     raw = raw_coordinates(domain.symmetry, basis.coordinates, constants[~bad])
     bad[~bad] = np.any((raw < basis.lower) | (raw > basis.upper), axis=1)
     return bad

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core import InputError, check, native
-from ..crystal.elasticity import CONSTANTS, SYMMETRIES, anisotropy_index
+from ..crystal.elasticity import anisotropy_index, constant_names, stiffness_rows
 
 __all__ = ["DEFAULT_BOUNDS", "Domain", "directions"]
 
@@ -22,7 +22,7 @@ COORDINATES = {"box": 1, "dimensionless": 2}
 
 @dataclass(frozen=True)
 class Domain:
-    """Born-stable crystals within bounds (GPa, order of `CONSTANTS`) whose anisotropy index (Eq. 14) does not exceed a cap."""
+    """Born-stable crystals within bounds (GPa, order of `constant_names`) whose anisotropy index (Eq. 14) does not exceed a cap."""
 
     symmetry: str
     c_min: tuple
@@ -30,10 +30,10 @@ class Domain:
     anisotropy_cap: float
 
     def __post_init__(self):
-        k = len(CONSTANTS[self.symmetry])
+        k = len(constant_names(self.symmetry))
         if len(self.c_min) != k or len(self.c_max) != k:
             raise InputError(f"a {self.symmetry} domain has {k} bounds, not {len(self.c_min)} and {len(self.c_max)}")
-        for name, low, high in zip(CONSTANTS[self.symmetry], self.c_min, self.c_max, strict=True):
+        for name, low, high in zip(constant_names(self.symmetry), self.c_min, self.c_max, strict=True):
             if not low < high:
                 raise InputError(f"the bounds of {name} are {low} and {high} GPa; the lower must be below the upper")
 
@@ -45,9 +45,8 @@ class Domain:
     def contains(self, constants) -> np.ndarray:
         """Whether each row of constants (n, k) is within bounds, stable, and below the cap."""
         values = np.atleast_2d(np.asarray(constants, dtype=float))
-        index, stable = anisotropy_index(self.symmetry, values)
         inside = np.all((values >= self.c_min) & (values <= self.c_max), axis=1)
-        return inside & stable & (np.where(stable, index, np.inf) <= self.anisotropy_cap)
+        return inside & (anisotropy_index(stiffness_rows(self.symmetry, values)) <= self.anisotropy_cap)
 
     def latin(self, n: int, seed: int, n_angles: int = 0) -> np.ndarray:
         """The first n admissible points (n, k + n_angles) of a Latin hypercube; the last columns are in [0, 1)."""
@@ -80,7 +79,7 @@ class Domain:
         """Ranges of the dimensionless coordinates over the domain, slightly widened."""
         k = len(self.c_min)
         lower, upper, status, message = native.domain_ranges(
-            SYMMETRIES[self.symmetry], self.c_min, self.c_max, self.anisotropy_cap, COORDINATES["dimensionless"], k - 1
+            self.symmetry, self.c_min, self.c_max, self.anisotropy_cap, COORDINATES["dimensionless"], k - 1
         )
         check(status, message)
         return lower, upper

@@ -1,6 +1,6 @@
 """The surrogate of Step 1: a basis, the posterior of its coefficients, and what it predicts.
 
-Angles are Bunge-Euler (phi1, Phi, phi2) in degrees, constants in GPa in the order of `crystal.CONSTANTS`, moduli in GPa.
+Angles are Bunge-Euler (phi1, Phi, phi2) in degrees, constants in GPa in the order of `crystal.constant_names`, moduli in GPa.
 """
 
 from importlib import resources
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError, check, native
-from ..crystal.elasticity import CONSTANTS, SYMMETRIES
+from ..crystal.elasticity import class_name, constant_names
 from ..surrogate.domain import COORDINATES, Domain
 
 __all__ = ["Basis", "Design", "Surrogate"]
@@ -32,7 +32,7 @@ def _number(names: dict, value: str, what: str) -> int:
 
 def _columns(constants, euler_deg, symmetry: str) -> tuple[np.ndarray, np.ndarray]:
     """Constants (k, n) and angles in radians (3, n) as the core takes them."""
-    k = len(CONSTANTS[symmetry])
+    k = len(constant_names(symmetry))
     values = np.atleast_2d(np.asarray(constants, dtype=float))
     angles = np.atleast_2d(np.asarray(euler_deg, dtype=float))
     if values.shape[-1] != k or angles.shape[-1] != 3 or values.ndim != 2 or angles.ndim != 2:
@@ -52,17 +52,18 @@ class Basis:
     """Harmonics times Legendre products in box or dimensionless coordinates (see docs/surrogate.md)."""
 
     def __init__(self, symmetry: str, coordinates: str, truncation: str, degree: int, bandlimit: int, lower, upper):
-        self.symmetry, self.coordinates, self.truncation = symmetry, coordinates, truncation
+        self.symmetry, self.coordinates, self.truncation = class_name(symmetry), coordinates, truncation
         self.degree, self.bandlimit = int(degree), int(bandlimit)
         self.lower, self.upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
         self._key = (
-            _number({name: SYMMETRIES[name] for name in SHIPPED}, symmetry, "symmetry"),
+            self.symmetry,
             _number(COORDINATES, coordinates, "coordinates"),
             _number(TRUNCATIONS, truncation, "truncation"),
             self.degree,
             self.bandlimit,
         )
-        harmonics, polynomials, self.n_coordinates = native.basis_counts(*self._key)
+        harmonics, polynomials, self.n_coordinates, status, message = native.basis_counts(*self._key)
+        check(status, message)
         self.n_harmonics, self.n_polynomials = int(harmonics), int(polynomials)
         self.n_terms = self.n_harmonics * self.n_polynomials
         harmonic, polynomial, status, message = native.basis_degrees(*self._key, self.n_terms)
@@ -92,7 +93,7 @@ def raw_coordinates(symmetry: str, coordinates: str, constants) -> np.ndarray:
     values = np.asarray(constants, dtype=float)
     number = _number(COORDINATES, coordinates, "coordinates")
     m = values.shape[1] - (coordinates == "dimensionless")
-    return native.basis_coordinates(SYMMETRIES[symmetry], number, m, values.T)[0].T
+    return native.basis_coordinates(symmetry, number, m, values.T)[0].T
 
 
 class Design:
@@ -346,11 +347,8 @@ class Surrogate:
             coefficients, covariance = native.surrogate_posterior(handle, n)
         finally:
             native.surrogate_free(handle)
-        names = (
-            {v: k for k, v in table.items()}[number]
-            for table, number in ((SYMMETRIES, symmetry), (COORDINATES, coordinates), (TRUNCATIONS, truncation))
-        )
-        basis = Basis(*names, degree, bandlimit, lower[:m], upper[:m])
+        names = ({v: k for k, v in table.items()}[n] for table, n in ((COORDINATES, coordinates), (TRUNCATIONS, truncation)))
+        basis = Basis(symmetry.decode(), *names, degree, bandlimit, lower[:m], upper[:m])
         keys = ("anisotropy_cap", "alpha", "beta", "sd_inflation")
         return cls(basis, coefficients, covariance, **dict(zip(keys, map(float, numbers), strict=True)))
 
