@@ -32,7 +32,8 @@ def test_theory_of_every_reference_row(bayesindent, tmp_path):
         # The reference is the same integral, converged: only rounding is between them.
         assert result["indentation_modulus_gpa"] == pytest.approx(float(row["M_elliptic"]), rel=1e-8)
         assert result["constants"]["C11"] == float(row["C11"])
-    assert {path.name for path in (tmp_path / "runs" / "all").iterdir()} == {"resolved.nml", "run.log", "theory.csv", "theory.json"}
+    files = {path.name for path in (tmp_path / "runs" / "all").iterdir()}
+    assert files == {"inputs.json", "resolved.nml", "run.log", "theory.csv", "theory.json"}
 
 
 def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):

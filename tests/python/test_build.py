@@ -13,6 +13,7 @@ from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline import simulator as simulator_module
 from bayesindent.pipeline.build import build
 from bayesindent.pipeline.import_export import ask, tell
+from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.surrogate import Surrogate
 
@@ -129,6 +130,48 @@ def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
+
+
+@pytest.mark.parametrize("times", [1, 100])
+def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times):
+    """Too little memory: tried once more; if that fails too nothing is stored of this crystal, and the next run goes on."""
+    real, calls = simulator_module.halfspace_modulus, []
+
+    def failing(stiffness, euler_deg, **options):
+        if np.ndim(stiffness) == 2:
+            calls.append(1)
+            if 3 <= len(calls) < 3 + times:
+                raise bi.MachineError("there is not enough memory")
+        return real(stiffness, euler_deg, **options)
+
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
+    if times == 1:
+        document = build(make_problem(tmp_path), tmp_path)
+        assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 16, 0)
+        return
+    with pytest.raises(bi.MachineError, match="not enough memory"):
+        build(make_problem(tmp_path), tmp_path)
+    assert len(stored(tmp_path)) == 2
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", real)
+    document = build(make_problem(tmp_path), tmp_path)
+    assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 14, 0)
+
+
+@pytest.mark.parametrize("error, words", [(bi.BayesindentError, "every simulation failed"), (bi.MachineError, "no contact")])
+@pytest.mark.parametrize("command", ["build", "simulate"])
+def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, capsys, command, error, words):
+    def failing(stiffness, euler_deg, **options):
+        raise error("no contact")
+
+    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,45,0\n")
+    problem = make_problem(tmp_path, crystals={"points": "'points.csv'"})
+    for _ in range(2):
+        assert main([command, str(problem.path), "--output", str(tmp_path / "out")]) == 1
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert words in captured.err.splitlines()[-1]
+    assert (len(stored(tmp_path / "out")) == 0) == (error is bi.MachineError)
 
 
 def test_surrogates_share_a_campaign(tmp_path):

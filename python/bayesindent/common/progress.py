@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -26,20 +25,16 @@ class Progress:
     def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """Yield `advance(n)`, which counts towards `total`; it may be called from any thread."""
         if not self.enabled or total <= 0:
-            yield ignore
+            yield lambda steps: None
         elif sys.stderr.isatty():
             columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
             with Bars(*columns, console=Console(stderr=True)) as bars:
                 task = bars.add_task(text, total=total)
-                yield partial(bars.advance, task)
+                yield lambda steps: bars.advance(task, steps)
         else:
             lines = Lines(text, total)
             yield lines.advance
             lines.finish()
-
-
-def ignore(steps: int = 1) -> None:
-    """Show nothing."""
 
 
 class Lines:

@@ -479,13 +479,13 @@ def priors_of(prior: Mapping, symmetry: str) -> dict:
 
 def surrogate_of(problem, output: Path):
     """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
+    from ..pipeline.surrogate_lookup import find_surrogate
     from ..surrogate.surrogate import Surrogate
 
     name = problem["surrogate"]["file"]
     symmetry = problem["problem"]["symmetry"]
-    place = next((str(folder / name) for folder in (Path(output), Path(problem.folder)) if (folder / name).is_file()), name)
     try:
-        surrogate = Surrogate.load(place)
+        surrogate = Surrogate.load(find_surrogate(name, output, problem.folder) or name)
     except InputError as error:
         raise InputError(f"{problem.path}: &surrogate file: {error}") from None
     if surrogate.symmetry != symmetry:

@@ -68,12 +68,12 @@ class Loop:
         with self.progress.bar("simulations", max(0, budget - learning.n)) as advance:
             while not stopped and learning.n < budget and self.choice.left:
                 if self.step(advance) and self.n_failed > max(10, budget):
-                    raise BayesindentError(f"{self.n_failed} simulations failed, more than the budget; the last: {self.last_message()}")
+                    raise BayesindentError(self.failures())
                 stopped = self.stopped()
         if learning.n < budget and not stopped:
             self.warnings.append(f"no candidate is left after {learning.n} simulations; raise &design n_candidates to go on")
         if learning.n < 2:
-            raise BayesindentError("there are fewer than two simulations to learn from")
+            raise BayesindentError(self.failures() if self.n_failed else "there are fewer than two simulations to learn from")
         if not learning.history or learning.history[-1]["simulations"] < learning.n:
             learning.refit()
         return self.conclude(stopped or "the budget is used")
@@ -143,9 +143,11 @@ class Loop:
             return ""
         return why_to_stop(learning.history, learning.n, design["target_gpa"], design["patience"])
 
-    def last_message(self) -> str:
-        """Why the last simulation failed."""
-        return next((row.message for row in reversed(self.campaign.rows(self.symmetry)) if row.modulus_gpa is None), "")
+    def failures(self) -> str:
+        """How many simulations failed, and why the last did."""
+        last = next(row.message for row in reversed(self.campaign.rows(self.symmetry)) if row.modulus_gpa is None)
+        number = f"{self.n_failed} simulations failed, more than the budget" if self.learning.n else "every simulation failed"
+        return f"{number}; the last: {last}"
 
     def conclude(self, stopped: str) -> dict:
         """Write the surrogate and say how good it is."""

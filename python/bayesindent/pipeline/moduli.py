@@ -1,13 +1,15 @@
 """Tables of crystals with their moduli."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..common.result_files import cell, write_csv
+from ..core import check, native
 from ..settings.problem import Points, schema
 
-__all__ = ["identified", "joined", "write_moduli"]
+__all__ = ["as_measured", "identified", "joined", "write_moduli"]
 
 
 def identified(points: Points, row: int) -> dict:
@@ -16,22 +18,20 @@ def identified(points: Points, row: int) -> dict:
 
 
 def write_moduli(file: Path, problem, points: Points, modulus) -> None:
-    """The rows of the points with the three kinds of modulus, of indentation moduli in GPa (None where there is none)."""
-    write_csv(file, *joined(points, moduli_of_three_kinds(problem, np.array(modulus, dtype=float))))
+    """The rows of the points with every kind of modulus, of indentation moduli in GPa (None where there is none)."""
+    kinds = native.modulus_kind_list().decode().replace(",", "").split()
+    measured, moduli = problem.get("measurements", {}), np.array(modulus, dtype=float)
+    write_csv(file, *joined(points, {f"{kind}_gpa": as_measured({**measured, "modulus_kind": kind}, moduli) for kind in kinds}))
 
 
-def moduli_of_three_kinds(problem, modulus: np.ndarray) -> dict[str, np.ndarray]:
-    """The indentation modulus M, and what an instrument reports: 1/E_eff = 1/M + (1-nu_i^2)/E_i, and E_s = (1-nu_s^2) M."""
-    defaults = {v.name: v.default for v in schema() if v.group == "measurements"}
-    settings = problem.get("measurements", {})
-    young, nu_indenter, nu_sample = (
-        float(settings.get(name, defaults[name])) for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")
-    )
-    return {
-        "indentation_modulus_gpa": modulus,
-        "effective_modulus_gpa": 1 / (1 / modulus + (1 - nu_indenter**2) / young),
-        "sample_modulus_gpa": (1 - nu_sample**2) * modulus,
-    }
+def as_measured(measurements: Mapping, modulus) -> np.ndarray:
+    """Indentation moduli in GPa as the kind that the variables of &measurements say, whose defaults are the schema's."""
+    names = ("modulus_kind", "indenter_modulus_gpa", "indenter_nu", "sample_nu")
+    defaults = {variable.name: variable.default for variable in schema() if variable.group == "measurements"}
+    kind, *numbers = (measurements.get(name, defaults[name]) for name in names)
+    values, status, message = native.moduli_of_kind(kind, *map(float, numbers), np.ravel(modulus))
+    check(status, message)
+    return values.reshape(np.shape(modulus))
 
 
 def joined(points: Points, columns: dict) -> tuple[list[str], list[list]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..common.progress import Progress
 from ..common.result_files import write_json, write_text
+from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest
 from ..version import __version__
 
 __all__ = ["Command", "output_folder", "perform", "prepare"]
@@ -25,7 +26,7 @@ class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
 
     A command that reads a namelist has a stage, (problem, output, progress) -> document, which stands in for the action; its help
-    explains `groups`. `arguments` adds options to the parser, `file` names the stage's document in the output folder.
+    explains `groups`. `arguments` adds options to the parser.
     """
 
     name: str
@@ -36,7 +37,6 @@ class Command:
     action: Callable[[argparse.Namespace], dict | int] | None = None
     arguments: Callable[[argparse.ArgumentParser], None] | None = None
     show: Callable[[dict], object] = unwanted
-    file: str = ""
 
     @property
     def has_document(self) -> bool:
@@ -64,6 +64,7 @@ def prepare(arguments: argparse.Namespace):
     log.setLevel(logging.INFO)
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
     write_text(output / "resolved.nml", problem.resolved)
+    update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
     return problem, output
 
 
@@ -77,7 +78,9 @@ def perform(command: Command, problem, output: Path, progress: Progress) -> dict
     log.info("%s begins", command.name)
     document = command.stage(problem, output, progress)
     document["warnings"] = list(document.get("warnings", []))
-    write_json(output / (command.file or f"{command.name}.json"), document)
+    document["inputs"] = inputs_of(problem, command.groups, output)
+    update_manifest(output, problem.path, document["inputs"])
+    write_json(output / DOCUMENTS[command.name], document)
     log.info("%s ends", command.name)
     return document
 

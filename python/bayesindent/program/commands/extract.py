@@ -18,12 +18,13 @@ def extract(problem, output: Path, progress: Progress) -> dict:
 
 def show(document: dict) -> None:
     """The constants."""
+    from ...report.words import most_probable, number
+
     rows = []
     for name, item in document["parameters"].items():
         low, high = item["hdi_95"]
-        r_hat = "–" if item["r_hat"] is None else f"{item['r_hat']:.3f}"
-        quality = [r_hat, f"{item['ess_bulk']:.0f}", f"{item['ess_tail']:.0f}"]
-        rows.append([name, f"{item['mean']:.1f}", f"{item['sd']:.1f}", f"{item['map']:.1f}", f"{low:.1f} .. {high:.1f}", *quality])
+        values = [number(item["mean"]), number(item["sd"]), number(most_probable(document, name)), f"{low:.1f} .. {high:.1f}"]
+        rows.append([name, *values, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)])
     header = ["constant", "mean", "sd", "most probable", "95 %", "R-hat", "ESS bulk", "ESS tail"]
     show_table("Elastic constants (GPa)", header, rows)
 
@@ -36,5 +37,4 @@ COMMAND = Command(
     groups=("problem", "surrogate", "measurements", "prior", "sampler"),
     stage=extract,
     show=show,
-    file="summary.json",
 )

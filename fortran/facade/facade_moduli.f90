@@ -1,0 +1,37 @@
+! Kinds of modulus for f2py. status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
+
+!> Names of the kinds, separated by commas.
+subroutine modulus_kind_list(names)
+   use modulus_kinds, only: modulus_kind_names
+   implicit none
+   !f2py threadsafe
+   character(len=200), intent(out) :: names
+
+   names = modulus_kind_names
+end subroutine modulus_kind_list
+
+!> n indentation moduli (GPa) as another kind (GPa), of an indenter's Young's modulus (GPa) and Poisson's ratio, and the Poisson's
+!> ratio that was assumed of the sample.
+subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, moduli, values, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use errors, only: error_to_status, error_type
+   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   implicit none
+   !f2py threadsafe
+   character(len=*), intent(in) :: kind
+   real(c_double), intent(in) :: indenter_modulus, indenter_nu, sample_nu
+   integer(c_int), intent(in) :: n
+   real(c_double), intent(in) :: moduli(n)
+   real(c_double), intent(out) :: values(n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   real(c_double) :: slope(n)
+   type(modulus_map_type) :: map
+   type(error_type), allocatable :: error
+
+   values = moduli
+   slope = 1
+   call new_modulus_map(kind, indenter_modulus, indenter_nu, sample_nu, map, error)
+   call error_to_status(error, status, message)
+   if (status == 0) call map%apply(values, slope)
+end subroutine moduli_of_kind

@@ -1,0 +1,65 @@
+"""What the documents of the stages follow from, so that results of other inputs are never taken for those of the present ones.
+
+A document carries a digest of every input that it was made from: groups of the namelist, tables, the surrogate. The manifest of the output
+folder (inputs.json) has the digests of the inputs last used there. A document belongs to them if all that both name are the same.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+from ..common.result_files import plain, read_json, write_json
+from ..pipeline.surrogate_lookup import find_surrogate
+
+__all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "update_manifest"]
+
+#: The file of each stage's document.
+DOCUMENTS = {
+    "simulate": "simulate.json",
+    "theory": "theory.json",
+    "build": "build.json",
+    "extract": "summary.json",
+    "next": "next.json",
+}
+
+MANIFEST = "inputs.json"
+
+#: What no result follows from.
+IMMATERIAL = {"problem": ("title",), "execution": None}
+
+
+def inputs_of(problem, groups, output: Path) -> dict[str, str]:
+    """Digests of these groups of a problem, with the tables and the surrogate that they name."""
+    tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates}
+    inputs = {}
+    for group in groups:
+        if group in problem and IMMATERIAL.get(group, ()) is not None:
+            values = {name: value for name, value in problem[group].items() if name not in IMMATERIAL.get(group, ())}
+            table = tables.get(group)
+            inputs[group] = digest(json.dumps([plain(values), table and [table.columns, table.rows]], sort_keys=True).encode())
+    surrogate = find_surrogate(problem["surrogate"]["file"], output, problem.folder) if "surrogate" in inputs else None
+    if surrogate is not None:
+        inputs["surrogate_file"] = digest(surrogate.read_bytes())
+    return inputs
+
+
+def digest(content: bytes) -> str:
+    """A short name for a content."""
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def read_manifest(folder: Path) -> dict:
+    """The namelist and the inputs last used in a folder."""
+    return read_json(folder / MANIFEST)
+
+
+def update_manifest(folder: Path, namelist: Path, inputs: dict[str, str]) -> None:
+    """Let these be the inputs last used; those that a stage does not need stay."""
+    before = read_manifest(folder).get("inputs", {})
+    write_json(folder / MANIFEST, {"namelist": str(Path(namelist).resolve()), "inputs": before | inputs})
+
+
+def belongs(document: dict, manifest: dict) -> bool:
+    """Whether a document was made from the present inputs."""
+    made_from, present = document.get("inputs", {}), manifest.get("inputs", {})
+    return bool(made_from) and all(present.get(name, value) == value for name, value in made_from.items())

@@ -1,0 +1,87 @@
+"""The meshes of the simulations."""
+
+import matplotlib as mpl
+import numpy as np
+from mpl_toolkits import mplot3d
+
+from .style import BLUE, ORANGE, Picture, new_figure
+
+__all__ = ["mesh", "other_mesh"]
+
+#: Nodes of a brick's faces, in Abaqus' order of nodes.
+BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
+
+
+def mesh(results) -> Picture | None:
+    """The mesh that the simulations used."""
+    return picture(results, results.group("simulation").get("mesh"))
+
+
+def other_mesh(results) -> Picture | None:
+    """The mesh beside it."""
+    return picture(results, results.documents["simulate"].get("other_mesh", {}).get("mesh"))
+
+
+def picture(results, name: str | None) -> Picture | None:
+    """The mesh of this name with a quarter cut away, and its surface under the indenter with the nodes that may touch."""
+    from ...fe.indentation import Indentation
+
+    if not results.simulations or name is None:
+        return None
+    names = ("element", "integration", "refine", "extrapolate", "radius_um", "depths")
+    settings = {key: value for key, value in results.group("simulation").items() if key in names and value is not None}
+    indentation = Indentation(**settings | {"mesh": name})
+    arrays = indentation.mesh_arrays()
+    contact_radius = float(np.sqrt(indentation.radius_um * results.simulations[0]["depth_um"][-1]))
+    outside = indentation.infinite_elements
+    words = f"The {name} mesh of {indentation.bricks} bricks"
+    words += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""
+    return Picture(
+        draw(arrays.x, arrays.brick, arrays.contact, contact_radius),
+        f"{words}, with a quarter cut away, and its surface under the indenter.",
+        f"{words}. On the right its surface under the indenter, with the circle of contact of an isotropic solid at the last depth.",
+    )
+
+
+def draw(nodes, bricks, contact_nodes, contact_radius_um: float):
+    """Nodes (n, 3) in µm; bricks (e, 8) and contact nodes by numbers from 0; contact radius at the last depth in µm."""
+    figure = new_figure(3.5)
+    left = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    solid(left, nodes, bricks)
+    right = figure.add_subplot(1, 2, 2)
+    faces = outer_faces(bricks)
+    surface = nodes[faces[np.all(np.abs(nodes[faces][:, :, 2]) < 1e-9, axis=1)]][:, :, :2]
+    right.add_collection(mpl.collections.PolyCollection(surface, facecolors="none", edgecolors="#777777", linewidths=0.4))
+    right.plot(*nodes[contact_nodes][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
+    circle = np.linspace(0, 2 * np.pi, 200)
+    right.plot(contact_radius_um * np.cos(circle), contact_radius_um * np.sin(circle), color=BLUE, label="contact at the last depth")
+    reach = 1.6 * max(contact_radius_um, np.abs(nodes[contact_nodes][:, :2]).max())
+    limits = {"xlim": (-reach, reach), "ylim": (-reach, reach), "aspect": "equal"}
+    right.set(**limits, xlabel="x (µm)", ylabel="y (µm)", title="the surface under the indenter")
+    right.grid(False)
+    figure.legend(loc="outside lower right", ncols=2)
+    return figure
+
+
+def solid(axes, nodes, bricks) -> None:
+    """The bricks but for a quarter, shaded."""
+    centre = nodes[bricks].mean(axis=1)
+    polygons = nodes[outer_faces(bricks[(centre[:, 0] < 0) | (centre[:, 1] > 0)])]
+    normal = np.cross(polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1])
+    shade = np.abs(normal @ [0.25, -0.45, 0.85]) / np.linalg.norm(normal, axis=1)
+    colours = np.repeat((0.55 + 0.45 * shade)[:, None], 3, axis=1)
+    axes.add_collection3d(mplot3d.art3d.Poly3DCollection(polygons, facecolors=colours, edgecolors="#333333", linewidths=0.12))
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    size = high - low
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(size, zoom=0.98)
+    axes.view_init(elev=28, azim=-50)
+    axes.set_axis_off()
+    axes.set_title(f"{size[0]:.3g} × {size[1]:.3g} × {size[2]:.3g} µm, {len(bricks)} bricks\na quarter is cut away")
+
+
+def outer_faces(bricks) -> np.ndarray:
+    """Faces (f, 4) that belong to one brick only."""
+    faces = np.concatenate([bricks[:, face] for face in BRICK_FACES])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]

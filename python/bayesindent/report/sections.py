@@ -1,0 +1,168 @@
+"""The sections of the report: a title, words, tables before and after the figures."""
+
+import hashlib
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+
+from ..version import __version__
+from .results import Results
+from .words import most_probable, number, orientation, powers_as_html, quantity_in_words
+
+__all__ = ["SECTIONS", "Section", "Table"]
+
+#: Rows of a table of simulations that are shown at most.
+MOST_ROWS = 40
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: texts, or what is HTML already."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Iterable[Sequence]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the report: its figures stand between the tables before and those after."""
+
+    title: str
+    words: str = ""
+    before: Sequence[Table] = ()
+    after: Sequence[Table] = ()
+    fold: str = ""
+
+
+def simulation(results: Results) -> Section | None:
+    """Simulated indentations and the theory."""
+    simulated, theory = results.simulations, results.theory_moduli
+    if not simulated:
+        return None
+    compared = ["theory (GPa)", "difference (%)"] if theory is not None else []
+    rows = []
+    for index, row in enumerate(simulated[:MOST_ROWS]):
+        modulus = row["indentation_modulus_gpa"]
+        beside = [number(theory[index], 2), number(100 * (modulus / theory[index] - 1), 2)] if theory is not None else []
+        rows.append([orientation(row["euler_deg"]), number(modulus, 2), *beside, row["elements"], number(row["seconds"], 2)])
+    caption = "Indentation moduli" + (f", the first {MOST_ROWS}" if len(simulated) > MOST_ROWS else "")
+    return Section(
+        "Simulated indentations", after=[Table(caption, ["φ₁, Φ, φ₂ (degrees)", "M (GPa)", *compared, "elements", "seconds"], rows)]
+    )
+
+
+def surrogate(results: Results) -> Section | None:
+    """How the surrogate was taught, and how well it knows the simulations."""
+    build = results.documents["build"]
+    if not build:
+        return None
+    facts = [
+        ["simulations in all", build["simulations"]],
+        ["of them failed", build["failed"]],
+        ["terms of the basis", build["terms"]],
+        ["mean error of a simulation left out (GPa)", number(build["loocv_gpa"], 3)],
+        ["mean error of a crystal left out (GPa)", number(build.get("leave_crystal_out_gpa"), 3)],
+        ["precision of the coefficients, α", f"{build['alpha']:.4g}"],
+        ["precision of the simulations, β", f"{build['beta']:.4g}"],
+        ["factor on every sd, learnt from crystals left out", number(build.get("sd_inflation"), 2)],
+        ["stopped because", build.get("stopped", "–")],
+    ]
+    return Section("Step 1: the surrogate", before=[Table("The surrogate of the indentation modulus", ["", "value"], facts)])
+
+
+def posterior(results: Results) -> Section | None:
+    """The posterior of the constants."""
+    document = results.documents["extract"]
+    if not document:
+        return None
+    rows = [
+        [name, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)]
+        for name, item in document["parameters"].items()
+    ]
+    caption = f"Convergence of {document['chains']} chains of {document['samples']} samples; R-hat should be below 1.01"
+    return Section("Step 2: the elastic constants", after=[Table(caption, ["constant", "R-hat", "effective samples, bulk", "tail"], rows)])
+
+
+def identifiability(results: Results) -> Section | None:
+    """What the data decided and what the prior did."""
+    rows = results.documents["extract"].get("identifiability", [])
+    if not rows:
+        return None
+    combinations, quantities = [], []
+    for row in rows:
+        share = number(row["contraction"], 3)
+        if row["kind"] == "combination":
+            sds = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
+            combinations.append([powers_as_html(row["exponents"]), *sds, share])
+        else:
+            unit, digits = ("", 3) if row["unit"] == "1" else (f" ({row['unit']})", 1)
+            values = [number(row[name], digits) for name in ("mean", "sd", "prior_sd")]
+            quantities.append([quantity_in_words(row["name"]) + unit, *values, share])
+    return Section(
+        "What the data decided, and what the prior did",
+        "Indentation sees some combinations of the constants sharply and others hardly at all. The contraction is the share of the "
+        "prior's variance that the data removed: where it is near 1 the data decided, where it is near 0 the result repeats the prior, "
+        "however narrow its sd may look.",
+        after=[
+            Table(
+                "Combinations of the constants; sd is relative",
+                ["combination", "sd (%)", "sd of the prior (%)", "contraction"],
+                combinations,
+            ),
+            Table("Quantities of the crystal", ["", "mean", "sd", "sd of the prior", "contraction"], quantities),
+        ],
+    )
+
+
+def next_grain(results: Results) -> Section | None:
+    """Grains worth measuring next."""
+    suggestions = results.documents["next"].get("suggestions", [])
+    if not suggestions:
+        return None
+    unit = f" ({results.documents['next']['unit']})" if results.documents["next"].get("unit") else ""
+    rows = [[rank, *(number(angle) for angle in item["euler_deg"]), f"{item['gain']:.3f}"] for rank, item in enumerate(suggestions, 1)]
+    header = ["rank", "φ₁", "Φ", "φ₂ (degrees)", f"expected gain{unit}"]
+    return Section("Which grain to measure next", after=[Table("Suggested orientations, each chosen given those above it", header, rows)])
+
+
+def provenance(results: Results) -> Section:
+    """Versions, input and commands that made the results."""
+    log = results.folder / "run.log"
+    commands = [line for line in log.read_text().splitlines() if f"INFO bayesindent {__version__[:1]}" in line] if log.exists() else []
+    rows = [
+        ["bayesindent", __version__],
+        ["Python, system", f"{platform.python_version()}, {platform.system()} {platform.machine()}"],
+        ["NumPy, SciPy, ArviZ", ", ".join(metadata.version(name) for name in ("numpy", "scipy", "arviz"))],
+        ["seed", results.group("problem").get("seed", "–")],
+        ["last command", commands[-1].split(": ", 1)[-1] if commands else "–"],
+        ["SHA-256 of the resolved input", hashlib.sha256(results.resolved.encode()).hexdigest() if results.resolved else "–"],
+    ]
+    if results.outdated:
+        rows.append(["left out, since made from other inputs", ", ".join(results.outdated)])
+    return Section("Provenance", before=[Table("What made these results", ["", ""], rows)], fold=results.resolved)
+
+
+def constants_table(results: Results) -> Table | None:
+    """The answer."""
+    document = results.documents["extract"]
+    if not document:
+        return None
+    rows = []
+    for name, item in document["parameters"].items():
+        low, high = item["hdi_95"]
+        best = most_probable(document, name)
+        rows.append([name, number(item["mean"]), number(item["sd"]), number(best), f"{number(low)} to {number(high)}"])
+    return Table("Elastic constants in GPa", ["constant", "mean", "sd", "most probable", "95 % interval"], rows)
+
+
+#: Sections by the name by which figures belong to them, in order.
+SECTIONS = {
+    "simulation": simulation,
+    "surrogate": surrogate,
+    "posterior": posterior,
+    "identifiability": identifiability,
+    "next": next_grain,
+    "provenance": provenance,
+}

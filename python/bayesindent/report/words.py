@@ -1,0 +1,62 @@
+"""Numbers and names of results as people read them."""
+
+import math
+
+from markupsafe import Markup, escape
+
+__all__ = ["most_probable", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+
+#: Below this share of the prior's variance removed by the data a most probable value says nothing.
+DECIDED = 0.5
+
+
+def number(value, digits: int = 1) -> str:
+    """A number as text; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def most_probable(document: dict, name: str) -> float | None:
+    """The most probable value of a parameter in a document of `extract`; none where the prior decided more than the data."""
+    shares = {row["name"]: row["contraction"] for row in document["identifiability"] if row["kind"] == "quantity"}
+    return document["parameters"][name]["map"] if shares.get(name, 1.0) >= DECIDED else None
+
+
+def orientation(euler_deg) -> str:
+    """Angles in words."""
+    return "(" + ", ".join(f"{round(angle, 1):g}" for angle in euler_deg) + ")°"
+
+
+def quantity_in_words(name: str) -> str:
+    """The name of a quantity of the crystal as people write it."""
+    first, *rest = name.split("_")
+    if first == "ratio":
+        return "/".join(rest)
+    if first == "youngs" and rest != ["modulus"]:
+        return f"Young's modulus along {'45° to c' if rest == ['45'] else ' '.join(rest)}"
+    owner = {"youngs": "Young's", "poisson": "Poisson's", "zener": "Zener"}
+    return " ".join([owner.get(first, first), *rest])
+
+
+def subscript(name: str) -> str:
+    """C11 as C with a subscript, for matplotlib."""
+    return f"C$_{{{name[1:]}}}$" if name[:1] == "C" and name[1:].isdigit() else name
+
+
+def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
+    """Indices and power of each factor of a product of powers of constants; powers that hardly count are left out, and that of 1."""
+    kept = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
+    return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in kept]
+
+
+def power_label(exponents: dict[str, float]) -> str:
+    """A product of powers of constants for matplotlib."""
+    return "$" + r"\,".join(f"C_{{{index}}}" + (f"^{{{power}}}" if power else "") for index, power in powers(exponents)) + "$"
+
+
+def powers_as_html(exponents: dict[str, float]) -> Markup:
+    """A product of powers of constants, such as C11^1 C44^0.77."""
+    factors = [
+        Markup("<i>C</i><sub>{}</sub>").format(index) + (Markup("<sup>{}</sup>").format(power) if power else "")
+        for index, power in powers(exponents)
+    ]
+    return Markup(" ").join(map(escape, factors))

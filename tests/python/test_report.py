@@ -1,0 +1,142 @@
+"""The report shows what belongs to the present inputs, and marks what the data did not decide."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.program.cli import main
+from bayesindent.report.figures import FIGURES
+from bayesindent.report.sections import SECTIONS
+from bayesindent.report.words import most_probable
+from bayesindent.surrogate.surrogate import Surrogate
+from conftest import SOURCE
+
+COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
+ANGLES = [(0, 0, 0), (0, 30, 10), (0, 45, 0), (0, 54.7, 45), (10, 20, 30), (0, 40, 45)]
+BOUNDS = "c_min = 50, 40, 15 c_max = 250, 150, 120"
+
+
+def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus", more: str = "", stages: str = "") -> Path:
+    """A namelist with the moduli of a crystal by theory."""
+    modulus = bi.halfspace_modulus(bi.stiffness("cubic", **constants), np.array(ANGLES, dtype=float))
+    rows = [",".join(map(str, (*angles, m, 2.0))) for angles, m in zip(ANGLES, modulus.tolist(), strict=True)]
+    (folder / "grains.csv").write_text("\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]) + "\n")
+    file = folder / "case.nml"
+    file.write_text(
+        f"&problem symmetry = 'cubic' /\n&surrogate file = 'cubic' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
+        f"&prior {BOUNDS} /\n&sampler samples = 600, burn_in = 500 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
+    )
+    return file
+
+
+def headings(folder: Path) -> list[str]:
+    text = (folder / "report.html").read_text()
+    return [part.split("</h2>")[0] for part in text.split("<h2>")[1:]]
+
+
+def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
+    """Copper is measured, then tungsten: nothing of copper's may stand beside it."""
+    output = tmp_path / "out"
+    step_two, following = "Step 2: the elastic constants", "Which grain to measure next"
+    assert main(["run", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
+    assert {step_two, following} <= set(headings(output))
+    file = str(write_case(tmp_path, TUNGSTEN))
+    assert main(["extract", file, "--output", str(output)]) == 0
+    assert main(["report", str(output)]) == 0
+    assert step_two in headings(output)
+    assert following not in headings(output)
+    assert "left out, since made from other inputs" in (output / "report.html").read_text()
+    # The other way round: a new suggestion does not bring back an old posterior.
+    file = str(write_case(tmp_path, COPPER))
+    assert main(["next", file, "--output", str(output)]) == 0
+    assert main(["report", str(output)]) == 0
+    assert following in headings(output)
+    assert step_two not in headings(output)
+    # Inputs that a stage does not need change nothing.
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    file = str(write_case(tmp_path, COPPER, stages="&crystals points = 'points.csv' /\n"))
+    assert main(["theory", file, "--output", str(output)]) == 0
+    assert main(["report", str(output)]) == 0
+    assert following in headings(output)
+
+
+def test_a_stage_that_fails_leaves_no_results_of_other_inputs(tmp_path, monkeypatch, capsys):
+    from bayesindent.program.commands import extract
+
+    output = tmp_path / "out"
+    assert main(["extract", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
+    file = str(write_case(tmp_path, TUNGSTEN))
+
+    def failing(*_):
+        raise bi.BayesindentError("no")
+
+    monkeypatch.setattr("bayesindent.inference.extract.extract_stage", failing)
+    assert extract.COMMAND.name == "extract"
+    assert main(["extract", file, "--output", str(output)]) == 1
+    assert main(["report", str(output)]) == 0
+    assert headings(output) == ["Provenance"]
+
+
+@pytest.mark.parametrize("kind", ["indentation_modulus", "effective_modulus", "sample_modulus"])
+def test_every_kind_of_modulus_has_its_orientation_figure(tmp_path, kind, capsys):
+    output = tmp_path / "out"
+    assert main(["extract", str(write_case(tmp_path, COPPER, kind)), "--output", str(output)]) == 0
+    assert main(["report", str(output), "--figures", "svg"]) == 0
+    assert (output / "figures" / "orientations.svg").exists()
+
+
+def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys):
+    (tmp_path / "case").mkdir()
+    file = write_case(tmp_path / "case", COPPER)
+    Surrogate.load("cubic").save(tmp_path / "case" / "mine.nc")
+    file.write_text(file.read_text().replace("'cubic' /\n&measurements", "'mine.nc' /\n&measurements"))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert main(["extract", str(file), "--output", "out"]) == 0
+    assert main(["report", "out", "--figures", "svg"]) == 0
+    assert Path("out/figures/orientations.svg").exists()
+
+
+def test_one_chain(tmp_path, capsys):
+    output = tmp_path / "out"
+    assert main(["run", str(write_case(tmp_path, COPPER, more="chains = 1")), "--output", str(output)]) == 0
+    table = capsys.readouterr().out
+    assert " – " in next(line for line in table.splitlines() if line.startswith("C11"))
+    assert json.loads((output / "summary.json").read_text())["parameters"]["C11"]["r_hat"] is None
+    assert "Convergence of 1 chains" in (output / "report.html").read_text()
+
+
+def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
+    document = {
+        "parameters": {"C11": {"map": 244.9}, "C44": {"map": 108.0}, "sd_factor": {"map": 1.0}},
+        "identifiability": [
+            {"kind": "combination", "name": "C11", "contraction": 0.9},
+            {"kind": "quantity", "name": "C11", "contraction": 0.49},
+            {"kind": "quantity", "name": "C44", "contraction": 0.51},
+        ],
+    }
+    assert [most_probable(document, name) for name in document["parameters"]] == [None, 108.0, 1.0]
+    # Fe-3%Si: the data do not decide C12.
+    output = tmp_path / "out"
+    file = write_case(tmp_path, COPPER)
+    file.write_text(file.read_text().replace("grains.csv", str(SOURCE / "inputs" / "data" / "fe3si.csv")))
+    assert main(["extract", str(file), "--output", str(output)]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("C12"))
+    assert line.split()[3] == "–"
+    assert main(["report", str(output)]) == 0
+    cells = (output / "report.html").read_text().split("<td>C12</td>")[1].split("</tr>")[0]
+    assert cells.split("<td>")[3] == "–</td>"
+
+
+def test_every_figure_has_a_section_and_a_name_of_its_own():
+    assert {section for section, _ in FIGURES} <= set(SECTIONS)
+    names = [function.__name__ for _, function in FIGURES]
+    assert len(set(names)) == len(names)
+
+
+def test_an_empty_folder_has_a_report(tmp_path, capsys):
+    assert main(["report", str(tmp_path)]) == 0
+    assert headings(tmp_path) == ["Provenance"]
