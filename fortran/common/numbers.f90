@@ -96,18 +96,42 @@ contains
       string = string(n + 1:)
    end subroutine skip_digits
 
-   !> Few digits that bring the number back, 17 at most.
+   !> The fewest digits that bring the number back, written as Python does: 16.0, 1e-05, 0.1.
    pure function number_text(number) result(string)
       real(wp), intent(in) :: number
       character(len=:), allocatable :: string
+      character(len=:), allocatable :: digits
+      character(len=32) :: buffer
       real(wp) :: again
-      integer, parameter :: digits(4) = [6, 15, 16, 17]
-      integer :: i, outcome
+      integer :: n, outcome, exponent, mark
 
-      do i = 1, size(digits)
-         string = to_text(number, digits(i))
-         call read_real(string, again, outcome)
-         if (outcome == number_ok .and. .not. abs(again - number) > 0.0_wp) return
+      if (.not. abs(number) <= huge(number)) then
+         string = to_text(number)
+         return
+      end if
+      do n = 15, 17
+         write (buffer, '(es32.'//to_text(n - 1)//'e3)') abs(number)
+         call read_real(trim(adjustl(buffer)), again, outcome)
+         if (outcome == number_ok .and. .not. abs(again - abs(number)) > 0.0_wp) exit
       end do
+      buffer = adjustl(buffer)
+      mark = index(buffer, 'E')
+      read (buffer(mark + 1:), *) exponent
+      digits = buffer(1:1)//buffer(3:mark - 1)
+      digits = digits(:max(1, verify(digits, '0', back=.true.)))
+      n = len(digits)
+      if (exponent < -4 .or. exponent >= 16) then
+         write (buffer, '(sp,i0.2)') exponent
+         string = digits(1:1)
+         if (n > 1) string = string//'.'//digits(2:)
+         string = string//'e'//trim(buffer)
+      else if (exponent < 0) then
+         string = '0.'//repeat('0', -exponent - 1)//digits
+      else if (n <= exponent + 1) then
+         string = digits//repeat('0', exponent + 1 - n)//'.0'
+      else
+         string = digits(:exponent + 1)//'.'//digits(exponent + 2:)
+      end if
+      if (number < 0.0_wp) string = '-'//string
    end function number_text
 end module numbers

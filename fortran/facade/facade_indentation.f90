@@ -9,8 +9,10 @@
 subroutine indentation_new(mesh, element, integration, refine, extrapolate, radius_um, depths, outer, growth, handle, counts, &
    & costs, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t, c_loc
-   use errors, only: error_type, error_to_status
-   use fe_indentation, only: indentation_model_type, indentation_options_type, new_indentation_model
+   use errors, only: error_type, error_to_status, exit_bad_input, raise
+   use fe_indentation, only: indentation_model_type, new_indentation_model
+   use settings_groups, only: simulation_settings_type
+   use text, only: to_text
    implicit none
    !f2py threadsafe
    character(len=16), intent(in) :: mesh, element, integration
@@ -21,16 +23,25 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    real(c_double), intent(out) :: costs(4)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
-   type(indentation_options_type) :: options
+   type(simulation_settings_type) :: settings
    type(indentation_model_type), pointer :: model
    type(error_type), allocatable :: error
 
    handle = 0
    counts = 0
    costs = 0.0_c_double
-   options = indentation_options_type(mesh, element, integration, refine, extrapolate /= 0, radius_um, depths, outer, growth)
+   settings%mesh = trim(mesh)
+   settings%element = trim(element)
+   settings%integration = trim(integration)
+   settings%refine = refine
+   settings%extrapolate = extrapolate /= 0
+   settings%radius_um = radius_um
+   settings%depths = depths
+   settings%outer = outer
+   settings%growth = growth
    allocate (model)
-   call new_indentation_model(options, model, error)
+   call check_settings()
+   if (.not. allocated(error)) call new_indentation_model(settings, model, error)
    call error_to_status(error, status, message)
    if (status /= 0) then
       deallocate (model)
@@ -44,12 +55,32 @@ subroutine indentation_new(mesh, element, integration, refine, extrapolate, radi
    end associate
    costs = [sum(model%grid%cholesky%entries), sum(model%grid%cholesky%operations), sum(model%grid%cholesky%bytes), &
       & model%depth(size(model%depth))]
+
+contains
+
+   subroutine check_settings()
+      if (all(settings%element /= [character(len=5) :: '', 'c3d8', 'c3d8i'])) then
+         call raise(error, "element: '"//settings%element//"' is unknown; allowed: 'c3d8', 'c3d8i'", exit_bad_input)
+      else if (settings%integration /= 'selective' .and. settings%integration /= 'full') then
+         call raise(error, "integration: '"//settings%integration//"' is unknown; allowed: 'selective', 'full'", exit_bad_input)
+      else if (.not. (refine >= 0.3_c_double .and. refine <= 4.0_c_double)) then
+         call raise(error, 'refine: '//to_text(settings%refine)//' is out of range; allowed: 0.3 to 4', exit_bad_input)
+      else if (.not. (radius_um >= 1.0e-3_c_double .and. radius_um <= 1.0e6_c_double)) then
+         call raise(error, 'radius_um: '//to_text(settings%radius_um)//' is out of range; allowed: 0.001 to 1e6 um', exit_bad_input)
+      else if (.not. (outer >= 2.0_c_double .and. outer <= 100.0_c_double)) then
+         call raise(error, 'outer: '//to_text(settings%outer)//' is out of range; allowed: 2 to 100', exit_bad_input)
+      else if (.not. (growth >= 1.01_c_double .and. growth <= 2.0_c_double)) then
+         call raise(error, 'growth: '//to_text(settings%growth)//' is out of range; allowed: 1.01 to 2', exit_bad_input)
+      else if (depths < 1 .or. depths > 1000) then
+         call raise(error, 'depths: '//to_text(settings%depths)//' is out of range; allowed: 1 to 1000', exit_bad_input)
+      end if
+   end subroutine check_settings
 end subroutine indentation_new
 
 !> Free a model.
 subroutine indentation_free(handle)
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_null_ptr, c_ptr
-   use fe_indentation, only: free_indentation_model, indentation_model_type
+   use fe_indentation, only: indentation_model_type
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -58,7 +89,6 @@ subroutine indentation_free(handle)
 
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
-   call free_indentation_model(model)
    deallocate (model)
 end subroutine indentation_free
 
@@ -145,7 +175,8 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
    use errors, only: error_type, error_to_status
    use fe_element, only: brick_stress
-   use fe_indentation, only: indentation_fields, indentation_model_type
+   use crystal_elasticity, only: rotate_stiffness, rotation_matrix
+   use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    use kinds, only: wp
    implicit none
    !f2py threadsafe
@@ -158,7 +189,7 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    type(indentation_model_type), pointer :: model
    type(error_type), allocatable :: error
    type(c_ptr) :: address
-   real(wp), allocatable :: u(:, :)
+   type(indentation_result_type) :: result
    real(wp) :: c(6, 6)
    integer :: i
 
@@ -166,11 +197,12 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    stress = 0.0_c_double
    address = transfer(handle, c_null_ptr)
    call c_f_pointer(address, model)
-   call indentation_fields(model, stiffness, euler, step, u, c, error)
+   call simulate_indentation(model, stiffness, euler, result, error, step)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   displacement = u
-   associate (mesh => model%grid(1)%mesh)
+   displacement = result%displacement
+   c = rotate_stiffness(stiffness, rotation_matrix(euler))
+   associate (mesh => model%grid(1)%mesh, u => result%displacement)
       do i = 1, bricks
          call brick_stress(mesh%x(:, mesh%brick(:, i)), c, model%formulation, u(:, mesh%brick(:, i)), stress(:, i))
       end do

@@ -1,10 +1,11 @@
 !> From element stiffness to the sparse matrix of a mesh: unknowns, pattern and scatter maps once, values per crystal.
 module fe_assembly
    use crystal_elasticity, only: check_stiffness
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, raise
    use fe_element, only: brick_stiffness, infinite_stiffness
    use fe_mesh, only: mesh_type
    use kinds, only: wp
+   use memory, only: raise_no_memory
    use text, only: to_text
    implicit none
    private
@@ -41,18 +42,13 @@ contains
       integer, allocatable :: hanging_index(:)
       integer :: i
 
-      if (size(mesh%brick, 2) > 400000) then
-         call raise(error, 'a mesh of '//to_text(size(mesh%brick, 2))//' elements is too large; allowed: up to 400000', &
-            & exit_bad_input)
-         return
-      end if
       allocate (hanging_index(size(mesh%x, 2)), source=0)
       do i = 1, size(mesh%hanging)
          hanging_index(mesh%hanging(i)) = i
       end do
       call number_unknowns(mesh, hanging_index, assembly)
       call find_special(mesh, hanging_index, assembly)
-      call build_pattern(mesh, assembly)
+      call build_pattern(mesh, assembly, error)
    end subroutine new_assembly
 
    subroutine number_unknowns(mesh, hanging_index, assembly)
@@ -164,12 +160,13 @@ contains
       end if
    end subroutine element_nodes
 
-   subroutine build_pattern(mesh, assembly)
+   subroutine build_pattern(mesh, assembly, error)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(inout) :: assembly
+      type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:)
       integer :: elements, nodes, e, a, b, i, j, count, node(most_nodes), column, found, filled, pass, p, t, r
-      integer :: dof(3*most_nodes), total
+      integer :: dof(3*most_nodes), total, status
 
       elements = size(mesh%brick, 2) + size(mesh%facet, 2)
       nodes = size(mesh%x, 2)
@@ -226,7 +223,11 @@ contains
             do column = 1, assembly%unknowns
                assembly%column_start(column + 1) = assembly%column_start(column + 1) + assembly%column_start(column)
             end do
-            allocate (assembly%row(assembly%column_start(assembly%unknowns + 1) - 1))
+            allocate (assembly%row(assembly%column_start(assembly%unknowns + 1) - 1), stat=status)
+            if (status /= 0) then
+               call raise_no_memory('the pattern of '//to_text(assembly%unknowns)//' unknowns', error)
+               return
+            end if
          end if
       end do
 
@@ -237,7 +238,11 @@ contains
          assembly%entry_start(e + 1) = assembly%entry_start(e) + (3*count*(3*count + 1))/2
       end do
       total = assembly%entry_start(elements + 1) - 1
-      allocate (assembly%place(total), source=0)
+      allocate (assembly%place(total), source=0, stat=status)
+      if (status /= 0) then
+         call raise_no_memory('the entries of '//to_text(elements)//' elements', error)
+         return
+      end if
       do e = 1, elements
          call element_nodes(mesh, assembly, e, node, count)
          do a = 1, count
@@ -295,17 +300,23 @@ contains
       type(assembly_type), intent(in) :: assembly
       integer, intent(in) :: formulation
       real(wp), intent(in) :: c(6, 6)
-      real(wp), allocatable, intent(out) :: values(:)
+      !> In the order of `assembly%row`.
+      real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: class_stiffness(:, :)
       real(wp) :: k(24, 24), small(12, 12), expanded(3*most_nodes, 3*most_nodes), half(24, 3*most_nodes)
       real(wp) :: packed(3*most_nodes*(3*most_nodes + 1)/2)
       logical :: valid
-      integer :: e, i, p, s, m, bricks
+      integer :: e, i, p, s, m, bricks, status
 
+      values = 0.0_wp
       call check_stiffness(c, error)
       if (allocated(error)) return
-      allocate (class_stiffness(300, size(mesh%representative)))
+      allocate (class_stiffness(300, size(mesh%representative)), stat=status)
+      if (status /= 0) then
+         call raise_no_memory('the stiffness of '//to_text(size(mesh%representative))//' elements', error)
+         return
+      end if
       do i = 1, size(mesh%representative)
          call brick_stiffness(mesh%x(:, mesh%brick(:, mesh%representative(i))), c, formulation, k, valid)
          if (.not. valid) then
@@ -314,7 +325,6 @@ contains
          end if
          call pack_lower(k, 24, class_stiffness(:, i))
       end do
-      allocate (values(size(assembly%row)), source=0.0_wp)
       bricks = size(mesh%brick, 2)
       do e = 1, bricks
          s = assembly%special(e)

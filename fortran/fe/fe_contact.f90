@@ -6,6 +6,7 @@ module fe_contact
    use errors, only: error_type, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
+   use memory, only: raise_no_memory
    use text, only: to_text
    implicit none
    private
@@ -28,7 +29,7 @@ contains
       real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
       integer, allocatable :: set(:)
       logical, allocatable :: wrong(:)
-      integer :: n, step, i, j
+      integer :: n, step, i, j, status
 
       n = size(gap)
       allocate (clearance(n), wrong(n))
@@ -36,7 +37,11 @@ contains
          set = pack([(i, i=1, n)], active)
          force = 0.0_wp
          if (size(set) > 0) then
-            allocate (a(size(set), size(set)), b(size(set), 1))
+            allocate (a(size(set), size(set)), b(size(set), 1), stat=status)
+            if (status /= 0) then
+               call raise_no_memory('the contact of '//to_text(size(set))//' nodes', error)
+               return
+            end if
             do j = 1, size(set)
                a(:, j) = compliance(set, set(j))
             end do
@@ -61,7 +66,7 @@ contains
             active(i) = .not. active(i)
          end if
       end do
-      call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth)//' um did not settle in ' &
+      call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth)//' um was not found in ' &
          & //to_text(most_steps)//' steps')
    end subroutine solve_contact
 

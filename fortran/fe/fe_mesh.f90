@@ -1,4 +1,4 @@
-!> One generator for both meshes: a uniform box of bricks under the indenter, wrapped in homothetic layers.
+!> The generator of homothetic meshes: a uniform box of bricks under the indenter, wrapped in homothetic layers.
 !>
 !> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. Each layer lies between two copies of the box's surface
 !> (without its top) scaled about the contact centre, the origin, so that all elements of a box are equal and those of a
@@ -6,27 +6,14 @@
 !> coarsened 2:1; the nodes that then hang take the mean of their neighbours. Around it all comes either a layer of
 !> infinite elements, swept along rays from the origin, or a clamped bottom and free sides.
 module fe_mesh
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use kinds, only: wp
+   use memory, only: check_memory
+   use mesh_plan, only: check_plan, count_items, mesh_plan_type
    use text, only: to_text
    implicit none
    private
-   public :: mesh_plan_type, mesh_type, new_mesh
-
-   !> What the generator builds.
-   type :: mesh_plan_type
-      !> Cells of the box per half-width and over its depth.
-      integer :: half_cells = 0, depth_cells = 0
-      !> Half-width and depth of the box, um.
-      real(wp) :: half_width = 0.0_wp, depth = 0.0_wp
-      !> Blocks of layers from the inside out: number of layers, growth factor from layer to layer (> 1), and whether the
-      !> surface is coarsened 2:1 before the block.
-      integer, allocatable :: layers(:)
-      real(wp), allocatable :: growth(:)
-      logical, allocatable :: coarsen(:)
-      !> Infinite elements outside; else the bottom is clamped and the sides are free.
-      logical :: infinite = .true.
-   end type mesh_plan_type
+   public :: mesh_type, new_mesh
 
    type :: mesh_type
       !> Coordinates of the nodes, um.
@@ -47,9 +34,21 @@ module fe_mesh
       integer, allocatable :: contact(:)
       !> Contact may reach this far from the centre, and edge of an element there, um.
       real(wp) :: contact_reach = 0.0_wp, element_size = 0.0_wp
-      !> Distance of the outer boundary from the centre, um.
-      real(wp) :: outer_radius = 0.0_wp
    end type mesh_type
+
+   !> A mesh under construction.
+   type :: builder_type
+      !> Node of each lattice point of the current surface; 0 inside and where the surface is coarser.
+      integer, allocatable :: at(:, :, :)
+      !> Coordinates of the lattice points of the box, um (3, lattice).
+      real(wp), allocatable :: box(:, :, :, :)
+      !> Lattice spacing of the current surface, its scale over the box's, and items made so far.
+      integer :: step = 1, nodes = 0, bricks = 0, hanging = 0, classes = 1
+      real(wp) :: scale = 1.0_wp
+   end type builder_type
+
+   !> Memory of a mesh with its pattern and places of entries, bytes a brick, rounded up from what was measured.
+   real(wp), parameter :: bytes_per_brick = 6.0e3_wp
 
 contains
 
@@ -58,177 +57,139 @@ contains
       type(mesh_plan_type), intent(in) :: plan
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
-      !> Node of each lattice point of the current surface; 0 inside and where the surface is coarser.
-      integer, allocatable :: at(:, :, :)
-      integer, allocatable :: quad(:, :, :)
-      real(wp), allocatable :: box(:, :, :, :)
-      integer :: n, nx, nz, step, nodes, bricks, hanging, classes, base, block, layer, i, j, k, f, facets
-      real(wp) :: scale, block_scale
+      type(builder_type) :: self
+      integer :: nodes, bricks, hanging, classes, block
+
+      call check_plan(plan, error)
+      if (allocated(error)) return
+      call count_items(plan, nodes, bricks, hanging, classes)
+      call check_memory(bytes_per_brick*bricks, 'a mesh of '//to_text(bricks)//' elements', error)
+      if (allocated(error)) return
+      allocate (mesh%x(3, nodes), mesh%brick(8, bricks), mesh%class(bricks), mesh%scale(bricks))
+      allocate (mesh%representative(classes), mesh%hanging(hanging), mesh%masters(hanging), mesh%master(4, hanging))
+      call fill_box(plan, self, mesh)
+      do block = 1, size(plan%layers)
+         if (plan%coarsen(block)) call coarsen(self%at, self%step, mesh, self%hanging)
+         call add_layers(plan%layers(block), plan%growth(block), self, mesh)
+      end do
+      call close_mesh(plan, self, mesh)
+   end subroutine new_mesh
+
+   !> The box of bricks, and the nodes that may touch the indenter.
+   subroutine fill_box(plan, self, mesh)
+      type(mesh_plan_type), intent(in) :: plan
+      type(builder_type), intent(inout) :: self
+      type(mesh_type), intent(inout) :: mesh
+      integer :: n, nx, nz, i, j, k
 
       n = plan%half_cells
       nx = 2*n
       nz = plan%depth_cells
-      call check_plan(plan, error)
-      if (allocated(error)) return
-
-      call count_items(plan, nodes, bricks, hanging, classes)
-      allocate (mesh%x(3, nodes), mesh%brick(8, bricks), mesh%class(bricks), mesh%scale(bricks))
-      allocate (mesh%representative(classes), mesh%hanging(hanging), mesh%masters(hanging), mesh%master(4, hanging))
-      allocate (at(0:nx, 0:nx, 0:nz), box(3, 0:nx, 0:nx, 0:nz))
-      nodes = 0
-      do k = 0, nz
-         do j = 0, nx
-            do i = 0, nx
-               nodes = nodes + 1
-               at(i, j, k) = nodes
-               box(:, i, j, k) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
-                  & (real(k - nz, wp)/nz)*plan%depth]
-               mesh%x(:, nodes) = box(:, i, j, k)
+      allocate (self%at(0:nx, 0:nx, 0:nz), self%box(3, 0:nx, 0:nx, 0:nz))
+      associate (at => self%at, box => self%box, nodes => self%nodes, bricks => self%bricks)
+         do k = 0, nz
+            do j = 0, nx
+               do i = 0, nx
+                  nodes = nodes + 1
+                  at(i, j, k) = nodes
+                  box(:, i, j, k) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
+                     & (real(k - nz, wp)/nz)*plan%depth]
+                  mesh%x(:, nodes) = box(:, i, j, k)
+               end do
             end do
          end do
-      end do
-      bricks = 0
-      do k = 0, nz - 1
-         do j = 0, nx - 1
-            do i = 0, nx - 1
-               bricks = bricks + 1
-               mesh%brick(:, bricks) = [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k), &
-                  & at(i, j, k + 1), at(i + 1, j, k + 1), at(i + 1, j + 1, k + 1), at(i, j + 1, k + 1)]
+         do k = 0, nz - 1
+            do j = 0, nx - 1
+               do i = 0, nx - 1
+                  bricks = bricks + 1
+                  mesh%brick(:, bricks) = [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k), &
+                     & at(i, j, k + 1), at(i + 1, j, k + 1), at(i + 1, j + 1, k + 1), at(i, j + 1, k + 1)]
+               end do
             end do
          end do
-      end do
-      mesh%class(:bricks) = 1
-      mesh%scale(:bricks) = 1.0_wp
+         mesh%class(:bricks) = 1
+         mesh%scale(:bricks) = 1.0_wp
+      end associate
       mesh%representative(1) = 1
       mesh%element_size = plan%half_width/n
       mesh%contact_reach = plan%half_width
       ! A hanging node has no displacement of its own.
       if (plan%coarsen(1)) mesh%contact_reach = plan%half_width - mesh%element_size
-      call find_contact(at(:, :, nz), mesh)
-      at(1:nx - 1, 1:nx - 1, 1:nz) = 0
+      call find_contact(self%at(:, :, nz), mesh)
+      self%at(1:nx - 1, 1:nx - 1, 1:nz) = 0
+   end subroutine fill_box
 
-      hanging = 0
-      classes = 1
-      step = 1
-      scale = 1.0_wp
-      do block = 1, size(plan%layers)
-         if (plan%coarsen(block)) call coarsen(at, step, mesh, hanging)
-         call surface_quads(nx, nz, step, quad)
-         facets = size(quad, 3)
-         base = classes
-         classes = classes + facets
-         block_scale = scale
-         do layer = 1, plan%layers(block)
+   !> A block of layers of bricks around the current surface, each `growth` times as large as the one before.
+   subroutine add_layers(layers, growth, self, mesh)
+      integer, intent(in) :: layers
+      real(wp), intent(in) :: growth
+      type(builder_type), intent(inout) :: self
+      type(mesh_type), intent(inout) :: mesh
+      integer, allocatable :: quad(:, :, :)
+      real(wp) :: first_scale
+      integer :: layer, facets, f, i, j, k
+
+      call surface_quads(ubound(self%at, 1), ubound(self%at, 3), self%step, quad)
+      facets = size(quad, 3)
+      first_scale = self%scale
+      associate (at => self%at, bricks => self%bricks, nodes => self%nodes, base => self%classes)
+         do layer = 1, layers
             do f = 1, facets
-               mesh%brick(1:4, bricks + f) = nodes_of(quad(:, :, f))
+               mesh%brick(1:4, bricks + f) = nodes_of(at, quad(:, :, f))
             end do
-            scale = scale*plan%growth(block)
-            do k = 0, nz, step
-               do j = 0, nx, step
-                  do i = 0, nx, step
+            self%scale = self%scale*growth
+            do k = 0, ubound(at, 3), self%step
+               do j = 0, ubound(at, 2), self%step
+                  do i = 0, ubound(at, 1), self%step
                      if (at(i, j, k) == 0) cycle
                      nodes = nodes + 1
                      at(i, j, k) = nodes
-                     mesh%x(:, nodes) = scale*box(:, i, j, k)
+                     mesh%x(:, nodes) = self%scale*self%box(:, i, j, k)
                   end do
                end do
             end do
             do f = 1, facets
-               mesh%brick(5:8, bricks + f) = nodes_of(quad(:, :, f))
+               mesh%brick(5:8, bricks + f) = nodes_of(at, quad(:, :, f))
                mesh%class(bricks + f) = base + f
                if (layer == 1) mesh%representative(base + f) = bricks + f
-               mesh%scale(bricks + f) = scale/(plan%growth(block)*block_scale)
+               mesh%scale(bricks + f) = self%scale/(growth*first_scale)
             end do
             bricks = bricks + facets
          end do
-      end do
-      mesh%outer_radius = scale*min(plan%half_width, plan%depth)
+         base = base + facets
+      end associate
+   end subroutine add_layers
+
+   !> What lies around the last layer.
+   subroutine close_mesh(plan, self, mesh)
+      type(mesh_plan_type), intent(in) :: plan
+      type(builder_type), intent(in) :: self
+      type(mesh_type), intent(inout) :: mesh
+      integer, allocatable :: quad(:, :, :)
+      integer :: f
+
       if (plan%infinite) then
-         call surface_quads(nx, nz, step, quad)
+         call surface_quads(ubound(self%at, 1), ubound(self%at, 3), self%step, quad)
          allocate (mesh%facet(4, size(quad, 3)), mesh%clamped(0))
          do f = 1, size(quad, 3)
-            mesh%facet(:, f) = nodes_of(quad(:, :, f))
+            mesh%facet(:, f) = nodes_of(self%at, quad(:, :, f))
          end do
       else
          allocate (mesh%facet(4, 0))
-         mesh%clamped = pack(at(:, :, 0), at(:, :, 0) > 0)
+         mesh%clamped = pack(self%at(:, :, 0), self%at(:, :, 0) > 0)
       end if
+   end subroutine close_mesh
 
-   contains
+   !> Nodes of four lattice points.
+   pure function nodes_of(at, lattice) result(node)
+      integer, intent(in) :: at(0:, 0:, 0:), lattice(3, 4)
+      integer :: node(4)
+      integer :: a
 
-      pure function nodes_of(lattice) result(node)
-         integer, intent(in) :: lattice(3, 4)
-         integer :: node(4)
-         integer :: a
-
-         do a = 1, 4
-            node(a) = at(lattice(1, a), lattice(2, a), lattice(3, a))
-         end do
-      end function nodes_of
-   end subroutine new_mesh
-
-   subroutine check_plan(plan, error)
-      type(mesh_plan_type), intent(in) :: plan
-      type(error_type), allocatable, intent(out) :: error
-      integer :: block, step
-
-      if (plan%half_cells < 2 .or. plan%depth_cells < 2 .or. plan%half_cells > 200 .or. plan%depth_cells > 400) then
-         call raise(error, 'a mesh of '//to_text(plan%half_cells)//' elements per half-width and '// &
-            & to_text(plan%depth_cells)//' over the depth of its core cannot be made; allowed: 2 to 200, and 2 to 400', &
-            & exit_bad_input)
-         return
-      end if
-      if (.not. (plan%half_width > 0.0_wp .and. plan%depth > 0.0_wp .and. plan%half_width <= huge(1.0_wp) &
-         & .and. plan%depth <= huge(1.0_wp))) then
-         call raise(error, 'the core of the mesh has half-width '//to_text(plan%half_width)//' um and depth '// &
-            & to_text(plan%depth)//' um; both must be positive', exit_bad_input)
-         return
-      end if
-      step = 1
-      do block = 1, size(plan%layers)
-         if (plan%coarsen(block)) step = 2*step
-         if (plan%layers(block) < 1 .or. .not. plan%growth(block) > 1.0_wp .or. .not. plan%growth(block) < 10.0_wp) then
-            call raise(error, 'a block of '//to_text(plan%layers(block))//' layers growing by ' &
-               & //to_text(plan%growth(block))//' cannot be made; allowed: at least 1, and 1 to 10', exit_bad_input)
-            return
-         end if
+      do a = 1, 4
+         node(a) = at(lattice(1, a), lattice(2, a), lattice(3, a))
       end do
-      if (mod(plan%depth_cells, step) /= 0 .or. mod(2*plan%half_cells, step) /= 0) call raise(error, &
-         & 'the core of the mesh has '//to_text(2*plan%half_cells)//' x '//to_text(plan%depth_cells) &
-         & //' elements, not multiples of '//to_text(step), exit_bad_input)
-   end subroutine check_plan
-
-   !> How many items the mesh of a plan will have.
-   pure subroutine count_items(plan, nodes, bricks, hanging, classes)
-      type(mesh_plan_type), intent(in) :: plan
-      integer, intent(out) :: nodes, bricks, hanging, classes
-      integer :: block, step, nx, nz, facets, surface
-
-      nx = 2*plan%half_cells
-      nz = plan%depth_cells
-      nodes = (nx + 1)**2*(nz + 1)
-      bricks = nx**2*nz
-      hanging = 0
-      classes = 1
-      step = 1
-      do block = 1, size(plan%layers)
-         if (plan%coarsen(block)) then
-            hanging = hanging + surface_nodes(nx/step, nz/step) - surface_nodes(nx/(2*step), nz/(2*step))
-            step = 2*step
-         end if
-         surface = surface_nodes(nx/step, nz/step)
-         facets = (nx/step)**2 + 4*(nx/step)*(nz/step)
-         nodes = nodes + plan%layers(block)*surface
-         bricks = bricks + plan%layers(block)*facets
-         classes = classes + facets
-      end do
-   end subroutine count_items
-
-   pure integer function surface_nodes(nx, nz)
-      integer, intent(in) :: nx, nz
-
-      surface_nodes = (nx + 1)**2 + 4*nx*nz
-   end function surface_nodes
+   end function nodes_of
 
    !> Nodes of the top of the box inside the circle of contact.
    subroutine find_contact(top, mesh)

@@ -2,7 +2,8 @@
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use batch_sample, only: check_sampling, sample_constants
-   use batch_stages, only: fit_simulations, fits_surrogate, simulate_crystals
+   use batch_simulate, only: simulate_crystals
+   use batch_stages, only: fit_simulations, fits_surrogate
    use errors, only: error_type, exit_bad_input, exit_status
    use files, only: make_folder, replace_file
    use namelist_schema, only: schema_markdown

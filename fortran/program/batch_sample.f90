@@ -2,7 +2,8 @@
 module batch_sample
    use, intrinsic :: iso_fortran_env, only: error_unit
    use abstract_sampler, only: sampler_type
-   use batch_stages, only: fits_surrogate, surrogate_name, worker_count
+   use batch_simulate, only: worker_count
+   use batch_stages, only: fits_surrogate, surrogate_name
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: likelihood_type, new_posterior, posterior_type
    use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type

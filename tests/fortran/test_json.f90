@@ -3,6 +3,7 @@ program test_json
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
    use json, only: json_type
    use kinds, only: wp
+   use numbers, only: number_text
    use testing, only: check, finish
    implicit none
 
@@ -28,11 +29,17 @@ program test_json
    call document%put('empty', [real(wp) ::])
    call document%end_object()
    call check('every kind of value', document%text() == '{'//newline &
-      & //' "text": "a \"b\" \\ c\n\u0001",'//newline//' "real": -0.1,'//newline//' "large": 1.00000E+022,'//newline &
+      & //' "text": "a \"b\" \\ c\n\u0001",'//newline//' "real": -0.1,'//newline//' "large": 1e+22,'//newline &
       & //' "integer": 7,'//newline//' "logical": false,'//newline//' "nan": null,'//newline//' "none": null,'//newline &
       & //' "rows": ['//newline//'  [1.0, null],'//newline//'  {}'//newline//' ],'//newline &
       & //' "matrix": ['//newline//'  [1.0, 3.0],'//newline//'  [2.0, 4.0]'//newline//' ],'//newline &
       & //' "empty": []'//newline//'}'//newline, document%text())
+
+   ! As Python's repr writes them: stored identities of physics depend on it.
+   call check('numbers as Python writes them', number_text(16.0_wp)//' '//number_text(0.1_wp)//' '//number_text(1.0e-5_wp)//' ' &
+      & //number_text(1.0e15_wp)//' '//number_text(1.5e16_wp)//' '//number_text(-0.0625_wp)//' '//number_text(1.0_wp/3.0_wp) &
+      & //' '//number_text(123456.789_wp)//' '//number_text(0.0_wp)//' '//number_text(2.5e-4_wp) &
+      & == '16.0 0.1 1e-05 1000000000000000.0 1.5e+16 -0.0625 0.3333333333333333 123456.789 0.0 0.00025')
 
    document = json_type()
    call document%begin_array()

@@ -1,5 +1,6 @@
 """Rules of the sources that no compiler checks."""
 
+import ast
 import re
 import sys
 
@@ -10,16 +11,24 @@ from conftest import SOURCE
 sys.path.insert(0, str(SOURCE / "tests" / "tools"))
 import lines
 
-LIBRARY = [path for path in sorted((SOURCE / "fortran").rglob("*.f90")) if path.parent.name != "program"]
+FORTRAN = sorted((SOURCE / "fortran").rglob("*.f90"))
+LIBRARY = [path for path in FORTRAN if path.parent.name != "program"]
+PYTHON = sorted((SOURCE / "python").rglob("*.py"))
+
+#: Each folder may use those before it; Python's sub-packages bear the same names.
+LAYERS = ("common", "crystal", "settings", "theory", "fe", "surrogate", "inference", "pipeline", "report", "facade", "program")
+
+
+def relative(path):
+    return str(path.relative_to(SOURCE))
 
 
 def statements(path):
-    """Lines without comments and texts."""
-    for line in path.read_text().splitlines():
-        yield re.sub(r"!.*", "", re.sub(r"'[^']*'|\"[^\"]*\"", "''", line)).strip().lower()
+    """Statements of Fortran without comments and texts."""
+    return [statement for _, _, statement in lines.statements(path.read_text())]
 
 
-@pytest.mark.parametrize("path", LIBRARY, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", LIBRARY, ids=relative)
 def test_the_library_neither_stops_nor_prints(path):
     # One `error stop` would end the Python process.
     for statement in statements(path):
@@ -28,21 +37,111 @@ def test_the_library_neither_stops_nor_prints(path):
         assert not re.match(r"(.*\)\s*)?write\s*\(\s*\*", statement), statement
 
 
-@pytest.mark.parametrize("path", [path for path in LIBRARY if path.parent.name != "facade"], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in LIBRARY if path.parent.name != "facade"], ids=relative)
 def test_a_file_is_the_module_of_its_name(path):
-    lines = list(statements(path))
-    assert [line for line in lines if re.match(r"module (?!procedure)\w", line)] == [f"module {path.stem}"]
-    assert "implicit none" in lines
-    assert "private" in lines
+    found = statements(path)
+    assert [line for line in found if re.match(r"module (?!procedure)\w", line)] == [f"module {path.stem}"]
+    assert "implicit none" in found
+    assert "private" in found
 
 
-@pytest.mark.parametrize("path", sorted((SOURCE / "fortran" / "facade").glob("*.f90")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in LIBRARY if path.parent.name == "facade"], ids=relative)
 def test_the_facade_gives_up_the_lock(path):
     text = path.read_text()
     procedures = re.findall(r"^subroutine \w+.*?^end subroutine", text, flags=re.M | re.S)
     assert procedures
     for procedure in procedures:
         assert "!f2py threadsafe" in procedure, procedure.splitlines()[0]
+
+
+def test_fortran_folders_depend_one_way():
+    folder = {path.stem: path.parent.name for path in FORTRAN}
+    for path in FORTRAN:
+        for statement in statements(path):
+            used = re.match(r"use\b(?:\s*,[^:]*)?(?:\s*::)?\s*(\w+)", statement)
+            if used and used[1] in folder:
+                assert LAYERS.index(folder[used[1]]) <= LAYERS.index(path.parent.name), f"{relative(path)}: {statement}"
+                assert folder[used[1]] != "facade", f"{relative(path)}: {statement}"
+
+
+def test_python_folders_depend_one_way():
+    package = SOURCE / "python" / "bayesindent"
+    for path in PYTHON:
+        parts = path.relative_to(package).parts
+        if len(parts) == 1:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.level == len(parts) and node.module:
+                used = node.module.split(".")[0]
+                if used in LAYERS:
+                    assert LAYERS.index(used) <= LAYERS.index(parts[0]), f"{relative(path)}:{node.lineno} imports {node.module}"
+
+
+CLASS_TABLE = SOURCE / "fortran" / "crystal" / "crystal_class.f90"
+#: Files that still compare a symmetry: this list only shrinks.
+COMPARING = {
+    "fortran/settings/problem.f90", "python/bayesindent/inference/next_grain.py", "python/bayesindent/inference/verdicts.py",
+    "python/bayesindent/report/report.py", "python/bayesindent/surrogate/domain.py", "python/bayesindent/surrogate/surrogate.py",
+}  # fmt: skip
+NOT_TABLE = [path for path in lines.files(SOURCE) if path != CLASS_TABLE and relative(path) not in COMPARING]
+
+
+def class_names():
+    """Names and synonyms in the table of crystal classes."""
+    rows = re.findall(r"row_type\('([^']*)', *'([^']*)'", CLASS_TABLE.read_text())
+    names = {name.strip() for row in rows for text in row for name in text.split(",")} - {""}
+    assert {"cubic", "6/mmm", "-1"} <= names
+    return names
+
+
+def texts(path):
+    """Number of line and content of every text in a source, without docstrings and comments."""
+    if path.suffix == ".py":
+        tree = ast.parse(path.read_text())
+        documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
+                yield node.lineno, node.value
+    else:
+        quoted = r"'((?:[^']|'')*)'|\"([^\"]*)\"" if path.suffix == ".f90" else r"\"((?:[^\"\\]|\\.)*)\"()"
+        comment = "!" if path.suffix == ".f90" else "//"
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            for found in re.finditer(f"({comment}.*)|{quoted}", line):
+                if not found[1]:
+                    yield number, found[2] or found[3] or ""
+
+
+def test_nothing_but_the_table_names_a_crystal_class():
+    names = class_names()
+    found = [
+        f"{relative(path)}:{number}: '{text}'"
+        for path in NOT_TABLE
+        for number, text in texts(path)
+        if {item.strip().lower() for item in text.split(",")} & names
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_nothing_but_the_table_compares_a_symmetry_or_counts_constants():
+    compared = r"\s*(==|/=|!=|<=|>=|<|>|\.eq\.|\.ne\.|\bin\b|\bnot in\b|\bis\b)\s*"
+    forbidden = [
+        r"\bsymmetry_(?!names)\w*(" + "|".join(sorted(name for name in class_names() if name.isalpha())) + r")",
+        rf"\bn_constants{compared}[1-9(\[]",
+        rf"[\d)\]]{compared}(\w+%)*n_constants\b",
+        rf"\b(size|len)\([^()]*(constants|stiffness)[^()]*\){compared}[1-9(\[]",
+        rf"\b(constants|bounds)(\.shape\[-?\d\]|\.size){compared}[1-9(\[]",
+        r"select\s*case\s*\(.*(symmetry|n_constants|class%name)",
+        r"\bmatch\b.*(symmetry|n_constants)",
+        rf"\b(symmetry|class%name){compared}['\"]\w",
+    ]
+    found = []
+    for path in NOT_TABLE:
+        comment = {".py": "#", ".f90": "!"}.get(path.suffix, "//")
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            code = line.split(comment)[0]
+            if any(re.search(pattern, code, re.IGNORECASE) for pattern in forbidden):
+                found.append(f"{relative(path)}:{number}: {line.strip()}")
+    assert not found, "\n".join(found)
 
 
 #: What is still above a limit: this list only shrinks.

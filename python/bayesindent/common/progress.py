@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -25,16 +26,20 @@ class Progress:
     def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """Yield `advance(n)`, which counts towards `total`; it may be called from any thread."""
         if not self.enabled or total <= 0:
-            yield lambda steps: None
+            yield ignore
         elif sys.stderr.isatty():
             columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
             with Bars(*columns, console=Console(stderr=True)) as bars:
                 task = bars.add_task(text, total=total)
-                yield lambda steps: bars.advance(task, steps)
+                yield partial(bars.advance, task)
         else:
             lines = Lines(text, total)
             yield lines.advance
             lines.finish()
+
+
+def ignore(steps: int = 1) -> None:
+    """Show nothing."""
 
 
 class Lines:

@@ -1,0 +1,312 @@
+!> Directions that a crystal can tell apart: one of each set that its group, the inversion included, maps onto another.
+!>
+!> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these fill a few spherical triangles
+!> (cubic: 001, 101, 111); with one axis of infinite order they are an arc from that axis; with two a point.
+module distinct_directions
+   use crystal_class, only: crystal_class_type
+   use kinds, only: degree, pi, wp
+   implicit none
+   private
+   public :: region_type, new_region, representative, angle_between, all_alike, lattice_of_directions, spread_of_directions
+
+   !> What differs by less is the same.
+   real(wp), parameter :: same = 1.0e-9_wp
+   !> Steps of the lattice over an arc, and over a triangle at most, in degrees.
+   real(wp), parameter :: arc_step = 2.0_wp, triangle_step = 3.43_wp
+   integer, parameter :: most_corners = 12
+
+   type :: region_type
+      !> 2: triangles; 1: an arc; 0: a point.
+      integer :: dimension = 2
+      !> Corners of the triangles, unit vectors (3, 3, n); of an arc or a point none.
+      real(wp), allocatable :: triangles(:, :, :)
+      !> Where the arc begins, the axis of infinite order, and where it ends.
+      real(wp) :: axis(3) = [0, 0, 1], equator(3) = [1, 0, 0]
+      !> The finite group with the inversion, (3, 3, n).
+      real(wp), allocatable, private :: group(:, :, :)
+   end type region_type
+
+contains
+
+   !> The region of a class.
+   subroutine new_region(class, region)
+      type(crystal_class_type), intent(in) :: class
+      type(region_type), intent(out) :: region
+      real(wp), allocatable :: corners(:, :)
+      real(wp), parameter :: signs(2) = [1.0_wp, -1.0_wp]
+      integer :: g, i, j, k, n
+
+      region%dimension = max(0, 2 - count(class%folds == 0))
+      allocate (region%triangles(3, 3, 0))
+      call close_group(class%generators(:, :, pack([(g, g=1, size(class%folds))], class%folds > 0)), region%group)
+      if (region%dimension == 1) then
+         g = findloc(class%folds, 0, dim=1)
+         associate (r => class%generators(:, :, g))
+            region%axis = abs([r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)])
+         end associate
+         region%axis = region%axis/norm2(region%axis)
+         region%equator = cshift(region%axis, -1)
+      end if
+      if (region%dimension < 2) return
+      do i = 1, 2
+         do j = 1, 2
+            do k = 1, 2
+               ! An octant of the sphere, cut to the region.
+               corners = reshape([0.0_wp, 0.0_wp, signs(i), signs(j), 0.0_wp, 0.0_wp, 0.0_wp, signs(k), 0.0_wp], [3, 3])
+               call cut_to_region(region%group, corners)
+               do n = 3, size(corners, 2)
+                  region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
+                     & reshape(corners(:, [1, n - 1, n]), [9]))
+               end do
+            end do
+         end do
+      end do
+   end subroutine new_region
+
+   !> All products of the generators and the inversion.
+   pure subroutine close_group(generators, group)
+      real(wp), intent(in) :: generators(:, :, :)
+      real(wp), allocatable, intent(out) :: group(:, :, :)
+      real(wp) :: product(3, 3)
+      integer :: i, g, k
+
+      group = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1, -1, 0, 0, 0, -1, 0, 0, 0, -1]*1.0_wp, [3, 3, 2])
+      i = 0
+      do while (i < size(group, 3))
+         i = i + 1
+         do g = 1, size(generators, 3)
+            product = matmul(generators(:, :, g), group(:, :, i))
+            do k = 1, size(group, 3)
+               if (all(abs(group(:, :, k) - product) < same)) exit
+            end do
+            if (k > size(group, 3)) group = reshape(group, [3, 3, k], reshape(product, [9]))
+         end do
+      end do
+   end subroutine close_group
+
+   !> Cut a convex spherical polygon to v.n >= 0 for every element g of the group, where n = z - gz, or if that is zero x - gx, or
+   !> y - gy: v is not smaller than its image.
+   pure subroutine cut_to_region(group, corners)
+      real(wp), intent(in) :: group(:, :, :)
+      !> Unit vectors (3, n), in order around the polygon; none if nothing is left.
+      real(wp), allocatable, intent(inout) :: corners(:, :)
+      integer, parameter :: order(3) = [3, 1, 2]
+      real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
+      integer :: g, i, j, n, m
+
+      do g = 1, size(group, 3)
+         do i = 1, 3
+            unit = 0.0_wp
+            unit(order(i)) = 1.0_wp
+            normal = unit - group(:, order(i), g)
+            if (norm2(normal) > same) exit
+         end do
+         if (i > 3) cycle
+         n = size(corners, 2)
+         height(:n) = matmul(normal, corners)
+         where (abs(height(:n)) < same) height(:n) = 0.0_wp
+         m = 0
+         do i = 1, n
+            j = mod(i, n) + 1
+            if (height(i) >= 0.0_wp) then
+               m = m + 1
+               cut(:, m) = corners(:, i)
+            end if
+            if (height(i)*height(j) < 0.0_wp) then
+               m = m + 1
+               cut(:, m) = corners(:, i)*abs(height(j)) + corners(:, j)*abs(height(i))
+               cut(:, m) = cut(:, m)/norm2(cut(:, m))
+            end if
+         end do
+         if (m < 3 .or. all(height(:n) <= 0.0_wp)) m = 0
+         corners = cut(:, :m)
+         if (m == 0) return
+      end do
+   end subroutine cut_to_region
+
+   !> The direction of the region that the crystal cannot tell from this one.
+   pure function representative(region, direction) result(best)
+      type(region_type), intent(in) :: region
+      !> Unit vector in crystal axes.
+      real(wp), intent(in) :: direction(3)
+      real(wp) :: best(3)
+      real(wp) :: image(3), height
+      integer :: g
+
+      select case (region%dimension)
+      case (0)
+         best = region%axis
+      case (1)
+         height = min(1.0_wp, abs(dot_product(region%axis, direction)))
+         best = height*region%axis + sqrt(1.0_wp - height**2)*region%equator
+      case default
+         best = direction
+         do g = 1, size(region%group, 3)
+            image = matmul(region%group(:, :, g), direction)
+            if (is_larger(image([3, 1, 2]), best([3, 1, 2]))) best = image
+         end do
+      end select
+   end function representative
+
+   !> Whether a comes after b in the order of their first components that differ.
+   pure logical function is_larger(a, b)
+      real(wp), intent(in) :: a(3), b(3)
+      integer :: i
+
+      is_larger = .false.
+      do i = 1, 3
+         if (abs(a(i) - b(i)) < same) cycle
+         is_larger = a(i) > b(i)
+         return
+      end do
+   end function is_larger
+
+   !> Smallest angle (radians) between a direction and what the crystal cannot tell from another.
+   pure real(wp) function angle_between(region, first, second) result(angle)
+      type(region_type), intent(in) :: region
+      !> Unit vectors in crystal axes.
+      real(wp), intent(in) :: first(3), second(3)
+      real(wp) :: largest
+      integer :: g
+
+      select case (region%dimension)
+      case (0)
+         angle = 0.0_wp
+      case (1)
+         angle = abs(acos(min(1.0_wp, abs(dot_product(region%axis, first)))) &
+            & - acos(min(1.0_wp, abs(dot_product(region%axis, second)))))
+      case default
+         largest = -1.0_wp
+         do g = 1, size(region%group, 3)
+            largest = max(largest, dot_product(first, matmul(region%group(:, :, g), second)))
+         end do
+         angle = acos(min(1.0_wp, largest))
+      end select
+   end function angle_between
+
+   !> Whether one of some directions has all others within an angle.
+   pure logical function all_alike(region, directions, angle)
+      type(region_type), intent(in) :: region
+      !> Unit vectors in crystal axes, (3, n).
+      real(wp), intent(in) :: directions(:, :)
+      !> Radians.
+      real(wp), intent(in) :: angle
+      real(wp) :: apart
+      integer :: i, j
+
+      all_alike = .true.
+      do i = 1, size(directions, 2)
+         do j = 1, size(directions, 2)
+            apart = angle_between(region, directions(:, i), directions(:, j))
+            if (apart > angle) exit
+         end do
+         if (j > size(directions, 2)) return
+         ! Two that are so far apart have no third near both.
+         if (apart > 2.0_wp*angle) exit
+      end do
+      all_alike = size(directions, 2) == 0
+   end function all_alike
+
+   !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the corners
+   !> over a triangle.
+   pure subroutine lattice_of_directions(region, directions)
+      type(region_type), intent(in) :: region
+      !> Unit vectors (3, n).
+      real(wp), allocatable, intent(out) :: directions(:, :)
+      real(wp) :: longest
+      integer :: t, i
+
+      select case (region%dimension)
+      case (0)
+         directions = reshape(region%axis, [3, 1])
+      case (1)
+         directions = arc(region, nint(90.0_wp/arc_step) + 1)
+      case default
+         longest = 0.0_wp
+         do t = 1, size(region%triangles, 3)
+            do i = 1, 3
+               longest = max(longest, acos(min(1.0_wp, dot_product(region%triangles(:, i, t), &
+                  & region%triangles(:, mod(i, 3) + 1, t)))))
+            end do
+         end do
+         call divide(region, ceiling(longest/(triangle_step*degree)), directions)
+      end select
+   end subroutine lattice_of_directions
+
+   !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of a
+   !> fine grid that is farthest from those before.
+   pure subroutine spread_of_directions(region, n, directions)
+      type(region_type), intent(in) :: region
+      integer, intent(in) :: n
+      !> Unit vectors (3, n).
+      real(wp), allocatable, intent(out) :: directions(:, :)
+      integer, parameter :: divisions = 60
+      real(wp), parameter :: digits = 1.0e12_wp
+      real(wp), allocatable :: grid(:, :), corners(:, :), nearest(:)
+      integer :: i, k
+
+      if (region%dimension < 2) then
+         directions = arc(region, n)
+         return
+      end if
+      call divide(region, 1, corners)
+      corners = corners(:, size(corners, 2):1:-1)
+      call divide(region, divisions, grid)
+      allocate (nearest(size(grid, 2)), source=pi)
+      allocate (directions(3, n))
+      do k = 1, n
+         if (k <= size(corners, 2)) then
+            directions(:, k) = corners(:, k)
+         else
+            directions(:, k) = grid(:, maxloc(anint(nearest*digits), dim=1))
+         end if
+         do i = 1, size(grid, 2)
+            nearest(i) = min(nearest(i), angle_between(region, directions(:, k), grid(:, i)))
+         end do
+      end do
+   end subroutine spread_of_directions
+
+   !> n directions at equal angles over the arc; the axis n times for a point.
+   pure function arc(region, n) result(directions)
+      type(region_type), intent(in) :: region
+      integer, intent(in) :: n
+      real(wp) :: directions(3, n)
+      real(wp) :: angle
+      integer :: i
+
+      do i = 1, n
+         angle = merge(0.0_wp, 0.5_wp*pi*(i - 1)/max(1, n - 1), region%dimension == 0)
+         directions(:, i) = cos(angle)*region%axis + sin(angle)*region%equator
+      end do
+   end function arc
+
+   !> The triangles divided: unit vectors along sums of their corners with shares i/n, j/n, (n-i-j)/n; each distinct direction once.
+   pure subroutine divide(region, n, directions)
+      type(region_type), intent(in) :: region
+      integer, intent(in) :: n
+      !> (3, m).
+      real(wp), allocatable, intent(out) :: directions(:, :)
+      real(wp) :: found(3, size(region%triangles, 3)*(n + 1)*(n + 2)/2), v(3)
+      integer :: t, i, j, k, m
+
+      m = 0
+      do t = 1, size(region%triangles, 3)
+         do i = 0, n
+            do j = 0, n - i
+               v = matmul(region%triangles(:, :, t), [real(i, wp)/n, real(j, wp)/n, real(n - i - j, wp)/n])
+               v = v/norm2(v)
+               if (any(abs(representative(region, v) - v) > same)) cycle
+               if (i*j*(n - i - j) == 0) then
+                  do k = 1, m
+                     if (all(abs(found(:, k) - v) < same)) exit
+                  end do
+                  if (k <= m) cycle
+               end if
+               m = m + 1
+               found(:, m) = v
+            end do
+         end do
+      end do
+      directions = found(:, :m)
+   end subroutine divide
+end module distinct_directions

@@ -1,0 +1,177 @@
+!> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
+module fe_grid
+   use errors, only: error_type, raise
+   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, reaction
+   use fe_contact, only: contact_residual, solve_contact
+   use fe_mesh, only: mesh_type
+   use kinds, only: i8, pi, wp
+   use linear_algebra, only: cholesky_inverse
+   use memory, only: raise_no_memory
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, kept_factor, &
+      & release_factor, solve_factored
+   use specimen_mesh, only: specimen_mesh_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: grid_type, curve_type, new_grid, indent_grid
+
+   !> Read-only once made, so that threads share it.
+   type :: grid_type
+      type(mesh_type) :: mesh
+      type(assembly_type) :: assembly
+      type(cholesky_type) :: cholesky
+      !> Height of the indenter above each contact node at zero depth, um.
+      real(wp), allocatable :: gap(:)
+   end type grid_type
+
+   type :: curve_type
+      !> Depths (um), force (mN), and radius of a circle as large as the area of the touching nodes (um).
+      real(wp), allocatable :: depth(:), force(:), contact_radius(:)
+      !> Wall time of the numeric factorisation, s.
+      real(wp) :: seconds_factor = 0.0_wp
+      !> Largest violation of the contact conditions, and imbalance of indenter force and reactions, relative.
+      real(wp) :: contact_residual = 0.0_wp, equilibrium_residual = 0.0_wp
+      !> The contact left the refined zone of the mesh.
+      logical :: left_zone = .false.
+      !> Displacement (um) of the nodes at the depth that was asked for (3, nodes).
+      real(wp), allocatable :: displacement(:, :)
+   end type curve_type
+
+contains
+
+   !> The mesh of a specimen, ready to be indented by a sphere.
+   subroutine new_grid(specimen, refine, contact_radius, radius_um, grid, error)
+      class(specimen_mesh_type), intent(in) :: specimen
+      !> Elements per contact radius relative to the specimen's default.
+      real(wp), intent(in) :: refine
+      !> Largest contact radius (Hertz), and radius of the indenter, um.
+      real(wp), intent(in) :: contact_radius, radius_um
+      type(grid_type), intent(out) :: grid
+      type(error_type), allocatable, intent(out) :: error
+
+      call specimen%make(refine, contact_radius, grid%mesh, error)
+      if (allocated(error)) return
+      call new_assembly(grid%mesh, grid%assembly, error)
+      if (allocated(error)) return
+      associate (x => grid%mesh%x(:, grid%mesh%contact))
+         ! r2/(R + sqrt(R2 - r2)) is R - sqrt(R2 - r2) without its cancellation.
+         grid%gap = (x(1, :)**2 + x(2, :)**2)/(radius_um + sqrt(radius_um**2 - x(1, :)**2 - x(2, :)**2))
+      end associate
+      associate (a => grid%assembly)
+         call analyse_pattern(a%column_start, a%row, a%group, a%kept, grid%cholesky, error)
+      end associate
+   end subroutine new_grid
+
+   !> The curve at the depths that it brings.
+   subroutine indent_grid(grid, formulation, c, field_step, curve, error)
+      type(grid_type), intent(in) :: grid
+      !> Of the bricks (`fe_element`).
+      integer, intent(in) :: formulation
+      !> Stiffness in the sample frame, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> Number of the depth whose displacement is kept; 0: none.
+      integer, intent(in) :: field_step
+      !> In: its depths.
+      type(curve_type), intent(inout) :: curve
+      type(error_type), allocatable, intent(out) :: error
+      type(factor_type) :: factor
+
+      call acquire_factor(grid%cholesky, factor, error)
+      if (allocated(error)) return
+      call solve_curve(grid, formulation, c, field_step, factor, curve, error)
+      call release_factor(grid%cholesky, factor)
+   end subroutine indent_grid
+
+   !> Factor the matrix, solve the contact at every depth, and compare force and reactions at the last.
+   subroutine solve_curve(grid, formulation, c, field_step, factor, curve, error)
+      type(grid_type), intent(in) :: grid
+      integer, intent(in) :: formulation
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      integer, intent(in) :: field_step
+      type(factor_type), intent(inout) :: factor
+      type(curve_type), intent(inout) :: curve
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: values(:), compliance(:, :), forces(:, :), u(:, :)
+      real(wp) :: held(3), total
+      integer(i8) :: start, finish, rate
+      integer :: n, depths, status
+
+      n = grid%assembly%kept
+      depths = size(curve%depth)
+      allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
+      if (status /= 0) then
+         call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
+         return
+      end if
+      call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
+      if (allocated(error)) return
+      call system_clock(start, rate)
+      call factorise(grid%cholesky, factor, values, error)
+      call system_clock(finish)
+      if (allocated(error)) return
+      curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
+      call kept_factor(grid%cholesky, factor, compliance)
+      call cholesky_inverse(compliance)
+      call solve_depths(grid, compliance, curve, forces, error)
+      if (allocated(error)) return
+      if (field_step > 0) then
+         call solve_displacement(grid, factor, forces(:, field_step), u)
+         curve%displacement = u
+      end if
+      if (field_step /= depths) call solve_displacement(grid, factor, forces(:, depths), u)
+      call reaction(grid%mesh, formulation, c, u, held)
+      total = sum(forces(:, depths))
+      curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
+   end subroutine solve_curve
+
+   !> The contact at every depth, each starting from the one before.
+   subroutine solve_depths(grid, compliance, curve, forces, error)
+      type(grid_type), intent(in) :: grid
+      !> Normal displacement of the contact nodes by their normal forces, um/mN.
+      real(wp), intent(in) :: compliance(:, :)
+      type(curve_type), intent(inout) :: curve
+      !> Nodal forces into the material, mN (contact nodes, depths).
+      real(wp), intent(out) :: forces(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      logical, allocatable :: active(:), edge(:)
+      integer :: i
+
+      associate (x => grid%mesh%x(:, grid%mesh%contact))
+         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_reach - grid%mesh%element_size
+      end associate
+      curve%force = 0.0_wp*curve%depth
+      curve%contact_radius = curve%force
+      active = grid%gap < 0.5_wp*curve%depth(1)
+      do i = 1, size(curve%depth)
+         call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
+         if (allocated(error)) return
+         curve%left_zone = any(active .and. edge)
+         if (curve%left_zone) then
+            call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
+               & //' um (it may reach '//to_text(grid%mesh%contact_reach - grid%mesh%element_size)//' um)')
+            return
+         end if
+         curve%force(i) = sum(forces(:, i))
+         curve%contact_radius(i) = sqrt(count(forces(:, i) > 0.0_wp)/pi)*grid%mesh%element_size
+         curve%contact_residual = max(curve%contact_residual, &
+            & contact_residual(compliance, grid%gap, curve%depth(i), forces(:, i)))
+      end do
+   end subroutine solve_depths
+
+   !> Displacement of every node under the nodal forces of the contact nodes.
+   subroutine solve_displacement(grid, factor, force, u)
+      type(grid_type), intent(in) :: grid
+      type(factor_type), intent(inout) :: factor
+      !> Into the material, mN (contact nodes).
+      real(wp), intent(in) :: force(:)
+      !> um (3, nodes).
+      real(wp), intent(out) :: u(:, :)
+      real(wp), allocatable :: x(:)
+
+      allocate (x(grid%assembly%unknowns), source=0.0_wp)
+      x(grid%assembly%unknowns - grid%assembly%kept + 1:) = -force
+      call solve_factored(grid%cholesky, factor, x)
+      call expand_displacement(grid%mesh, grid%assembly, x, u)
+   end subroutine solve_displacement
+end module fe_grid

@@ -1,0 +1,154 @@
+!> What &simulation asks for, behind one interface: one crystal in, its indentation modulus and curve out.
+!>
+!> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
+!> say nothing about the crystal.
+module simulate
+   use errors, only: error_type, exit_bad_input, exit_failure, raise
+   use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: i8, wp
+   use settings_groups, only: simulation_settings_type
+   implicit none
+   private
+   public :: outcome_type, simulator_type, new_simulator, outcome_waiting, outcome_done, outcome_failed
+
+   !> What became of a crystal.
+   integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
+
+   type :: outcome_type
+      integer :: status = outcome_waiting
+      !> Indentation modulus, GPa, and wall time, s.
+      real(wp) :: modulus = 0.0_wp, seconds = 0.0_wp
+      !> Finite elements of all solves; 0 without any.
+      integer :: elements = 0
+      !> The curve, um and mN; empty without finite elements.
+      real(wp), allocatable :: depth(:), force(:)
+      !> Why it failed.
+      character(len=:), allocatable :: message
+   end type outcome_type
+
+   !> Read-only once made, so that threads share it.
+   type, abstract :: simulator_type
+   contains
+      !> Simulate a crystal and take the time.
+      procedure, non_overridable :: run
+      procedure(evaluate_crystal), deferred, private :: evaluate
+   end type simulator_type
+
+   abstract interface
+      subroutine evaluate_crystal(self, stiffness, euler, outcome, error)
+         import :: error_type, outcome_type, simulator_type, wp
+         class(simulator_type), intent(in) :: self
+         !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
+         real(wp), intent(in) :: stiffness(6, 6), euler(3)
+         type(outcome_type), intent(inout) :: outcome
+         type(error_type), allocatable, intent(out) :: error
+      end subroutine evaluate_crystal
+   end interface
+
+   type, extends(simulator_type) :: fe_simulator_type
+      type(indentation_model_type) :: model
+   contains
+      procedure, private :: evaluate => evaluate_fe
+   end type fe_simulator_type
+
+   type, extends(simulator_type) :: theory_simulator_type
+   contains
+      procedure, private :: evaluate => evaluate_theory
+   end type theory_simulator_type
+
+   !> Results come from elsewhere.
+   type, extends(simulator_type) :: import_simulator_type
+   contains
+      procedure, private :: evaluate => evaluate_import
+   end type import_simulator_type
+
+contains
+
+   !> The simulator of &simulation; for finite elements the meshes are made.
+   subroutine new_simulator(settings, simulator, error)
+      type(simulation_settings_type), intent(in) :: settings
+      class(simulator_type), allocatable, intent(out) :: simulator
+      type(error_type), allocatable, intent(out) :: error
+      type(fe_simulator_type), allocatable :: fe
+
+      select case (settings%simulator)
+      case ('fe')
+         allocate (fe)
+         call new_indentation_model(settings, fe%model, error)
+         call move_alloc(fe, simulator)
+      case ('theory')
+         simulator = theory_simulator_type()
+      case default
+         simulator = import_simulator_type()
+      end select
+   end subroutine new_simulator
+
+   subroutine run(self, stiffness, euler, outcome, error)
+      class(simulator_type), intent(in) :: self
+      !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(out) :: outcome
+      !> Of the input or the machine: there is no outcome.
+      type(error_type), allocatable, intent(out) :: error
+      integer(i8) :: start, finish, rate
+
+      call system_clock(start, rate)
+      outcome%depth = [real(wp) ::]
+      outcome%force = [real(wp) ::]
+      outcome%message = ''
+      call self%evaluate(stiffness, euler, outcome, error)
+      call system_clock(finish)
+      outcome%seconds = real(finish - start, wp)/real(rate, wp)
+      outcome%status = outcome_done
+      if (.not. allocated(error)) return
+      outcome%status = outcome_waiting
+      if (error%status /= exit_failure) return
+      outcome%status = outcome_failed
+      outcome%message = error%message
+      deallocate (error)
+   end subroutine run
+
+   subroutine evaluate_fe(self, stiffness, euler, outcome, error)
+      class(fe_simulator_type), intent(in) :: self
+      !> GPa, radians.
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(inout) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+      type(indentation_result_type) :: result
+
+      call simulate_indentation(self%model, stiffness, euler, result, error)
+      if (allocated(error)) return
+      outcome%modulus = result%modulus
+      outcome%elements = result%elements
+      outcome%depth = result%depth
+      outcome%force = result%force
+   end subroutine evaluate_fe
+
+   subroutine evaluate_theory(self, stiffness, euler, outcome, error)
+      class(theory_simulator_type), intent(in) :: self
+      !> GPa, radians.
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(inout) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+      type(halfspace_type) :: theory
+
+      associate (unused => self)
+      end associate
+      call halfspace_modulus(stiffness, euler, theory, error)
+      outcome%modulus = theory%modulus
+   end subroutine evaluate_theory
+
+   subroutine evaluate_import(self, stiffness, euler, outcome, error)
+      class(import_simulator_type), intent(in) :: self
+      !> GPa, radians.
+      real(wp), intent(in) :: stiffness(6, 6), euler(3)
+      type(outcome_type), intent(inout) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => stiffness, and => euler, these => outcome)
+      end associate
+      call raise(error, "simulator: 'import' cannot simulate: print the next points with 'build --ask', import their moduli with " &
+         & //"'build --tell', or lower &design budget", exit_bad_input)
+   end subroutine evaluate_import
+end module simulate
