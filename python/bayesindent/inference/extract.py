@@ -479,7 +479,7 @@ def priors_of(prior: Mapping, symmetry: str) -> dict:
 
 def surrogate_of(problem, output: Path):
     """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
-    from ..pipeline.surrogate_lookup import find_surrogate
+    from ..surrogate.lookup import find_surrogate
     from ..surrogate.surrogate import Surrogate
 
     name = problem["surrogate"]["file"]

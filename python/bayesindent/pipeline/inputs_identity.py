@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 
 from ..common.result_files import plain, read_json, write_json
-from ..pipeline.surrogate_lookup import find_surrogate
+from ..surrogate.lookup import find_surrogate
 
 __all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "update_manifest"]
 

@@ -12,7 +12,7 @@ from ..common.result_files import read_json
 from ..crystal.elasticity import constant_names
 from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest
 from ..pipeline.moduli import as_measured
-from ..pipeline.surrogate_lookup import find_surrogate
+from ..surrogate.lookup import find_surrogate
 from ..surrogate.surrogate import Surrogate
 
 __all__ = ["Results"]
@@ -32,10 +32,10 @@ class Results:
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
         self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}
         problem = self.group("problem")
-        self.symmetry = problem.get("symmetry", "cubic")
-        self.constants = constant_names(self.symmetry)
+        self.symmetry = problem.get("symmetry", "")
+        self.constants = constant_names(self.symmetry) if self.symmetry else ()
         self.synthetic = bool(problem.get("synthetic", False))
-        self.title = problem.get("title") or f"Indentation of a {self.symmetry} metal"
+        self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
         self.kind = self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
 
     def group(self, name: str) -> dict:
