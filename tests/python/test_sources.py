@@ -1,14 +1,17 @@
 """Rules of the sources that no compiler checks."""
 
 import ast
+import inspect
 import re
 import sys
 
 import pytest
 
+import bayesindent
 from conftest import SOURCE
 
 sys.path.insert(0, str(SOURCE / "tests" / "tools"))
+import arguments
 import lines
 
 FORTRAN = sorted((SOURCE / "fortran").rglob("*.f90"))
@@ -189,3 +192,59 @@ def test_counts_the_lines_and_parts_of_each_language(tmp_path):
         ("class", "C", 4, 0),
         ("procedure", "f", 3, 2),
     }
+
+
+#: Where arguments are that nothing explains yet: this list only shrinks.
+UNEXPLAINED = {
+    "fortran/common/files.f90", "fortran/common/json.f90", "fortran/common/linear_algebra.f90", "fortran/common/memory.f90",
+    "fortran/common/numbers.f90", "fortran/common/random.f90", "fortran/common/tables.f90", "fortran/common/text.f90",
+    "fortran/common/vector_math.f90", "fortran/crystal/crystal_class.f90", "fortran/crystal/dimensionless_coordinates.f90",
+    "fortran/facade/facade_crystal.f90", "fortran/facade/facade_design.f90", "fortran/facade/facade_fit.f90",
+    "fortran/facade/facade_indentation.f90", "fortran/facade/facade_inference.f90", "fortran/facade/facade_problem.f90",
+    "fortran/facade/facade_surrogate.f90", "fortran/fe/block_mesh.f90", "fortran/fe/fe_assembly.f90", "fortran/fe/fe_contact.f90",
+    "fortran/fe/fe_element.f90", "fortran/fe/halfspace_mesh.f90", "fortran/fe/mesh_plan.f90", "fortran/fe/meshes.f90",
+    "fortran/fe/sparse_cholesky.f90", "fortran/inference/constants_posterior.f90", "fortran/inference/constants_prior.f90",
+    "fortran/inference/derived_quantities.f90", "fortran/inference/ensemble_sampler.f90", "fortran/inference/gaussian_mixture.f90",
+    "fortran/inference/grain_surrogate.f90", "fortran/inference/modulus_kinds.f90", "fortran/inference/next_measurement.f90",
+    "fortran/inference/normal_errors.f90", "fortran/inference/polynomial_products.f90", "fortran/inference/ridge_straightening.f90",
+    "fortran/inference/sampling_target.f90", "fortran/inference/scmh_sampler.f90", "fortran/inference/small_matrices.f90",
+    "fortran/inference/student_errors.f90", "fortran/settings/point_tables.f90", "fortran/settings/problem.f90",
+    "fortran/settings/problem_texts.f90", "fortran/surrogate/evidence_regression.f90", "fortran/surrogate/sequential_design.f90",
+    "fortran/surrogate/surrogate_basis.f90", "fortran/surrogate/surrogate_fit.f90", "fortran/surrogate/surrogate_model.f90", "Domain",
+}  # fmt: skip
+
+
+def glossary():
+    """Arguments that mean the same everywhere, by their shape: a table of docs/development.md."""
+    text = (SOURCE / "docs" / "development.md").read_text().split("| argument | shape | is |")[1].split("\n\n")[0]
+    rows = [row.split("|") for row in text.strip().splitlines()[1:]]
+    return {name: row[2].strip().replace(" ", "") for row in rows for name in re.findall(r"`(\w+)`", row[1])}
+
+
+@pytest.mark.parametrize("path", [path for path in LIBRARY if relative(path) not in UNEXPLAINED], ids=relative)
+def test_every_argument_is_explained(path):
+    found = list(arguments.unexplained(path, glossary()))
+    assert not found, "\n".join(found)
+
+
+def test_finds_what_is_not_explained(tmp_path):
+    (tmp_path / "m.f90").write_text(
+        "module m\n   private\n   public :: f\ncontains\n"
+        "   !> Doubles x.\n   subroutine f(x, y, z, c, w, error)\n      real(wp), intent(in) :: x(:), w(3)\n      !> GPa.\n"
+        "      real(wp), intent(in) :: y(2), z\n      real(wp), intent(in) :: c(6, 6)\n      type(error_type), intent(out) :: error\n"
+        "   end subroutine f\n   subroutine g(hidden)\n      integer :: hidden\n   end subroutine g\nend module m\n"
+    )
+    assert list(arguments.unexplained(tmp_path / "m.f90", glossary())) == ["f: w(3)"]
+    assert list(arguments.unexplained(tmp_path / "m.f90", {})) == ["f: c(6, 6)", "f: w(3)"]
+
+
+def test_every_public_python_parameter_is_explained():
+    taken = {name: getattr(bayesindent, name) for name in bayesindent.__all__ if name not in UNEXPLAINED}
+    found = [
+        f"{name}: {parameter}"
+        for name, item in taken.items()
+        if callable(item) and not (isinstance(item, type) and issubclass(item, Exception))
+        for parameter in inspect.signature(item).parameters
+        if not re.search(rf"\b{parameter}\b", item.__doc__)
+    ]
+    assert not found, "\n".join(found)

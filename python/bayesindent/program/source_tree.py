@@ -46,11 +46,12 @@ def run_tests(names: list[str], sanitize: bool = False) -> int:
     suites = {test["name"]: {suite.rpartition(":")[-1] for suite in test["suite"]} for test in known}
     chosen = [name for name in suites if not names or name in names or suites[name] & set(names)]
     words = [name for name in names if name not in suites and name not in set().union(*suites.values())]
+    patience = ["--timeout-multiplier", "10"] if sanitize else []
     count: Counter = Counter()
     if chosen:
-        count += run_meson_tests(build, *chosen)
+        count += run_meson_tests(build, *patience, *chosen)
     if words:
-        count += run_meson_tests(build, "python", "cli", f"--test-args=-k '{' or '.join(words)}'")
+        count += run_meson_tests(build, *patience, "python", "cli", f"--test-args=-k '{' or '.join(words)}'")
     skipped = f", {count['skipped']} skipped" if count["skipped"] else ""
     print(f"{count['passed']} passed, {count['failed']} failed{skipped}", flush=True)
     return 1 if count["failed"] or not count["passed"] else 0
