@@ -41,6 +41,7 @@ module files
 contains
 
    !> The bytes of a file, without a UTF-8 byte order mark. The message of a refusal does not name the file.
+   !> `content` is all of it.
    subroutine read_text_file(path, content, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
@@ -90,7 +91,7 @@ contains
       end if
    end subroutine read_text_file
 
-   !> Write a file whole or not at all: beside it, to the disk, then in its place.
+   !> Write a file with this `content` whole or not at all: beside it, to the disk, then in its place.
    subroutine replace_file(path, content, error)
       character(len=*), intent(in) :: path, content
       type(error_type), allocatable, intent(out) :: error
@@ -171,7 +172,7 @@ contains
       inquire (file=path//'/.', exist=is_folder)
    end function is_folder
 
-   !> A user's text fit for one line of a message: control characters shown as '?', long texts cut.
+   !> A user's text, `string`, fit for one line of a message: control characters shown as '?', long texts cut.
    pure function printable(string) result(shown)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: shown

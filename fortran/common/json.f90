@@ -46,6 +46,7 @@ module json
 
 contains
 
+   !> Open an object, `key` its name in the object around it.
    pure subroutine begin_object(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
@@ -59,6 +60,7 @@ contains
       call close_level(self, '}')
    end subroutine end_object
 
+   !> Open an array, `key` its name in the object around it.
    pure subroutine begin_array(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
@@ -72,6 +74,7 @@ contains
       call close_level(self, ']')
    end subroutine end_array
 
+   !> null under `key`.
    pure subroutine put_null(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -79,6 +82,7 @@ contains
       call self%put_json(key, 'null')
    end subroutine put_null
 
+   !> `value`, which is JSON already, under `key`.
    pure subroutine put_json(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key, value
@@ -87,6 +91,7 @@ contains
       call append(self, value)
    end subroutine put_json
 
+   !> The text `value` under `key`.
    pure subroutine put_text(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key, value
@@ -94,6 +99,7 @@ contains
       call self%put_json(key, quoted(value))
    end subroutine put_text
 
+   !> The number `value` under `key`, to the last bit.
    pure subroutine put_real(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -102,6 +108,7 @@ contains
       call self%put_json(key, number(value))
    end subroutine put_real
 
+   !> The integer `value` under `key`.
    pure subroutine put_integer(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -110,6 +117,7 @@ contains
       call self%put_json(key, to_text(value))
    end subroutine put_integer
 
+   !> The logical `value` under `key`.
    pure subroutine put_logical(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -118,6 +126,7 @@ contains
       call self%put_json(key, trim(merge('true ', 'false', value)))
    end subroutine put_logical
 
+   !> An array of the numbers `values` under `key`.
    pure subroutine put_reals(self, key, values)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key
@@ -133,7 +142,7 @@ contains
       call append(self, ']')
    end subroutine put_reals
 
-   !> A matrix as an array of its rows.
+   !> A matrix `values` under `key`, as an array of its rows.
    pure subroutine put_matrix(self, key, values)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key

@@ -73,6 +73,7 @@ contains
 
    !> Overwrite the columns of `b` with the solutions of (L Lᵀ) x = b.
    subroutine cholesky_solve(factor, b)
+      !> L, lower, (n, n).
       real(wp), intent(in), contiguous :: factor(:, :)
       real(wp), intent(inout), contiguous :: b(:, :)
       integer :: info
@@ -94,6 +95,7 @@ contains
    !> Ascending eigenvalues of the symmetric `a` (lower triangle); `a` becomes the eigenvectors, one a column.
    subroutine symmetric_eigen(a, values, error)
       real(wp), intent(inout), contiguous :: a(:, :)
+      !> Eigenvalues, (n).
       real(wp), intent(out), contiguous :: values(:)
       type(error_type), allocatable, intent(out) :: error
       integer :: n, info, lwork, liwork
@@ -111,6 +113,7 @@ contains
 
    !> gram + factor a aᵀ, or gram + factor aᵀ a if `transposed`; the full symmetric matrix.
    subroutine add_gram(a, factor, gram, transposed)
+      !> (n, m).
       real(wp), intent(in), contiguous :: a(:, :)
       real(wp), intent(in) :: factor
       real(wp), intent(inout), contiguous :: gram(:, :)
@@ -126,6 +129,7 @@ contains
 
    !> product = a b.
    subroutine multiply(a, b, product)
+      !> (n, k), (k, m).
       real(wp), intent(in), contiguous :: a(:, :), b(:, :)
       real(wp), intent(out), contiguous :: product(:, :)
 

@@ -69,7 +69,7 @@ contains
       close (unit)
    end function entry_of
 
-   !> '5.6 GB'.
+   !> A number of `bytes` in words: '5.6 GB'.
    pure function memory_text(bytes) result(string)
       real(wp), intent(in) :: bytes
       character(len=:), allocatable :: string

@@ -12,6 +12,7 @@ module numbers
 contains
 
    !> A decimal integer with an optional sign that fits the default kind.
+   !> `value` of `string`, if `outcome` is number_ok.
    pure subroutine read_integer(string, value, outcome)
       character(len=*), intent(in) :: string
       integer, intent(out) :: value
@@ -39,6 +40,7 @@ contains
    end subroutine read_integer
 
    !> A real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0.
+   !> `value` of `string`, if `outcome` is number_ok.
    pure subroutine read_real(string, value, outcome)
       character(len=*), intent(in) :: string
       real(wp), intent(out) :: value

@@ -68,6 +68,7 @@ contains
       self%s(4) = ishftc(self%s(4), 45)
    end subroutine advance
 
+   !> u is uniform on the open interval (0, 1).
    subroutine uniform(self, u)
       class(random_stream_type), intent(inout) :: self
       real(wp), intent(out) :: u
@@ -77,6 +78,7 @@ contains
       u = (real(ishft(bits, -11), wp) + 0.5_wp)*2.0_wp**(-53)
    end subroutine uniform
 
+   !> z is standard normal (polar method).
    subroutine normal(self, z)
       class(random_stream_type), intent(inout) :: self
       real(wp), intent(out) :: z
@@ -101,6 +103,7 @@ contains
       self%has_spare = .true.
    end subroutine normal
 
+   !> k is a uniform integer in 1..n.
    subroutine pick(self, n, k)
       class(random_stream_type), intent(inout) :: self
       integer, intent(in) :: n

@@ -40,6 +40,7 @@ contains
       call parse_table(content, table, error)
    end subroutine read_table
 
+   !> The table of the text `content` of a CSV file.
    subroutine parse_table(content, table, error)
       character(len=*), intent(in) :: content
       type(table_type), intent(out) :: table
@@ -234,6 +235,7 @@ contains
       if (i > 0) is_skipped = line(i:i) == '#'
    end function is_skipped
 
+   !> The cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
       class(table_type), intent(in) :: self
       integer, intent(in) :: column
@@ -244,6 +246,7 @@ contains
       string = self%buffer(self%first(column, row):self%last(column, row))
    end function cell
 
+   !> The name of a `column`.
    pure function name(self, column) result(string)
       class(table_type), intent(in) :: self
       integer, intent(in) :: column
@@ -273,9 +276,10 @@ contains
       end do
    end function find
 
-   !> The finite number in a cell; a refusal names line, column and value.
+   !> The finite number `value` in a cell; a refusal names line, `column` and value.
    subroutine number(self, column, row, value, error)
       class(table_type), intent(in) :: self
+      !> Counted from 1.
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
       type(error_type), allocatable, intent(out) :: error
@@ -295,7 +299,7 @@ contains
       end if
    end subroutine number
 
-   !> A text as a cell of a CSV file: in double quotes if it must be.
+   !> A text, `string`, as a cell of a CSV file: in double quotes if it must be.
    pure function csv_cell(string) result(cell)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: cell

@@ -93,6 +93,7 @@ contains
       end if
    end function logical_to_text
 
+   !> `string` in lower case.
    pure function lower(string) result(lowered)
       character(len=*), intent(in) :: string
       character(len=len(string)) :: lowered
@@ -119,7 +120,7 @@ contains
       end do
    end function join
 
-   !> The items of 'a, b, c', without blanks around them; none of a blank text.
+   !> The items of a `list` 'a, b, c', without blanks around them; none of a blank text.
    pure function split_list(list) result(items)
       character(len=*), intent(in) :: list
       character(len=len(list)), allocatable :: items(:)

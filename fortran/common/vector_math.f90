@@ -13,7 +13,7 @@ module vector_math
 
 contains
 
-   !> aᵀ b, summed in the order that is fastest.
+   !> `a`ᵀ b, summed in the order that is fastest.
    pure real(wp) function dot(a, b)
       real(wp), intent(in), contiguous :: a(:), b(:)
       integer :: i
@@ -56,7 +56,7 @@ contains
       end do
    end subroutine exp_all
 
-   !> y = aᵀ x for matrices too small for BLAS; four columns at a time keep the adders busy.
+   !> y(m) = `a`(n, m)ᵀ x(n) for matrices too small for BLAS; four columns at a time keep the adders busy.
    pure subroutine transposed_product(n, m, a, x, y)
       integer, intent(in) :: n, m
       real(wp), intent(in) :: a(n, m), x(n)
