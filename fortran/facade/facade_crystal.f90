@@ -78,6 +78,64 @@ subroutine crystal_averages(n, stiffness, index, log_index, averages)
    end do
 end subroutine crystal_averages
 
+!> Directions over the region of a valid symmetry, (3, count) of which the first `most` are given: with spread > 0 so many that are
+!> far apart, else an even lattice.
+subroutine region_directions(symmetry, spread, most, count, directions)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use distinct_directions, only: lattice_of_directions, new_region, region_type, spread_of_directions
+   use errors, only: error_type
+   use kinds, only: wp
+   implicit none
+   !f2py threadsafe
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: spread, most
+   integer(c_int), intent(out) :: count
+   real(c_double), intent(out) :: directions(3, most)
+   type(crystal_class_type) :: class
+   type(region_type) :: region
+   type(error_type), allocatable :: error
+   real(wp), allocatable :: found(:, :)
+
+   call new_crystal_class(symmetry, class, error)
+   call new_region(class, region)
+   if (spread > 0) then
+      call spread_of_directions(region, spread, found)
+   else
+      call lattice_of_directions(region, found)
+   end if
+   count = size(found, 2)
+   directions = 0
+   directions(:, :min(most, count)) = found(:, :min(most, count))
+end subroutine region_directions
+
+!> Of n unit vectors in crystal axes, those of the region that a crystal of a valid symmetry cannot tell from them; and 1 if one of
+!> them has all others within `angle` (radians), else 0.
+subroutine region_representatives(symmetry, n, directions, angle, images, alike)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use distinct_directions, only: all_alike, new_region, region_type, representative
+   use errors, only: error_type
+   implicit none
+   !f2py threadsafe
+   character(len=*), intent(in) :: symmetry
+   integer(c_int), intent(in) :: n
+   real(c_double), intent(in) :: directions(3, n), angle
+   real(c_double), intent(out) :: images(3, n)
+   integer(c_int), intent(out) :: alike
+   type(crystal_class_type) :: class
+   type(region_type) :: region
+   type(error_type), allocatable :: error
+   integer :: i
+
+   call new_crystal_class(symmetry, class, error)
+   call new_region(class, region)
+   do i = 1, n
+      images(:, i) = representative(region, directions(:, i))
+   end do
+   alike = merge(1, 0, all_alike(region, directions, angle))
+end subroutine region_representatives
+
 !> Exact and circular-contact indentation moduli (GPa) of n crystals (GPa) at n orientations (radians), on `threads` threads.
 subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int

@@ -263,23 +263,32 @@ end subroutine calibration_free
 !>
 !> predicted: what each draw predicts at each candidate (GPa); directions: unit vectors of the candidates in crystal axes;
 !> target: values of what is to be known, ignored with use_target 0, when it is the information about everything; separation in
-!> radians, between directions (fold 1) or declinations (fold 2). chosen is 0 where no candidate was left.
-subroutine next_choice(d, m, n_chosen, predicted, directions, sd, use_target, target, separation, fold, scenarios, seed, threads, &
-   & chosen, gains, first_gains, status, message)
+!> radians, between directions that a crystal of this symmetry can tell apart. chosen is 0 where no candidate was left.
+subroutine next_choice(d, m, n_chosen, predicted, directions, sd, use_target, target, separation, symmetry, scenarios, seed, &
+   & threads, chosen, gains, first_gains, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use distinct_directions, only: new_region, region_type
    use errors, only: error_type, error_to_status
    use next_measurement, only: choose_measurements
    implicit none
    !f2py threadsafe
-   integer(c_int), intent(in) :: d, m, n_chosen, use_target, fold, scenarios, seed, threads
+   integer(c_int), intent(in) :: d, m, n_chosen, use_target, scenarios, seed, threads
+   character(len=*), intent(in) :: symmetry
    real(c_double), intent(in) :: predicted(d, m), directions(3, m), sd, target(d), separation
    integer(c_int), intent(out) :: chosen(n_chosen)
    real(c_double), intent(out) :: gains(n_chosen), first_gains(m)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
    type(error_type), allocatable :: error
+   type(crystal_class_type) :: class
+   type(region_type) :: region
 
-   call choose_measurements(predicted, directions, sd, target(:merge(d, 0, use_target /= 0)), separation, fold, scenarios, seed, &
-      & threads, chosen, gains, first_gains, error)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) then
+      call new_region(class, region)
+      call choose_measurements(predicted, directions, sd, target(:merge(d, 0, use_target /= 0)), separation, region, scenarios, &
+         & seed, threads, chosen, gains, first_gains, error)
+   end if
    call error_to_status(error, status, message)
 end subroutine next_choice

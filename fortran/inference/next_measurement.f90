@@ -8,6 +8,7 @@
 !> Several measurements are chosen one after another. What the earlier ones will say is not known, so it is averaged over scenarios:
 !> a draw taken as the truth, noise added, and the draws weighted by what was measured in that scenario.
 module next_measurement
+   use distinct_directions, only: angle_between, region_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use random, only: new_random_stream, random_stream_type
@@ -114,17 +115,17 @@ contains
    end subroutine expected_gains
 
    !> Choose `chosen` candidates one after another, each given those before it; no two of them less than `separation` apart.
-   subroutine choose_measurements(predicted, directions, sd, target, separation, fold, scenarios, seed, threads, chosen, gains, &
+   subroutine choose_measurements(predicted, directions, sd, target, separation, region, scenarios, seed, threads, chosen, gains, &
       & first_gains, error)
       real(wp), intent(in), contiguous :: predicted(:, :)
-      !> Unit vectors (3, candidate), one of each set of equivalent directions; `fold` 1 measures angles between vectors, 2
-      !> between declinations alone.
+      !> Unit vectors (3, candidate) in crystal axes.
       real(wp), intent(in), contiguous :: directions(:, :)
       real(wp), intent(in) :: sd
       real(wp), intent(in), contiguous :: target(:)
-      !> Radians.
+      !> Radians, between directions that the crystal of `region` can tell apart.
       real(wp), intent(in) :: separation
-      integer, intent(in) :: fold, scenarios, seed, threads
+      type(region_type), intent(in) :: region
+      integer, intent(in) :: scenarios, seed, threads
       !> Numbers of candidates, 0 where none is left; their gains, and the gain of every candidate as the first.
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: gains(:), first_gains(:)
@@ -154,7 +155,7 @@ contains
          chosen(i) = c
          gains(i) = values(c)
          do r = 1, size(free)
-            if (angle_between(directions(:, r), directions(:, c), fold) < separation) free(r) = .false.
+            if (angle_between(region, directions(:, r), directions(:, c)) < separation) free(r) = .false.
          end do
          free(c) = .false.
          if (i == 1 .and. size(chosen) > 1) then
@@ -171,15 +172,4 @@ contains
          end do
       end do
    end subroutine choose_measurements
-
-   pure real(wp) function angle_between(a, b, fold)
-      real(wp), intent(in) :: a(3), b(3)
-      integer, intent(in) :: fold
-
-      if (fold == 2) then
-         angle_between = abs(acos(min(1.0_wp, abs(a(3)))) - acos(min(1.0_wp, abs(b(3)))))
-      else
-         angle_between = acos(max(-1.0_wp, min(1.0_wp, dot_product(a, b))))
-      end if
-   end function angle_between
 end module next_measurement

@@ -4,10 +4,11 @@
 !> `FILE: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, is_stable
+   use crystal_elasticity, only: anisotropy_index, is_stable, rotation_matrix
+   use distinct_directions, only: all_alike, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, folder_of, printable, resolve_path
-   use kinds, only: wp
+   use kinds, only: degree, wp
    use namelist_file, only: entry_type, namelist_file_type, parse_namelist, place, read_namelist_file, value_type
    use namelist_schema, only: allowed_in_words, commands, groups_of_command, kind_choice, kind_file, kind_integer, &
       & kind_logical, kind_real, kind_source, kind_text, new_schema, schema_type, variable_type
@@ -674,22 +675,27 @@ contains
    subroutine question_measurements(self, name)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: name
-      real(wp), parameter :: same = 1.0e-6_wp
+      !> Degrees.
+      real(wp), parameter :: alike = 5.0_wp
       character(len=:), allocatable :: prefix
-      real(wp) :: spread
+      type(region_type) :: region
+      real(wp) :: directions(3, self%measurements%n), g(3, 3)
+      integer :: i
 
       prefix = place(self%path, 'measurements', 'file')//printable(name)
       associate (euler => self%measurements%euler_deg)
          if (self%measurements%n == 1) then
             call warn(self, prefix//' has one grain; one modulus cannot decide the constants')
          else
-            spread = maxval(maxval(euler, dim=2) - minval(euler, dim=2))
-            ! The modulus of a hexagonal crystal depends on the declination of its c axis alone.
-            if (any(self%class%folds == 0)) then
-               spread = maxval(abs(euler(2, :) - 90.0_wp)) - minval(abs(euler(2, :) - 90.0_wp))
+            do i = 1, self%measurements%n
+               g = rotation_matrix(euler(:, i)*degree)
+               directions(:, i) = g(:, 3)
+            end do
+            call new_region(self%class, region)
+            if (.not. angles_look_like_radians(self%measurements) .and. all_alike(region, directions, alike*degree)) then
+               call warn(self, prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
+                  & //'modulus depends on orientation')
             end if
-            if (spread < same) call warn(self, prefix//': all grains have the same orientation (for a hexagonal crystal: ' &
-               & //'the same declination); they cannot tell the constants apart')
          end if
       end associate
       if (angles_look_like_radians(self%measurements)) call warn_radians(self, 'measurements', 'file', name)

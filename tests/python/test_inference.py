@@ -9,9 +9,10 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 import bayesindent as bi
+from bayesindent.crystal.directions import direction_lattice, euler_of
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.inference.extract import Posterior, extract_stage, measurements_of, quantity_names
-from bayesindent.inference.next_grain import candidate_directions, euler_of, next_stage, suggest, target_values
+from bayesindent.inference.next_grain import next_stage, suggest, target_values
 from bayesindent.inference.verdicts import orientation_verdicts
 from bayesindent.surrogate.surrogate import Basis
 from conftest import REFERENCE
@@ -458,7 +459,7 @@ def test_gain_by_brute_force(surrogates, results):
     draws = np.stack([results["cubic"].posterior[name].values.ravel() for name in constant_names("cubic")], axis=1)[::200]
     found = suggest(posterior, draws, sd_gpa=4.5, target="all", count=1, seed=1, threads=1)
     wanted = suggest(posterior, draws, sd_gpa=4.5, target="C44", count=1, seed=1, threads=1)
-    predicted, _ = posterior.moduli(draws, euler_of(candidate_directions("cubic")))
+    predicted, _ = posterior.moduli(draws, euler_of(direction_lattice("cubic")))
     v = np.linspace(predicted.min() - 30, predicted.max() + 30, 1500)
     for c in (0, 50, 152):
         density = stats.norm(predicted[:, c], 4.5).pdf(v[:, None]) / len(draws)

@@ -145,7 +145,7 @@ def test_quoted_cells_and_comments(tmp_path):
     ("rows", "warning"),
     [
         (["10,20,30,210,4"], "one grain"),
-        (["10,20,30,210,4"] * 3, "same orientation"),
+        (["10,20,30,210,4"] * 3, "orientations are all alike"),
         (["1,0.2,3,210,4", "2,1.2,3,211,4"], "radians"),
         (["10,20,30,210,400", "10,40,30,210,4"], "half of its modulus"),
     ],

@@ -5,7 +5,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.surrogate.domain import Domain, directions
+from bayesindent.surrogate.domain import Domain
 from bayesindent.surrogate.surrogate import Basis, Surrogate, raw_coordinates
 
 
@@ -48,16 +48,6 @@ def test_an_impossible_domain_is_refused():
         Domain("cubic", (50, 60, 15), (250, 60, 120), 7.2)
     with pytest.raises(bi.InputError, match="no stable crystal"):
         Domain("cubic", (50, 300, 15), (250, 400, 120), 7.2).latin(10, 0)
-
-
-def test_directions_of_the_standard_triangle():
-    angles = np.radians(directions("cubic", 9))
-    x = np.column_stack([np.sin(angles[:, 2]) * np.sin(angles[:, 1]), np.cos(angles[:, 2]) * np.sin(angles[:, 1]), np.cos(angles[:, 1])])
-    assert np.all(x[:, 2] >= x[:, 1] - 1e-12)
-    assert np.all(x[:, 1] >= x[:, 0] - 1e-12)
-    cosines = x @ x.T - 2 * np.eye(9)
-    assert np.degrees(np.arccos(cosines.max())) > 9
-    assert directions("hexagonal", 4)[:, 1].tolist() == [0, 30, 60, 90]
 
 
 def test_box_and_dimensionless_terms_agree_with_their_model(cubic):

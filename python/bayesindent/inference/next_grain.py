@@ -9,34 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError, check, native
+from ..crystal.directions import direction_lattice, euler_of
 from ..inference.extract import Posterior, extract, fingerprint, measurements_of, quantities, quantity_names, settings_of, surrogate_of
 
-__all__ = ["candidate_directions", "next_grain", "next_stage", "target_values"]
+__all__ = ["next_grain", "next_stage", "target_values"]
 
 #: Draws of the posterior, and scenarios of what earlier suggestions will say, behind the expected gains.
 DRAWS, SCENARIOS = 2000, 48
 
 #: Suggestions are at least so far apart: the same grain cannot be measured again, and a near twin is hard to find.
 SEPARATION_DEG = 5.0
-
-
-def candidate_directions(symmetry: str) -> np.ndarray:
-    """Indentation directions in crystal axes (m, 3), one of each set that a crystal cannot tell apart: a grid over the standard
-    triangle of cubic crystals, declinations of the c axis in steps of 2 degrees for hexagonal ones."""
-    if symmetry == "hexagonal":
-        angle = np.radians(np.arange(0, 91, 2))
-        return np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
-    n = 16
-    corners = np.array([[0, 0, 1], [1, 0, 1] / np.sqrt(2), [1, 1, 1] / np.sqrt(3)])
-    shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
-    directions = shares @ corners
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
-def euler_of(directions) -> np.ndarray:
-    """Bunge-Euler angles (m, 3) in degrees, phi1 = 0, of grains that are indented along directions in crystal axes."""
-    x, y, z = np.asarray(directions).T
-    return np.column_stack([np.zeros_like(x), np.degrees(np.arccos(np.clip(z, -1, 1))), np.degrees(np.arctan2(x, y)) % 360])
 
 
 def target_values(symmetry: str, target: str, constants) -> np.ndarray:
@@ -64,17 +46,16 @@ def suggest(posterior: Posterior, draws, *, sd_gpa: float, target: str, count: i
         raise InputError(f"sd_gpa = {sd_gpa:g} of the next measurement must be positive")
     if count < 1:
         raise InputError(f"count = {count} must be at least 1")
-    directions = candidate_directions(posterior.symmetry)
+    directions = direction_lattice(posterior.symmetry)
     angles = euler_of(directions)
     few = draws[:: max(1, len(draws) // DRAWS)]
     moduli, factor = posterior.moduli(few, angles, seed)
     predicted = posterior.as_measured(moduli) * factor[:, None]
     use_target = target != "all"
     values = target_values(posterior.symmetry, target, few[:, : len(posterior.names)]) if use_target else np.zeros(len(few))
-    fold = 2 if posterior.symmetry == "hexagonal" else 1
     chosen, gains, first, status, message = native.next_choice(
         min(count, len(directions)), np.asfortranarray(predicted), np.asfortranarray(directions.T), sd_gpa, int(use_target), values,
-        np.radians(SEPARATION_DEG), fold, SCENARIOS, seed, threads,
+        np.radians(SEPARATION_DEG), posterior.symmetry, SCENARIOS, seed, threads,
     )  # fmt: skip
     check(status, message)
     found = chosen > 0

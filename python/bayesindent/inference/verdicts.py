@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from ..crystal.directions import all_alike, indentation_direction
 from ..crystal.elasticity import constant_names
 
 __all__ = ["orientation_verdicts", "verdicts"]
@@ -79,19 +80,10 @@ def bound_verdicts(name: str, values, low: float, high: float) -> list[str]:
 
 def orientation_verdicts(symmetry: str, euler_deg) -> list[str]:
     """Too few or too similar orientations."""
-    angles = np.radians(euler_deg)
-    if len(angles) == 1:
+    if len(euler_deg) == 1:
         return ["there is one grain: one modulus cannot decide the constants"]
-    sine = np.sin(angles[:, 1])
-    direction = np.abs(np.column_stack([np.sin(angles[:, 2]) * sine, np.cos(angles[:, 2]) * sine, np.cos(angles[:, 1])]))
-    if symmetry == "cubic":
-        direction = np.sort(direction, axis=1)
-    else:
-        direction = np.column_stack([np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2]])
-    mean = direction.mean(axis=0)
-    spread = np.degrees(np.arccos(np.clip(direction @ (mean / np.linalg.norm(mean)), -1, 1)).max())
     lines = []
-    if spread < 5.0:
+    if all_alike(symmetry, indentation_direction(euler_deg), 5.0):
         lines.append("the orientations are all alike (within 5 degrees of one): they cannot tell how the modulus depends on orientation")
     if 0.0 < np.abs(euler_deg).max() <= 2 * np.pi:
         lines.append("no angle is above 2 pi: angles are in degrees, and these look like radians")

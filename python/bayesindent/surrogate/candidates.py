@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..crystal.directions import euler_of, spread_of_directions
 from ..crystal.elasticity import anisotropy_index, stiffness_rows
-from ..surrogate.domain import Domain, directions
+from ..surrogate.domain import Domain
 from ..surrogate.surrogate import Basis, raw_coordinates
 
 __all__ = ["Candidates", "candidates_of", "outside"]
@@ -65,7 +66,7 @@ def candidates_of(problem, domain: Domain, basis: Basis) -> tuple[Candidates, li
 def factorial(domain: Domain, n: int, per_crystal: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Crystals of a Latin hypercube, each in the same directions."""
     crystals = domain.latin(max(1, n // per_crystal), seed)
-    angles = directions(domain.symmetry, per_crystal)
+    angles = euler_of(spread_of_directions(domain.symmetry, per_crystal))
     return np.repeat(crystals, per_crystal, axis=0), np.tile(angles, (len(crystals), 1))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..core import InputError, check, native
 from ..crystal.elasticity import anisotropy_index, constant_names, stiffness_rows
 
-__all__ = ["DEFAULT_BOUNDS", "Domain", "directions"]
+__all__ = ["DEFAULT_BOUNDS", "Domain"]
 
 #: Bounds of the constants (GPa) of the paper's two studies, and the largest anisotropy index that it met.
 DEFAULT_BOUNDS = {
@@ -89,24 +89,3 @@ class Domain:
         if coordinates == "dimensionless":
             return self.ratio_ranges
         return np.array(self.c_min, dtype=float), np.array(self.c_max, dtype=float)
-
-
-def directions(symmetry: str, n: int) -> np.ndarray:
-    """n angles (n, 3) in degrees whose indentation directions spread over what the symmetry distinguishes.
-
-    Hexagonal: equal steps of Phi from 0 to 90. Cubic: the corners [001], [011], [111] of the standard triangle, then always the
-    direction of a fine grid that is farthest from those before.
-    """
-    if symmetry == "hexagonal":
-        return np.column_stack([np.zeros(n), np.linspace(0, 90, n), np.zeros(n)])
-    steps = 60
-    weights = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]) / steps
-    corners = np.array([[0, 0, 1], [0, 1, 1] / np.sqrt(2), [1, 1, 1] / np.sqrt(3)])
-    grid = weights @ corners
-    grid /= np.linalg.norm(grid, axis=1)[:, None]
-    chosen = list(corners[:n])
-    while len(chosen) < n:
-        nearest = np.max(grid @ np.array(chosen).T, axis=1)
-        chosen.append(grid[np.argmin(np.round(nearest, 12))])
-    x = np.array(chosen)
-    return np.column_stack([np.zeros(n), np.degrees(np.arccos(np.clip(x[:, 2], -1, 1))), np.degrees(np.arctan2(x[:, 0], x[:, 1]))])
