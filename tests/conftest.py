@@ -10,6 +10,12 @@ import pytest
 SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[1]))
 REFERENCE = SOURCE / "tests" / "reference"
 
+#: The paper's domains as namelist groups.
+DOMAIN = {
+    "cubic": "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n",
+    "hexagonal": "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90, anisotropy_cap = 66.2 /\n",
+}
+
 
 @pytest.fixture
 def bayesindent(tmp_path):

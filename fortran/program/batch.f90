@@ -6,8 +6,10 @@ program batch
    use batch_stages, only: fit_simulations, fits_surrogate
    use errors, only: error_type, exit_bad_input, exit_status
    use files, only: make_folder, replace_file
-   use namelist_schema, only: schema_markdown
-   use problem, only: new_problem, problem_type
+   use choices, only: all_choices
+   use problem, only: problem_type
+   use problem_input, only: read_problem
+   use settings_lists, only: new_schema, schema_markdown
    use system, only: argument, settle_blas, end_process
    use version, only: package_version
    implicit none
@@ -41,7 +43,7 @@ contains
             write (output_unit, '(2a)') 'bayesindent-batch ', package_version
             call end_process(0)
          case ('--schema')
-            write (output_unit, '(a)', advance='no') schema_markdown()
+            write (output_unit, '(a)', advance='no') schema_markdown(new_schema(all_choices()))
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -65,13 +67,13 @@ contains
       character(len=:), allocatable :: told
       integer :: i
 
-      call new_problem(path, 'run', self, error)
+      call read_problem(path, 'run', self, error)
       call stop_on(error)
       do i = 1, size(self%warnings)
          write (error_unit, '(2a)') 'warning: ', self%warnings(i)%text
       end do
       if (check_only) then
-         if (self%has_group('measurements')) call check_sampling(self, output, error)
+         if (self%settings%measurements%given) call check_sampling(self, output, error)
          call stop_on(error)
          write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
          return
@@ -80,7 +82,7 @@ contains
       call stop_on(error)
       call replace_file(output//'/resolved.nml', self%resolved_text(), error)
       call stop_on(error)
-      if (self%has_group('crystals')) then
+      if (self%settings%crystals%given) then
          call simulate_crystals(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'simulate: ', told
@@ -90,7 +92,7 @@ contains
          call stop_on(error)
          write (output_unit, '(2a)') 'fit: ', told
       end if
-      if (self%has_group('measurements')) then
+      if (self%settings%measurements%given) then
          call sample_constants(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'sample: ', told

@@ -7,7 +7,7 @@ module batch_sample
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: likelihood_type, new_posterior, posterior_type
    use constants_prior, only: default_bounds, new_prior, normal_knowledge_type, prior_type
-   use derived_quantities, only: quantity_number
+   use derived_quantities, only: quantity_names, quantity_number
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, replace_file, resolve_path
    use kinds, only: degree, wp
@@ -27,21 +27,6 @@ module batch_sample
    real(wp), parameter :: greatest_r_hat = 1.01_wp
    integer, parameter :: least_size = 100
 
-   !> Variables of &prior that say mean and sd of a quantity, or of a ratio of two.
-   type :: normal_variables_type
-      character(len=14) :: mean, sd
-      character(len=14) :: numerator, denominator
-   end type normal_variables_type
-   type(normal_variables_type), parameter :: normal_variables(8) = [ &
-      & normal_variables_type('bulk_mean_gpa', 'bulk_sd_gpa', 'bulk_modulus', ''), &
-      & normal_variables_type('young_mean_gpa', 'young_sd_gpa', 'youngs_modulus', ''), &
-      & normal_variables_type('nu_mean', 'nu_sd', 'poisson_ratio', ''), &
-      & normal_variables_type('zener_mean', 'zener_sd', 'zener_ratio', ''), &
-      & normal_variables_type('c12_c11_mean', 'c12_c11_sd', 'C12', 'C11'), &
-      & normal_variables_type('c33_c11_mean', 'c33_c11_sd', 'C33', 'C11'), &
-      & normal_variables_type('c13_c12_mean', 'c13_c12_sd', 'C13', 'C12'), &
-      & normal_variables_type('c44_c66_mean', 'c44_c66_sd', 'ratio_C44_C66', '')]
-
 contains
 
    !> Sample: `posterior.csv` with every draw and its log density, `summary.nml` with what they say.
@@ -54,14 +39,10 @@ contains
       type(chains_type) :: chains
       type(diagnostics_type), allocatable :: diagnostics(:)
       class(sampler_type), allocatable :: sampler
-      character(len=:), allocatable :: method
-      integer :: burn_in
 
       call posterior_of(self, output, posterior, error)
       if (allocated(error)) return
-      call self%get('sampler', 'method', method)
-      call self%get('sampler', 'burn_in', burn_in)
-      call new_sampler(method, burn_in, sampler, error)
+      call new_sampler(self%settings%sampler%method, self%settings%sampler%burn_in, sampler, error)
       if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_of(self), chains, error)
       if (allocated(error)) then
          error%message = place(self%path, 'prior', '')//error%message
@@ -126,7 +107,7 @@ contains
       character(len=*), intent(in) :: output
       character(len=:), allocatable :: path, name
 
-      call self%get('surrogate', 'file', name)
+      name = self%settings%surrogate%file
       path = fitted_path(output)
       if (len(name) <= 4) return
       if (name(len(name) - 3:) /= '.nml') return
@@ -158,42 +139,37 @@ contains
       end if
    end subroutine find_surrogate
 
-   !> &prior over the surrogate's domain.
+   !> &prior and &knowledge over the surrogate's domain.
    subroutine prior_of(self, surrogate, prior, error)
       type(problem_type), intent(in) :: self
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       type(normal_knowledge_type), allocatable :: normals(:)
-      real(wp), allocatable :: lower(:), upper(:), mean(:), sd(:)
-      character(len=3), allocatable :: names(:)
-      type(normal_variables_type) :: v
-      real(wp) :: cap, one_mean, one_sd
-      integer :: i
+      real(wp), allocatable :: lower(:), upper(:)
+      character(len=:), allocatable :: name
+      real(wp) :: cap
+      integer :: numbers(2), i, slash
 
       call default_bounds(surrogate, lower, upper)
-      if (self%is_set('prior', 'c_min') .and. self%is_set('prior', 'c_max')) then
-         call self%get('prior', 'c_min', lower)
-         call self%get('prior', 'c_max', upper)
-      end if
+      if (allocated(self%settings%prior%c_min)) lower = self%settings%prior%c_min
+      if (allocated(self%settings%prior%c_max)) upper = self%settings%prior%c_max
       cap = surrogate%anisotropy_cap
-      if (self%is_set('prior', 'anisotropy_cap')) call self%get('prior', 'anisotropy_cap', cap)
+      if (allocated(self%settings%prior%anisotropy_cap)) cap = self%settings%prior%anisotropy_cap
       allocate (normals(0))
-      do i = 1, size(normal_variables)
-         v = normal_variables(i)
-         if (.not. self%is_set('prior', trim(v%mean))) cycle
-         call self%get('prior', trim(v%mean), one_mean)
-         call self%get('prior', trim(v%sd), one_sd)
-         normals = [normals, normal_knowledge_type(quantity_number(self%class, trim(v%numerator)), &
-            & quantity_number(self%class, trim(v%denominator)), one_mean, one_sd)]
-      end do
-      if (self%is_set('prior', 'c_mean')) then
-         call self%get('prior', 'c_mean', mean)
-         call self%get('prior', 'c_sd', sd)
-         names = self%class%constants
-         do i = 1, size(names)
-            if (sd(i) > 0.0_wp) normals = [normals, &
-               & normal_knowledge_type(quantity_number(self%class, names(i)), 0, mean(i), sd(i))]
+      if (allocated(self%settings%knowledge%quantity)) then
+         do i = 1, size(self%settings%knowledge%quantity)
+            name = trim(self%settings%knowledge%quantity(i))
+            slash = index(name//'/', '/')
+            numbers(1) = quantity_number(self%class, name(:slash - 1))
+            numbers(2) = quantity_number(self%class, name(slash + 1:))
+            if (numbers(1) == 0 .or. (numbers(2) == 0 .and. slash <= len(name))) then
+               call raise(error, ''''//name//''' is no quantity of the crystal; allowed ' &
+                  & //join(quantity_names(self%class), ', ')//', or the ratio of two of them with a /', exit_bad_input)
+               return
+            end if
+            normals = [normals, normal_knowledge_type(numbers(1), numbers(2), self%settings%knowledge%mean(i), &
+               & self%settings%knowledge%sd(i))]
          end do
       end if
       call new_prior(surrogate, lower, upper, cap, normals, prior, error)
@@ -202,28 +178,27 @@ contains
    function likelihood_of(self) result(likelihood)
       type(problem_type), intent(in) :: self
       type(likelihood_type) :: likelihood
-      character(len=:), allocatable :: word
 
-      call self%get('measurements', 'modulus_kind', likelihood%modulus_kind)
-      call self%get('measurements', 'indenter_modulus_gpa', likelihood%indenter_modulus)
-      call self%get('measurements', 'indenter_nu', likelihood%indenter_nu)
-      call self%get('measurements', 'sample_nu', likelihood%sample_nu)
-      call self%get('measurements', 'calibration_sd', likelihood%calibration_sd)
-      call self%get('measurements', 'likelihood', likelihood%errors)
-      call self%get('measurements', 'student_dof', likelihood%student_dof)
-      call self%get('measurements', 'scale', word)
-      likelihood%infer_scale = word == 'inferred'
-      call self%get('sampler', 'surrogate_variance', word)
-      likelihood%surrogate_uncertainty = word == 'full'
+      associate (m => self%settings%measurements)
+         likelihood%modulus_kind = m%modulus_kind
+         likelihood%indenter_modulus = m%indenter_modulus_gpa
+         likelihood%indenter_nu = m%indenter_nu
+         likelihood%sample_nu = m%sample_nu
+         likelihood%calibration_sd = m%calibration_sd
+         likelihood%errors = m%likelihood
+         likelihood%student_dof = m%student_dof
+         likelihood%infer_scale = m%scale == 'inferred'
+      end associate
+      likelihood%surrogate_uncertainty = self%settings%sampler%surrogate_variance == 'full'
    end function likelihood_of
 
    function run_settings_of(self) result(settings)
       type(problem_type), intent(in) :: self
       type(run_settings_type) :: settings
 
-      call self%get('sampler', 'samples', settings%samples)
-      call self%get('sampler', 'chains', settings%chains)
-      call self%get('problem', 'seed', settings%seed)
+      settings%samples = self%settings%sampler%samples
+      settings%chains = self%settings%sampler%chains
+      settings%seed = self%settings%problem%seed
       settings%threads = worker_count(self)
    end function run_settings_of
 
@@ -323,7 +298,7 @@ contains
       integer :: j
 
       names = parameter_names(self, size(diagnostics))
-      call self%get('sampler', 'method', method)
+      method = self%settings%sampler%method
       remedy = 'take more samples'
       if (method /= 'ensemble') remedy = remedy//', or method ''ensemble'''
       alone = size(chains%draws, 3) == 1

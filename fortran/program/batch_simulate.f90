@@ -38,7 +38,7 @@ contains
       integer :: new, failed
 
       path = output//'/'//simulations_name
-      settings = simulation_settings(self)
+      settings = self%settings%simulation
       physics = identity_text(settings)
       allocate (outcomes(self%crystals%n))
       if (file_exists(path)) call recall(self, path, physics, outcomes, error)
@@ -142,23 +142,6 @@ contains
       read (list, *, iostat=status) numbers
       if (status /= 0) numbers = [real(wp) ::]
    end function numbers_of
-
-   !> &simulation as the simulator takes it.
-   function simulation_settings(self) result(settings)
-      type(problem_type), intent(in) :: self
-      type(simulation_settings_type) :: settings
-
-      call self%get('simulation', 'simulator', settings%simulator)
-      call self%get('simulation', 'mesh', settings%mesh)
-      call self%get('simulation', 'element', settings%element)
-      call self%get('simulation', 'integration', settings%integration)
-      call self%get('simulation', 'refine', settings%refine)
-      call self%get('simulation', 'extrapolate', settings%extrapolate)
-      call self%get('simulation', 'radius_um', settings%radius_um)
-      call self%get('simulation', 'depths', settings%depths)
-      settings%outer = 5.0_wp
-      settings%growth = 1.13_wp
-   end function simulation_settings
 
    !> Take over the results that an earlier run wrote.
    subroutine recall(self, path, physics, outcomes, error)
@@ -286,7 +269,7 @@ contains
    integer function worker_count(self) result(workers)
       type(problem_type), intent(in) :: self
 
-      call self%get('execution', 'workers', workers)
+      workers = self%settings%execution%workers
       if (workers == 0) workers = omp_get_num_procs()
    end function worker_count
 end module batch_simulate

@@ -5,6 +5,7 @@ module batch_stages
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists
    use kinds, only: degree
+   use namelist_file, only: place
    use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
    use surrogate_basis, only: coordinates_from_name, truncation_from_name
@@ -23,7 +24,9 @@ contains
    pure logical function fits_surrogate(self)
       type(problem_type), intent(in) :: self
 
-      fits_surrogate = self%has_group('design') .or. (self%has_group('surrogate') .and. self%has_group('crystals'))
+      associate (s => self%settings)
+         fits_surrogate = s%design%given .or. (s%surrogate%given .and. s%crystals%given)
+      end associate
    end function fits_surrogate
 
    !> Fit the surrogate to `simulations.csv` of the output folder.
@@ -36,7 +39,7 @@ contains
       type(domain_type) :: domain
       type(fit_options_type) :: options
       type(surrogate_type) :: surrogate
-      character(len=:), allocatable :: path, word
+      character(len=:), allocatable :: path
       integer, allocatable :: rows(:)
       integer :: i, k
 
@@ -56,17 +59,21 @@ contains
          return
       end do
       domain%class = self%class
-      call self%get('domain', 'c_min', domain%lower)
-      call self%get('domain', 'c_max', domain%upper)
-      call self%get('domain', 'anisotropy_cap', domain%anisotropy_cap)
-      call self%get('surrogate', 'coordinates', word)
-      options%coordinates = coordinates_from_name(word)
-      call self%get('surrogate', 'truncation', word)
-      options%truncation = truncation_from_name(word)
-      call self%get('surrogate', 'prior', word)
-      options%prior = prior_from_name(word)
-      call self%get('surrogate', 'degree', options%degree)
-      call self%get('surrogate', 'bandlimit', options%bandlimit)
+      associate (covered => self%settings%domain, chosen => self%settings%surrogate)
+         if (.not. allocated(covered%c_min)) then
+            call raise(error, place(self%path, 'domain', '')//'the group is missing; the fit of &surrogate needs it', &
+               & exit_bad_input)
+            return
+         end if
+         domain%lower = covered%c_min
+         domain%upper = covered%c_max
+         domain%anisotropy_cap = covered%anisotropy_cap
+         options%coordinates = coordinates_from_name(chosen%coordinates)
+         options%truncation = truncation_from_name(chosen%truncation)
+         options%prior = prior_from_name(chosen%prior)
+         options%degree = chosen%degree
+         options%bandlimit = chosen%bandlimit
+      end associate
       k = size(domain%lower)
       call fit_surrogate(domain, options, points%constants(:k, rows), points%euler_deg(:, rows)*degree, &
          & points%modulus_gpa(rows), surrogate, error)

@@ -6,11 +6,12 @@ module point_tables
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use kinds, only: pi, wp
-   use tables, only: read_table, table_type
+   use numbers, only: number_text
+   use tables, only: parse_table, read_table, table_type
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, angles_look_like_radians
+   public :: points_type, read_crystals, read_measurements, measurements_of_arrays, angles_look_like_radians
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -43,7 +44,8 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
-      call read_points(path, points, error)
+      call read_table(path, points%table, error)
+      if (.not. allocated(error)) call read_angles(points, error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call read_moduli(points, .false., error)
       if (allocated(error)) error%message = prefix//error%message
@@ -56,23 +58,58 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
-      call read_points(path, points, error)
-      if (.not. allocated(error)) call read_moduli(points, .true., error)
-      if (.not. allocated(error)) call read_sds(points, sd_optional, error)
+      call read_table(path, points%table, error)
+      if (.not. allocated(error)) call read_measured(points, sd_optional, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_measurements
 
-   !> The table and its angles.
-   subroutine read_points(path, points, error)
-      character(len=*), intent(in) :: path
+   !> The same from arrays, checked as the cells of a file are: angles (3, n) in degrees, moduli and sds in GPa, (n), (n) or (0).
+   subroutine measurements_of_arrays(euler_deg, modulus_gpa, sd_gpa, prefix, sd_optional, points, error)
+      real(wp), intent(in) :: euler_deg(:, :), modulus_gpa(:), sd_gpa(:)
+      character(len=*), intent(in) :: prefix
+      logical, intent(in) :: sd_optional
+      type(points_type), intent(out) :: points
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: page
+      integer :: i, j
+
+      page = join(angle_names, ',')//',modulus_gpa'
+      if (size(sd_gpa) > 0) page = page//',sd_gpa'
+      do i = 1, size(modulus_gpa)
+         page = page//achar(10)
+         do j = 1, 3
+            page = page//number_text(euler_deg(j, i))//','
+         end do
+         page = page//number_text(modulus_gpa(i))
+         if (size(sd_gpa) > 0) page = page//','//number_text(sd_gpa(i))
+      end do
+      call parse_table(page, points%table, error)
+      if (.not. allocated(error)) then
+         ! Grains are counted from 1, without a header.
+         points%table%line = [(i, i=1, size(modulus_gpa))]
+         call read_measured(points, sd_optional, error)
+      end if
+      if (allocated(error)) error%message = prefix//error%message
+   end subroutine measurements_of_arrays
+
+   subroutine read_measured(points, sd_optional, error)
+      type(points_type), intent(inout) :: points
+      logical, intent(in) :: sd_optional
+      type(error_type), allocatable, intent(out) :: error
+
+      call read_angles(points, error)
+      if (.not. allocated(error)) call read_moduli(points, .true., error)
+      if (.not. allocated(error)) call read_sds(points, sd_optional, error)
+   end subroutine read_measured
+
+   !> The angles of every row; what comes later is NaN.
+   subroutine read_angles(points, error)
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: largest_turn = 36000.0_wp
       real(wp) :: nan, most
       integer :: column(3), i, j
 
-      call read_table(path, points%table, error)
-      if (allocated(error)) return
       points%n = points%table%rows
       nan = not_a_number()
       allocate (points%euler_deg(3, points%n))
@@ -93,7 +130,7 @@ contains
             end if
          end do
       end do
-   end subroutine read_points
+   end subroutine read_angles
 
    !> The independent constants of each row, and the stiffness.
    subroutine read_constants(points, default_class, error)

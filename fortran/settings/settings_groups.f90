@@ -1,5 +1,6 @@
 !> The groups of a namelist as types: one component a variable, named as the variable. Units, defaults, ranges and meanings are
-!> in `settings_schema`, which alone gives them their values. An allocatable component that is not allocated is unset.
+!> in `settings_schema`, which alone gives them their values; numbers are zero until then. An allocatable component that is not
+!> allocated is unset. `given` says that the file has the group.
 module settings_groups
    use kinds, only: wp
    implicit none
@@ -13,70 +14,83 @@ module settings_groups
    integer, parameter :: longest_quantity = 64
 
    type :: problem_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: symmetry, title
-      logical :: synthetic
-      integer :: seed
+      logical :: synthetic = .false.
+      integer :: seed = 0
    end type problem_settings_type
 
    type :: crystals_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: points
    end type crystals_settings_type
 
    type :: simulation_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: simulator, mesh, element, integration
-      real(wp) :: refine, radius_um, outer, growth
-      integer :: depths
-      logical :: extrapolate, both_meshes, vtu, inp
+      real(wp) :: refine = 0.0_wp, radius_um = 0.0_wp, outer = 0.0_wp, growth = 0.0_wp
+      integer :: depths = 0
+      logical :: extrapolate = .false., both_meshes = .false., vtu = .false., inp = .false.
    end type simulation_settings_type
 
    type :: domain_settings_type
+      logical :: given = .false.
       !> One for each constant of the crystal class, GPa.
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
    end type domain_settings_type
 
    type :: surrogate_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: file, coordinates, truncation, prior, scan
-      integer :: degree, bandlimit
+      integer :: degree = 0, bandlimit = 0
    end type surrogate_settings_type
 
    type :: design_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: candidates, initial_set, orientations, variance_of, reuse
-      integer :: n_candidates, initial, n_directions, budget, batch, refit, patience, validation
-      real(wp) :: target_gpa
+      integer :: n_candidates = 0, initial = 0, n_directions = 0, budget = 0, batch = 0, refit = 0, patience = 0, validation = 0
+      real(wp) :: target_gpa = 0.0_wp
    end type design_settings_type
 
    type :: measurements_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: file, modulus_kind, scale, likelihood
-      real(wp) :: indenter_modulus_gpa, indenter_nu, sample_nu, calibration_sd, student_dof
+      real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
+         & student_dof = 0.0_wp
    end type measurements_settings_type
 
    type :: prior_settings_type
+      logical :: given = .false.
       !> One for each constant of the crystal class, GPa.
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
    end type prior_settings_type
 
    type :: knowledge_settings_type
+      logical :: given = .false.
       !> Of equal length: what is known, its mean and its sd.
       character(len=longest_quantity), allocatable :: quantity(:)
       real(wp), allocatable :: mean(:), sd(:)
    end type knowledge_settings_type
 
    type :: sampler_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: method, surrogate_variance
-      integer :: samples, burn_in, chains
+      integer :: samples = 0, burn_in = 0, chains = 0
    end type sampler_settings_type
 
    type :: next_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: target
-      real(wp) :: sd_gpa
-      integer :: count
+      real(wp) :: sd_gpa = 0.0_wp
+      integer :: count = 0
    end type next_settings_type
 
    type :: execution_settings_type
+      logical :: given = .false.
       character(len=:), allocatable :: engine
-      integer :: workers
+      integer :: workers = 0
    end type execution_settings_type
 
    type :: settings_type

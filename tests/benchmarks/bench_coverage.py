@@ -15,7 +15,7 @@ from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.build import build
 from bayesindent.settings.problem import Problem
-from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.domain import DEFAULT_BOUNDS, Domain
 from bayesindent.surrogate.surrogate import Surrogate
 
 
@@ -60,9 +60,11 @@ def built(arguments, budget: int, seed: int, folder: Path) -> tuple[dict, Surrog
     """The document and the surrogate of a build with the defaults."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"build_{budget}.nml"
+    low, high, cap = DEFAULT_BOUNDS[arguments.symmetry]
     path.write_text(
         f"&problem symmetry = '{arguments.symmetry}', seed = {seed} /\n"
         f"&simulation simulator = '{arguments.simulator}', mesh = '{arguments.mesh}' /\n"
+        f"&domain c_min = {', '.join(map(str, low))}, c_max = {', '.join(map(str, high))}, anisotropy_cap = {cap} /\n"
         f"&design budget = {budget} /\n&execution workers = {arguments.workers} /\n"
     )
     document = build(Problem(path, "build"), folder, Progress(True))

@@ -108,11 +108,7 @@ def main(argv=None) -> int:
 
 def simulated(arguments, domain: Domain, output: Path):
     """The moduli of the random crystals, from the campaign or simulated now."""
-    namelist = output / "learning.nml"
-    namelist.write_text(
-        f"&problem symmetry = '{domain.symmetry}' /\n&simulation simulator = '{arguments.simulator}', mesh = '{arguments.mesh}' /\n&design /\n"
-    )
-    problem = Problem(namelist, "build")
+    problem = Problem.from_keywords("learning", simulation={"simulator": arguments.simulator, "mesh": arguments.mesh})
     # A larger number later adds to the crystals of a smaller one.
     constants, angles = (part[: arguments.points] for part in domain.crystals(max(2000, arguments.points), seed=1000))
     with Campaign(output / "campaign.sqlite", physics_identity(problem)) as campaign:

@@ -89,8 +89,8 @@ def on_same_unseen(problem, folder: Path, document: dict, seed: int) -> list[dic
     data, validation = Surrogate.load(folder / "surrogate.nc").data, document["validation"]
     constants, angles = (np.vstack([data[name], validation[name]]) for name in ("constants", "euler_deg"))
     modulus = np.concatenate([data["modulus_gpa"], validation["simulated"]])
-    symmetry = problem["problem"]["symmetry"]
-    domain = Domain(symmetry, *(tuple(problem["domain"][name]) for name in ("c_min", "c_max")), problem["domain"]["anisotropy_cap"])
+    symmetry, covered = problem.settings.problem.symmetry, problem.settings.domain
+    domain = Domain(symmetry, tuple(covered.c_min), tuple(covered.c_max), covered.anisotropy_cap)
     pool, unseen = np.split(np.arange(len(modulus)), [len(data["modulus_gpa"])])
     pool = np.random.default_rng(seed).permutation(pool)
     theory = halfspace_modulus(stiffness_rows(symmetry, constants), angles)

@@ -15,7 +15,7 @@ from bayesindent import Problem
 from bayesindent.inference import extract as calibration
 from bayesindent.inference import verdicts
 from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
-from conftest import SOURCE
+from conftest import DOMAIN, SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n! command: " not in path.read_text()]
@@ -66,7 +66,7 @@ def test_both_programs_say_the_same(batch, bayesindent, name):
 
 
 def test_check_writes_nothing(batch, tmp_path):
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&design /\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"] + "&design /\n")
     done = batch("a.nml", "--check")
     assert (done.returncode, done.stdout, done.stderr) == (0, "a.nml is right; it asks for: build\n", "")
     assert [path.name for path in tmp_path.iterdir()] == ["a.nml"]
@@ -109,7 +109,7 @@ def test_kill_costs_no_finished_simulation(batch, tmp_path):
 
 SMALL = """
 &problem symmetry = '{symmetry}', seed = 3 /
-&simulation simulator = '{simulator}', refine = 0.6 /
+{domain}&simulation simulator = '{simulator}', refine = 0.6 /
 &surrogate degree = 2, bandlimit = 4 /
 &design budget = {budget} /
 """
@@ -118,7 +118,9 @@ SMALL = """
 @pytest.fixture(params=[("fe", 4), ("theory", 40)], ids=["fe", "theory"])
 def built(request, bayesindent, tmp_path):
     """A small build of the Python program in the folder `out`."""
-    (tmp_path / "small.nml").write_text(SMALL.format(symmetry="cubic", simulator=request.param[0], budget=request.param[1]))
+    (tmp_path / "small.nml").write_text(
+        SMALL.format(symmetry="cubic", domain=DOMAIN["cubic"], simulator=request.param[0], budget=request.param[1])
+    )
     done = bayesindent("build", "small.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     return tmp_path / "out"
@@ -169,7 +171,7 @@ def test_goes_on_where_it_was(batch, tmp_path):
 
 
 def test_fit_without_simulations(batch, tmp_path):
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&design /\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"] + "&design /\n")
     done = batch("a.nml", "--output", "out")
     assert done.returncode == 2
     assert done.stderr.startswith("out/simulations.csv: the file does not exist")
@@ -179,7 +181,7 @@ def test_impossible_mesh(batch, bayesindent, tmp_path):
     (tmp_path / "p.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n")
     head = "&problem symmetry = 'cubic' /\n&simulation refine = 0.3 /\n"
     (tmp_path / "a.nml").write_text(head + "&crystals points = 'p.csv' /\n")
-    (tmp_path / "b.nml").write_text(head + "&design budget = 2 /\n")
+    (tmp_path / "b.nml").write_text(head + DOMAIN["cubic"] + "&design budget = 2 /\n")
     for done in (batch("a.nml"), bayesindent("build", "b.nml")):
         assert done.returncode == 2
         assert ".nml: &simulation: the contact radius spans" in done.stderr
@@ -194,12 +196,15 @@ SAMPLE = """
 """
 
 CUBIC_PRIORS = """
-  c_mean = 220, 0, 115, c_sd = 30, 0, 20, bulk_mean_gpa = 165, bulk_sd_gpa = 8, young_mean_gpa = 210, young_sd_gpa = 20
-  nu_mean = 0.29, nu_sd = 0.02, zener_mean = 2.4, zener_sd = 0.5, c12_c11_mean = 0.6, c12_c11_sd = 0.1
-  c_min = 50, 40, 15, c_max = 250, 150, 130
+  c_max = 250, 150, 130 /
+&knowledge
+  quantity = 'C11', 'C44', 'bulk_modulus', 'youngs_modulus', 'poisson_ratio', 'zener_ratio', 'C12/C11'
+  mean = 220, 115, 165, 210, 0.29, 2.4, 0.6
+  sd = 30, 20, 8, 20, 0.02, 0.5, 0.1
 """
 HEXAGONAL_PRIORS = """
-  c33_c11_mean = 1.1, c33_c11_sd = 0.1, c13_c12_mean = 0.75, c13_c12_sd = 0.1, c44_c66_mean = 1.3, c44_c66_sd = 0.2
+ /
+&knowledge quantity = 'C33/C11', 'C13/C12', 'ratio_C44_C66', mean = 1.1, 0.75, 1.3, sd = 2*0.1, 0.2
 """
 
 
@@ -213,7 +218,7 @@ HEXAGONAL_PRIORS = """
     ids=["scmh", "student", "hexagonal"],
 )
 def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, measurements, prior):
-    (tmp_path / "small.nml").write_text(SMALL.format(symmetry=symmetry, simulator="theory", budget=40))
+    (tmp_path / "small.nml").write_text(SMALL.format(symmetry=symmetry, domain=DOMAIN[symmetry], simulator="theory", budget=40))
     assert bayesindent("build", "small.nml", "--output", "out").returncode == 0
     assert batch("small.nml", "--output", "out").returncode == 0
     data = SOURCE / "tests" / "reference" / {"cubic": "cubic_fe3si.csv", "hexagonal": "hex_titanium.csv"}[symmetry]
@@ -246,7 +251,7 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
 def test_surrogate_of_another_symmetry(batch, tmp_path):
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n168.4,121.4,75.4,0,0,0\n")
     head = "&simulation simulator = 'theory' /\n&surrogate degree = 2, bandlimit = 4, file = 'surrogate.nml' /\n"
-    (tmp_path / "a.nml").write_text(head + "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n")
+    (tmp_path / "a.nml").write_text(head + DOMAIN["cubic"] + "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n")
     done = batch("a.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     data = SOURCE / "tests" / "reference" / "hex_titanium.csv"
@@ -331,7 +336,7 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
 def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
     # A surrogate that the file's own fit replaces is not looked at; another one is.
     (tmp_path / "surrogate.nml").write_text("")
-    text = CHECKED.format(file="surrogate.nml", data=FE3SI) + "&design /\n"
+    text = CHECKED.format(file="surrogate.nml", data=FE3SI) + DOMAIN["cubic"] + "&design /\n"
     (tmp_path / "a.nml").write_text(text)
     (tmp_path / "b.nml").write_text(text.replace("surrogate.nml", "other.nml"))
     done = batch("a.nml", "--check")
@@ -344,10 +349,10 @@ def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
 def test_inputs_are_right(batch, tmp_path, path):
     # The batch program reads surrogates as text, those of the package, too.
     problem = Problem(path, "run")
-    if "extract" in problem.stages and problem["surrogate"]["file"] in SHIPPED:
+    if "extract" in problem.stages and problem.settings.surrogate.file in SHIPPED:
         done = batch(path, "--check", "--output", "out")
         assert (done.returncode, "there is no such surrogate" in done.stderr) == (2, True)
         (tmp_path / "out").mkdir()
-        Surrogate.load(problem["surrogate"]["file"]).write_text(tmp_path / "out" / "surrogate.nml")
+        Surrogate.load(problem.settings.surrogate.file).write_text(tmp_path / "out" / "surrogate.nml")
     done = batch(path, "--check", "--output", "out")
     assert done.returncode == 0, done.stderr

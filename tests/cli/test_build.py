@@ -13,6 +13,11 @@ NAMELIST = """\
 &simulation
   simulator = 'import'
 /
+&domain
+  c_min = 50, 40, 15
+  c_max = 250, 150, 120
+  anisotropy_cap = 7.2
+/
 &surrogate
   degree = 2
   bandlimit = 4

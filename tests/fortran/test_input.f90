@@ -3,7 +3,11 @@ program test_input
    use errors, only: error_type
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, parse_namelist
-   use namelist_schema, only: kind_integer, kind_real, new_schema, schema_type
+   use choices, only: all_choices
+   use settings_groups, only: settings_type
+   use settings_lists, only: new_schema, schema_type
+   use settings_reader, only: default_settings, read_settings
+   use settings_visitor, only: kind_choice, kind_integer, kind_real
    use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
@@ -16,6 +20,7 @@ program test_input
    call test_tables()
    call test_syntax()
    call test_schema()
+   call test_settings()
    call finish()
 
 contains
@@ -132,10 +137,10 @@ contains
       type(schema_type) :: s
       integer :: i, n
 
-      s = new_schema()
+      s = new_schema(all_choices())
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
-            call check('row '//v%group//' '//v%name//' has a kind', v%kind > 0)
+            if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
             call check('row '//v%group//' '//v%name//' is there once', s%find(v%group, v%name) == i)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
             if (v%kind == kind_integer .or. v%kind == kind_real) then
@@ -146,4 +151,31 @@ contains
          end associate
       end do
    end subroutine test_schema
+
+   !> Values, defaults and what is unset, as components of the types.
+   subroutine test_settings()
+      type(namelist_file_type) :: file
+      type(settings_type) :: s
+      type(error_type), allocatable :: error
+
+      call default_settings(s)
+      call check('defaults', s%simulation%mesh == 'halfspace' .and. nint(s%simulation%radius_um) == 16 &
+         & .and. .not. s%simulation%given .and. s%design%budget == 40)
+      call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))
+      call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / &knowledge quantity = ''C11'', ' &
+         & //'''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu = t extrapolate = .f. depths = 3 /', file, error)
+      call check_success('a file', error)
+      call read_settings('f', file, 'build', 'problem design', all_choices(), s, error)
+      call check_success('its settings', error)
+      call check('a word in lower case', s%problem%symmetry == 'cubic')
+      call check('one bound alone', .not. allocated(s%prior%c_min) .and. size(s%prior%c_max) == 3)
+      call check('lists', s%knowledge%quantity(2) == 'C12/C11' .and. size(s%knowledge%mean) == 2 .and. nint(s%knowledge%sd(2)) == 2)
+      call check('numbers and logicals', s%simulation%vtu .and. .not. s%simulation%extrapolate .and. s%simulation%depths == 3)
+      call check('groups that are given', s%simulation%given .and. s%prior%given .and. .not. s%design%given)
+      call read_settings('f', file, 'build', 'problem domain design', all_choices(), s, error)
+      call check_refused('a group that is needed', error, 'f: &domain: the group is missing; build needs it')
+      call parse_namelist('f', '&prior c_max = 3*250 /', file, error)
+      call read_settings('f', file, '', '', all_choices(), s, error)
+      call check_refused('constants of no class', error, '&problem symmetry')
+   end subroutine test_settings
 end program test_input

@@ -22,6 +22,7 @@ def make_problem(folder: Path, **groups) -> Problem:
     groups = {
         "problem": {"symmetry": "'cubic'"},
         "simulation": {"simulator": "'theory'"},
+        "domain": {"c_min": "50, 40, 15", "c_max": "250, 150, 120", "anisotropy_cap": "7.2"},
         "surrogate": {"degree": 2, "bandlimit": 4},
         "design": {"n_candidates": 200, "budget": 16},
         "execution": {"workers": 1},

@@ -504,7 +504,7 @@ def test_stages(tmp_path, surrogates):
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
     (tmp_path / "case.nml").write_text(
         "&problem symmetry = 'cubic' /\n&surrogate file = 'model.nc' /\n&measurements file = 'data.csv' /\n"
-        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2  bulk_mean_gpa = 165.0  bulk_sd_gpa = 3.3 /\n"
+        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
         "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
     )
     problem = bi.Problem(tmp_path / "case.nml", "run")

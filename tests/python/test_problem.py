@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.settings.problem import read_crystals, read_measurements, schema
-from conftest import REFERENCE, SOURCE
+from conftest import DOMAIN, REFERENCE, SOURCE
+
+#: The head of a file that asks for a surrogate.
+HEAD = "&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"]
 
 BAD = sorted((SOURCE / "inputs" / "bad").glob("*.nml"))
 
@@ -58,36 +61,45 @@ def test_missing_file_and_folder(tmp_path):
 def test_defaults_and_values(tmp_path):
     path = write(
         tmp_path,
+        "&domain c_min=80,40,30,70,40 c_max=240,120,90,210,90 anisotropy_cap=66.2/"
         "! a comment\r\n&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n seed=7/\r\n"
         "&design budget = 30, &end\n&simulation radius_um=1.6d1 VTU=t/\n&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
     )
     problem = bi.Problem(path, "build")
-    assert (problem.symmetry, problem.seed, problem.title, problem.synthetic) == ("hexagonal", 7, 'It\'s / "x" ! é', False)
-    assert problem["design"]["budget"] == 30
-    assert problem["design"]["batch"] == 1
-    assert problem["simulation"]["vtu"] is True
-    assert problem["simulation"]["radius_um"] == 16.0
-    assert problem["domain"]["anisotropy_cap"] == 66.2
-    assert problem["domain"]["c_min"].tolist() == [80, 40, 30, 70, 40]
-    assert problem["prior"]["c_min"].tolist() == [20, 20, 10, 10, 10]
-    assert problem["prior"]["anisotropy_cap"] is None
-    assert problem.has("design")
-    assert not problem.has("domain")
+    settings = problem.settings
+    about = settings.problem
+    assert (about.symmetry, about.seed, about.title, about.synthetic) == ("hexagonal", 7, 'It\'s / "x" ! é', False)
+    assert settings.design.budget == 30
+    assert settings.design.batch == 1
+    assert settings.simulation.vtu is True
+    assert settings.simulation.radius_um == 16.0
+    assert settings.domain.anisotropy_cap == 66.2
+    assert settings.domain.c_min.tolist() == [80, 40, 30, 70, 40]
+    assert settings.prior.c_min.tolist() == [20, 20, 10, 10, 10]
+    assert settings.prior.anisotropy_cap is None
+    assert settings.next.count == 5
+    assert settings.design.given
+    assert not settings.sampler.given
     assert problem.stages == ["build"]
     assert problem.folder == tmp_path
     assert problem.crystals is None
-    with pytest.raises(KeyError, match="&next"):
-        problem["next"]
-    with pytest.raises(TypeError):
-        problem["design"]["budget"] = 1
+    with pytest.raises(AttributeError):
+        settings.design.budget = 1
+    with pytest.raises(AttributeError):
+        settings.design = None
+    with pytest.raises(AttributeError, match="frozen"):
+        problem.settings = None
+    with pytest.raises(ValueError, match="read-only"):
+        settings.domain.c_min[0] = 1
 
 
 def test_resolved_file_resolves_to_itself(tmp_path):
-    path = write(tmp_path, "&problem symmetry = 'cubic' /\n&domain anisotropy_cap = 0.1234567890123456789 /\n&design /\n")
+    path = write(tmp_path, HEAD.replace("7.2", "0.1234567890123456789") + "&design /\n&prior c_max = 3*300/")
     problem = bi.Problem(path)
     again = bi.Problem(write(tmp_path, problem.resolved, "again.nml"))
     assert problem.resolved.splitlines()[1:] == again.resolved.splitlines()[1:]
-    assert again["domain"]["anisotropy_cap"] == 0.1234567890123456789
+    assert again.settings.domain.anisotropy_cap == 0.1234567890123456789
+    assert (again.settings.prior.c_min, again.settings.prior.c_max.tolist()) == (None, [300, 300, 300]), "one bound may stand alone"
 
 
 def test_reference_tables_load(tmp_path):
@@ -160,7 +172,7 @@ def test_warnings(tmp_path, rows, warning):
 
 def test_candidates_with_training_moduli(tmp_path):
     write(tmp_path, "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa\n225,135,118,1,20,3,220.5\n500,135,118,1,20,3,\n", "c.csv")
-    problem = bi.Problem(write(tmp_path, "&problem symmetry='cubic'/\n&design candidates='c.csv'/\n"), "build")
+    problem = bi.Problem(write(tmp_path, HEAD + "&design candidates='c.csv'/\n"), "build")
     assert problem.candidates.constants_array().tolist() == [[225, 135, 118], [500, 135, 118]]
     assert problem.candidates.modulus_gpa[0] == 220.5
     assert np.isnan(problem.candidates.modulus_gpa[1])
@@ -187,7 +199,7 @@ def value_of(variable, symmetry, draw):
         number = st.floats(0.001, 0.999).map(lambda u: low + u * (high - low))
         if variable.kind == "integer":
             number = number.map(round)
-        return [draw(number) for _ in constant_names(symmetry)] if variable.per_constant else draw(number)
+        return draw(number)
     return draw(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z"), include_characters=" '\"!/&=,"), max_size=30))
 
 
@@ -196,11 +208,13 @@ def namelists(draw):
     """A valid file in one of its many spellings, and what it says."""
     symmetry = draw(st.sampled_from(["cubic", "hexagonal"]))
     content = {"problem": {"symmetry": symmetry}, "design": {"n_candidates": 100, "budget": 50}}
+    k = len(constant_names(symmetry))
+    content["domain"] = {"c_min": k * [10.0], "c_max": k * [300.0], "anisotropy_cap": 7.5}
     free = [
         v
         for v in schema()
-        if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior")
-        and v.name not in ("c_min", "c_max", "n_candidates", "budget", "initial")
+        if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior", "knowledge")
+        and v.name not in ("c_min", "c_max", "n_candidates", "budget", "initial", "file", "scan", "target")
     ]  # fmt: skip
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)
@@ -240,7 +254,7 @@ def test_valid_spellings_are_read(tmp_path_factory, case):
     problem = bi.Problem(path, "build")
     resolved, read = f90nml.reads(problem.resolved), f90nml.read(path)
     for group, variables in content.items():
-        assert problem.has(group)
+        assert getattr(problem.settings, group).given
         for name, value in variables.items():
             assert resolved[group][name] == value or (value == "" and not resolved[group][name])
             assert read[group][name] == value or (value == "" and not read[group][name])
@@ -250,7 +264,7 @@ def test_valid_spellings_are_read(tmp_path_factory, case):
 @given(st.text(st.sampled_from("&/=,'\"!() \n\t*.-+eEdD0159abpro;%#é"), max_size=60))
 def test_any_text_gives_one_line(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "noise.nml"
-    path.write_bytes(("&problem symmetry='cubic'/ &design " + text).encode())
+    path.write_bytes((HEAD + "&design " + text).encode())
     try:
         bi.Problem(path, "build")
     except bi.InputError as error:

@@ -9,6 +9,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline.simulator import physics_identity
+from conftest import DOMAIN
 
 METALS = {
     "cubic": {
@@ -63,7 +64,7 @@ def test_error_over_the_domain_of_the_paper(shipped):
 
 def test_its_simulations_are_repeated_by_this_version(shipped, tmp_path):
     physics = json.loads(shipped.provenance["physics"])
-    (tmp_path / "a.nml").write_text(f"&problem symmetry = '{shipped.symmetry}' /\n&simulation mesh = 'halfspace' /\n&design /\n")
+    (tmp_path / "a.nml").write_text(f"&problem symmetry = '{shipped.symmetry}' /\n" + DOMAIN[shipped.symmetry] + "&design /\n")
     assert physics == physics_identity(bi.Problem(tmp_path / "a.nml", "build")), "build the shipped surrogates anew: inputs/*.nml"
     simulation = bi.Indentation(mesh="halfspace")
     for row in (0, -1):

@@ -57,7 +57,7 @@ class Posterior:
     """The density of the constants, and of the logarithm of a factor on the sds where that is inferred.
 
     `euler_deg` (n, 3), `modulus_gpa` (n,), `sd_gpa` (n,) or None if `infer_scale`. `bounds` maps constants to (low, high);
-    what it leaves out is the surrogate's box, or wide enough for any metal. `priors` maps a quantity ('C44', 'bulk_modulus', ..; see
+    what it leaves out, or is None, is the surrogate's box, or wide enough for any metal. `priors` maps a quantity ('C44', 'bulk_modulus', ..; see
     `quantity_names`) or a ratio of two ('C33/C11') to the (mean, sd) of a normal factor. `student_t` is a number of degrees of
     freedom, True for `STUDENT_DOF`, or 0 for normal errors. `prior_only` leaves the data out.
     """
@@ -126,7 +126,8 @@ class Posterior:
             raise InputError(
                 f"bounds: a {self.symmetry} crystal has no constant {', '.join(sorted(unknown))}; it has {', '.join(self.names)}"
             )
-        whole |= bounds or {}
+        for name, pair in (bounds or {}).items():
+            whole[name] = tuple(usual if stated is None else stated for stated, usual in zip(pair, whole[name], strict=True))
         pairs = np.array([whole[name] for name in self.names], dtype=float)
         return pairs[:, 0].copy(), pairs[:, 1].copy()
 
@@ -421,60 +422,29 @@ def identifiability(result) -> list[dict]:
 
 def settings_of(problem) -> dict:
     """What a problem's groups say of Step 2, as arguments of `extract`."""
-    measured, prior, sampler = problem["measurements"], problem["prior"], problem["sampler"]
-    names = constant_names(problem["problem"]["symmetry"])
-    try:
-        priors = priors_of(prior, problem["problem"]["symmetry"])
-    except InputError as error:
-        raise InputError(f"{problem.path}: &prior {error}") from None
-    bounds = {}
-    if prior["c_min"] is not None and prior["c_max"] is not None:
-        bounds = dict(zip(names, zip(prior["c_min"], prior["c_max"], strict=True), strict=True))
+    groups = problem.settings
+    measured, prior, knowledge, sampler = groups.measurements, groups.prior, groups.knowledge, groups.sampler
+    names = constant_names(groups.problem.symmetry)
+    priors = dict(zip(knowledge.quantity, zip(knowledge.mean, knowledge.sd, strict=True), strict=True)) if knowledge.quantity else {}
+    low, high = ([None] * len(names) if bound is None else bound for bound in (prior.c_min, prior.c_max))
+    bounds = dict(zip(names, zip(low, high, strict=True), strict=True))
     settings = {
         "bounds": bounds,
-        "anisotropy_cap": prior["anisotropy_cap"],
+        "anisotropy_cap": prior.anisotropy_cap,
         "priors": priors,
-        "method": sampler["method"],
-        "samples": sampler["samples"],
-        "burn_in": sampler["burn_in"],
-        "chains": sampler["chains"],
-        "surrogate_variance": sampler["surrogate_variance"],
-        "seed": problem["problem"]["seed"],
-        "threads": problem["execution"]["workers"],
-        "infer_scale": measured["scale"] == "inferred",
-        "student_t": measured["student_dof"] if measured["likelihood"] == "student" else 0.0,
+        "method": sampler.method,
+        "samples": sampler.samples,
+        "burn_in": sampler.burn_in,
+        "chains": sampler.chains,
+        "surrogate_variance": sampler.surrogate_variance,
+        "seed": groups.problem.seed,
+        "threads": groups.execution.workers,
+        "infer_scale": measured.scale == "inferred",
+        "student_t": measured.student_dof if measured.likelihood == "student" else 0.0,
     }
     for name in ("modulus_kind", "indenter_modulus_gpa", "indenter_nu", "sample_nu", "calibration_sd"):
-        settings[name] = measured[name]
+        settings[name] = getattr(measured, name)
     return settings
-
-
-#: Variables of &prior that say the mean and sd of a quantity.
-NORMALS = {
-    "bulk_modulus": ("bulk_mean_gpa", "bulk_sd_gpa"),
-    "youngs_modulus": ("young_mean_gpa", "young_sd_gpa"),
-    "poisson_ratio": ("nu_mean", "nu_sd"),
-    "zener_ratio": ("zener_mean", "zener_sd"),
-    "C12/C11": ("c12_c11_mean", "c12_c11_sd"),
-    "C33/C11": ("c33_c11_mean", "c33_c11_sd"),
-    "C13/C12": ("c13_c12_mean", "c13_c12_sd"),
-    "ratio_C44_C66": ("c44_c66_mean", "c44_c66_sd"),
-}
-
-
-def priors_of(prior: Mapping, symmetry: str) -> dict:
-    """Normal priors of the group &prior."""
-    known = quantity_names(symmetry)
-    priors = {}
-    for key, (mean, sd) in NORMALS.items():
-        if prior[mean] is None:
-            continue
-        if any(part not in known for part in key.split("/")):
-            raise InputError(f"{mean} is given, which a {symmetry} crystal has not")
-        priors[key] = (prior[mean], prior[sd])
-    if prior["c_mean"] is not None:
-        priors |= {name: (m, s) for name, m, s in zip(constant_names(symmetry), prior["c_mean"], prior["c_sd"], strict=True) if s > 0}
-    return priors
 
 
 def surrogate_of(problem, output: Path):
@@ -482,8 +452,8 @@ def surrogate_of(problem, output: Path):
     from ..surrogate.lookup import find_surrogate
     from ..surrogate.surrogate import Surrogate
 
-    name = problem["surrogate"]["file"]
-    symmetry = problem["problem"]["symmetry"]
+    name = problem.settings.surrogate.file
+    symmetry = problem.settings.problem.symmetry
     try:
         surrogate = Surrogate.load(find_surrogate(name, output, problem.folder) or name)
     except InputError as error:
@@ -527,7 +497,7 @@ def extract_stage(problem, output: Path, progress=None) -> dict:
     said = set(orientation_verdicts(surrogate.symmetry, problem.measurements.euler_deg)) if problem.warnings else set()
     document["warnings"] = [*problem.warnings, *(line for line in document["warnings"] if line not in said)]
     result.posterior.attrs["settings"] = fingerprint(problem, settings)
-    result.posterior.attrs["title"] = problem["problem"]["title"] or ""
+    result.posterior.attrs["title"] = problem.settings.problem.title
     with whole_file(Path(output) / "posterior.nc") as file:
         result.to_netcdf(str(file), engine="h5netcdf")
     return document

@@ -121,11 +121,11 @@ def next_stage(problem, output: Path, progress=None) -> dict:
     """The grains worth measuring next of a problem, after its posterior, which is sampled unless `extract` left it in the folder."""
     surrogate = surrogate_of(problem, output)
     settings = settings_of(problem)
-    wanted = problem["next"]
+    wanted = problem.settings.next
     with progress.bar("next grain", 1) if progress else nullcontext(lambda steps=1: None) as advance:
         try:
             result = next_grain(
-                surrogate, problem.measurements, sd_gpa=wanted["sd_gpa"], target=wanted["target"], count=wanted["count"],
+                surrogate, problem.measurements, sd_gpa=wanted.sd_gpa, target=wanted.target, count=wanted.count,
                 result=stored_result(problem, output, settings), **settings,
             )  # fmt: skip
         except InputError as error:
@@ -133,6 +133,6 @@ def next_stage(problem, output: Path, progress=None) -> dict:
         advance(1)
     found = len(result["suggestions"])
     result["warnings"] = list(problem.warnings)
-    if found < wanted["count"]:
-        result["warnings"].append(f"only {found} of {wanted['count']} orientations are {SEPARATION_DEG:g} degrees apart")
+    if found < wanted.count:
+        result["warnings"].append(f"only {found} of {wanted.count} orientations are {SEPARATION_DEG:g} degrees apart")
     return result

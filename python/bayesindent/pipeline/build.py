@@ -17,11 +17,11 @@ from ..pipeline.simulator import engine_of, physics_identity, simulate_into, sim
 from ..pipeline.validation import validate
 from ..surrogate.candidates import candidates_of, outside
 from ..surrogate.choice import Choice, initial_set
-from ..surrogate.domain import DEFAULT_BOUNDS, Domain
+from ..surrogate.domain import Domain
 from ..surrogate.learning import Learning
 from ..surrogate.scan import scan_pairs, scan_truncations
 from ..surrogate.stopping import why_to_stop
-from ..surrogate.surrogate import SHIPPED, Basis
+from ..surrogate.surrogate import Basis
 
 __all__ = ["Loop", "build"]
 
@@ -37,16 +37,16 @@ class Loop:
 
     def __init__(self, problem, output: Path, progress: Progress | None = None):
         self.problem, self.output, self.progress = problem, output, progress or Progress()
-        self.symmetry, design = problem["problem"]["symmetry"], problem["design"]
+        self.symmetry, design = problem.settings.problem.symmetry, problem.settings.design
         self.domain = domain_of(problem)
         basis = basis_of(problem, self.domain)
         refuse(problem, basis)
         self.engine = engine_of(problem)
         candidates, self.warnings = candidates_of(problem, self.domain, basis)
-        schedule = {name: design[name] for name in ("initial", "budget", "batch", "refit")}
-        self.learning = Learning(basis, self.domain, problem["surrogate"]["prior"], **schedule)
-        initial = initial_set(candidates, design["initial_set"], design["initial"])
-        self.choice = Choice(candidates, self.learning.design, initial, design["variance_of"], self.engine.workers)
+        schedule = {name: getattr(design, name) for name in ("initial", "budget", "batch", "refit")}
+        self.learning = Learning(basis, self.domain, problem.settings.surrogate.prior, **schedule)
+        initial = initial_set(candidates, design.initial_set, design.initial)
+        self.choice = Choice(candidates, self.learning.design, initial, design.variance_of, self.engine.workers)
         self.n_failed = self.n_new = 0
         self.unused, self.simulate = [], None
         self.campaign = Campaign(output / "campaign.sqlite", physics_identity(problem))
@@ -94,7 +94,7 @@ class Loop:
     def stored_rows(self) -> list:
         """Rows of the campaign that are data from the start, in order of choice."""
         rows = self.campaign.rows(self.symmetry)
-        if self.problem["design"]["reuse"] == "chosen":
+        if self.problem.settings.design.reuse == "chosen":
             rows = [row for row in rows if row.origin == IMPORTED]
         self.choice.exclude(self.choice.candidates.find(rows))
         self.n_failed = sum(row.modulus_gpa is None for row in rows)
@@ -138,10 +138,10 @@ class Loop:
 
     def stopped(self) -> str:
         """Why to stop before the budget, or nothing."""
-        learning, design = self.learning, self.problem["design"]
+        learning, design = self.learning, self.problem.settings.design
         if not learning.history or learning.n < max(learning.first, learning.least):
             return ""
-        return why_to_stop(learning.history, learning.n, design["target_gpa"], design["patience"])
+        return why_to_stop(learning.history, learning.n, design.target_gpa, design.patience)
 
     def failures(self) -> str:
         """How many simulations failed, and why the last did."""
@@ -159,11 +159,11 @@ class Loop:
             title=f"surrogate of the indentation modulus of {self.symmetry} crystals",
             physics=physics,
             simulations=learning.n,
-            seed=problem["problem"]["seed"],
+            seed=problem.settings.problem.seed,
             **errors,
             namelist=without_folders(problem),
         )
-        file = self.output / problem["surrogate"]["file"]
+        file = self.output / problem.settings.surrogate.file
         surrogate.save(file)
         self.export(physics)
         document = {
@@ -180,12 +180,12 @@ class Loop:
             "history": learning.history,
             "file": str(file),
         }
-        if problem["surrogate"]["scan"]:
-            pairs = scan_pairs(problem["surrogate"]["scan"])
+        if problem.settings.surrogate.scan:
+            pairs = scan_pairs(problem.settings.surrogate.scan)
             with self.progress.bar("truncations", len(pairs)) as advance:
                 document["scan"] = scan_truncations(learning, pairs, advance)
-        if problem["design"]["validation"]:
-            document["validation"] = validate(self, surrogate, problem["design"]["validation"])
+        if problem.settings.design.validation:
+            document["validation"] = validate(self, surrogate, problem.settings.design.validation)
         return document | {"new_simulations": self.n_new, "failed": self.n_failed, "warnings": self.warnings}
 
     def export(self, physics: str) -> None:
@@ -197,33 +197,24 @@ class Loop:
 
 def domain_of(problem) -> Domain:
     """The crystals that the surrogate of a problem is to cover."""
-    symmetry = problem["problem"]["symmetry"]
-    stated = problem.get("domain", {})
-    names = ("c_min", "c_max", "anisotropy_cap")
-    low, high, cap = (
-        default if stated.get(name) is None else stated[name] for name, default in zip(names, DEFAULT_BOUNDS[symmetry], strict=True)
-    )
-    return Domain(symmetry, tuple(map(float, low)), tuple(map(float, high)), float(cap))
+    stated = problem.settings.domain
+    return Domain(problem.settings.problem.symmetry, tuple(stated.c_min.tolist()), tuple(stated.c_max.tolist()), stated.anisotropy_cap)
 
 
 def basis_of(problem, domain: Domain) -> Basis:
     """The basis of the surrogate of a problem."""
-    coordinates, *size = (problem["surrogate"][name] for name in ("coordinates", "truncation", "degree", "bandlimit"))
-    return Basis(domain.symmetry, coordinates, *size, *domain.ranges(coordinates))
+    chosen = problem.settings.surrogate
+    ranges = domain.ranges(chosen.coordinates)
+    return Basis(domain.symmetry, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit, *ranges)
 
 
 def refuse(problem, basis: Basis) -> None:
     """Refuse what cannot be meant."""
-    budget, file = problem["design"]["budget"], problem["surrogate"]["file"]
-    if problem["surrogate"]["prior"] == "zero" and budget < basis.n_terms:
+    budget = problem.settings.design.budget
+    if problem.settings.surrogate.prior == "zero" and budget < basis.n_terms:
         raise InputError(
             f"{problem.path}: &design budget: {budget} simulations are fewer than the {basis.n_terms} terms of the surrogate, which "
             f"a flat prior cannot make up for; allowed: {basis.n_terms} or more, or a lower degree or bandlimit, or prior = 'theory'"
-        )
-    if file in SHIPPED:
-        raise InputError(
-            f"{problem.path}: &surrogate file: '{file}' is a surrogate that comes with the package; build writes its own file, for "
-            "example surrogate.nc"
         )
 
 

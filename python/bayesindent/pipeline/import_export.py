@@ -29,7 +29,7 @@ def tell(problem, output, points, name: str = "the table") -> dict:
     """Import results that were computed elsewhere: a table (`Points`) with modulus_gpa, which errors call `name`."""
     if points.modulus_gpa is None or not np.isfinite(points.modulus_gpa).all():
         raise InputError(f"{name}: there must be a column modulus_gpa (GPa) with a value in every row")
-    symmetry = problem["problem"]["symmetry"]
+    symmetry = problem.settings.problem.symmetry
     if any(other != symmetry for other in points.symmetry):
         raise InputError(f"{name}: there are crystals that are not {symmetry}, which is the symmetry of {problem.path}")
     with Campaign(Path(output) / "campaign.sqlite", physics_identity(problem)) as campaign:

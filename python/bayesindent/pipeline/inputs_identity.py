@@ -33,11 +33,12 @@ def inputs_of(problem, groups, output: Path) -> dict[str, str]:
     tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates}
     inputs = {}
     for group in groups:
-        if group in problem and IMMATERIAL.get(group, ()) is not None:
-            values = {name: value for name, value in problem[group].items() if name not in IMMATERIAL.get(group, ())}
+        if IMMATERIAL.get(group, ()) is not None:
+            immaterial = ("given", *IMMATERIAL.get(group, ()))
+            values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in immaterial}
             table = tables.get(group)
             inputs[group] = digest(json.dumps([plain(values), table and [table.columns, table.rows]], sort_keys=True).encode())
-    surrogate = find_surrogate(problem["surrogate"]["file"], output, problem.folder) if "surrogate" in inputs else None
+    surrogate = find_surrogate(problem.settings.surrogate.file, output, problem.folder) if "surrogate" in inputs else None
     if surrogate is not None:
         inputs["surrogate_file"] = digest(surrogate.read_bytes())
     return inputs

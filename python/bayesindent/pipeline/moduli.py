@@ -1,13 +1,12 @@
 """Tables of crystals with their moduli."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..common.result_files import cell, write_csv
 from ..core import check, native
-from ..settings.problem import Points, schema
+from ..settings.problem import Points
 
 __all__ = ["as_measured", "identified", "joined", "write_moduli"]
 
@@ -20,16 +19,14 @@ def identified(points: Points, row: int) -> dict:
 def write_moduli(file: Path, problem, points: Points, modulus) -> None:
     """The rows of the points with every kind of modulus, of indentation moduli in GPa (None where there is none)."""
     kinds = native.modulus_kind_list().decode().replace(",", "").split()
-    measured, moduli = problem.get("measurements", {}), np.array(modulus, dtype=float)
-    write_csv(file, *joined(points, {f"{kind}_gpa": as_measured({**measured, "modulus_kind": kind}, moduli) for kind in kinds}))
+    measured, moduli = problem.settings.measurements, np.array(modulus, dtype=float)
+    write_csv(file, *joined(points, {f"{kind}_gpa": as_measured(measured, moduli, kind) for kind in kinds}))
 
 
-def as_measured(measurements: Mapping, modulus) -> np.ndarray:
-    """Indentation moduli in GPa as the kind that the variables of &measurements say, whose defaults are the schema's."""
-    names = ("modulus_kind", "indenter_modulus_gpa", "indenter_nu", "sample_nu")
-    defaults = {variable.name: variable.default for variable in schema() if variable.group == "measurements"}
-    kind, *numbers = (measurements.get(name, defaults[name]) for name in names)
-    values, status, message = native.moduli_of_kind(kind, *map(float, numbers), np.ravel(modulus))
+def as_measured(measurements, modulus, kind: str = "") -> np.ndarray:
+    """Indentation moduli in GPa as the kind of modulus that the settings of &measurements say, or another one."""
+    numbers = measurements.indenter_modulus_gpa, measurements.indenter_nu, measurements.sample_nu
+    values, status, message = native.moduli_of_kind(kind or measurements.modulus_kind, *numbers, np.ravel(modulus))
     check(status, message)
     return values.reshape(np.shape(modulus))
 

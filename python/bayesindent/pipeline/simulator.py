@@ -7,31 +7,40 @@ from ..core import BayesindentError, InputError, MachineError
 from ..crystal.elasticity import halfspace_modulus, stiffness_rows
 from ..pipeline.campaign import Campaign
 from ..pipeline.engines import ENGINES
+from ..settings.problem import schema
 
 __all__ = ["engine_of", "new_indentation", "physics_identity", "simulate_into", "simulator_of"]
 
 
 def physics_identity(problem, mesh: str = "") -> dict:
     """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    simulator = problem["simulation"]["simulator"]
+    simulator = problem.settings.simulation.simulator
     if simulator != "fe":
         return {"simulator": simulator}
     from ..fe import indentation
 
     names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    identity = {"simulator": simulator, **{name: problem["simulation"][name] for name in names}}
+    identity = {"simulator": simulator, **{name: getattr(problem.settings.simulation, name) for name in names}}
     identity["mesh"] = mesh or identity["mesh"]
+    # Variables of studies are named where they are not as usual: results that are older than they are stay valid.
+    studied = {name: getattr(problem.settings.simulation, name) for name in ("outer", "growth")}
+    identity |= {name: value for name, value in studied.items() if value != float(default_of("simulation", name))}
     return identity | {"estimator": "least squares through the origin", "numerics": indentation.NUMERICS_REVISION}
+
+
+def default_of(group: str, name: str) -> str:
+    """The default of a variable, as a namelist has it."""
+    return next(variable.default for variable in schema() if (variable.group, variable.name) == (group, name))
 
 
 def new_indentation(problem, mesh: str = ""):
     """The `Indentation` that &simulation asks for; `mesh` takes the place of its own."""
     from ..fe.indentation import Indentation
 
-    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths")
-    options = {name: problem["simulation"][name] for name in names}
+    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths", "outer", "growth")
+    options = {name: getattr(problem.settings.simulation, name) for name in names}
     options["mesh"] = mesh or options["mesh"]
-    element = problem["simulation"]["element"]
+    element = problem.settings.simulation.element
     try:
         return Indentation(**options, **({"element": element} if element else {}))
     except InputError as error:
@@ -40,7 +49,7 @@ def new_indentation(problem, mesh: str = ""):
 
 def simulator_of(problem, mesh: str = "") -> Callable:
     """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
-    kind = problem["simulation"]["simulator"]
+    kind = problem.settings.simulation.simulator
     if kind == "theory":
         return lambda stiffness, euler_deg: {"modulus_gpa": float(halfspace_modulus(stiffness, euler_deg))}
     if kind == "import":
@@ -69,8 +78,8 @@ def simulator_of(problem, mesh: str = "") -> Callable:
 
 def engine_of(problem):
     """The engine that &execution asks for."""
-    execution = problem["execution"]
-    return ENGINES[execution.get("engine", "local")](execution["workers"])
+    execution = problem.settings.execution
+    return ENGINES[execution.engine](execution.workers)
 
 
 def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, engine, done: Callable[[bool], None]) -> None:

@@ -9,9 +9,10 @@ from pathlib import Path
 from ..common.progress import Progress
 from ..common.result_files import write_json, write_text
 from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest
+from ..settings.problem import Problem, schema, stages
 from ..version import __version__
 
-__all__ = ["Command", "output_folder", "perform", "prepare"]
+__all__ = ["Command", "namelist_command", "output_folder", "perform", "prepare"]
 
 log = logging.getLogger("bayesindent")
 
@@ -51,10 +52,15 @@ class Command:
         return with_warnings(problem, perform(self, problem, output, Progress(True)))
 
 
+def namelist_command(name: str, **more) -> Command:
+    """The command of a stage, or `run`: its words and the groups that its help explains are the core's."""
+    row = next(row for row in stages() if row.name == name)
+    groups = row.groups if name != "run" else tuple(dict.fromkeys(variable.group for variable in schema()))
+    return Command(name, row.summary, row.description, groups=groups, **more)
+
+
 def prepare(arguments: argparse.Namespace):
     """The problem of a command's namelist, and its output folder with the resolved input and the log."""
-    from ..settings.problem import Problem
-
     problem = Problem(arguments.file, arguments.command.name)
     output = arguments.results = output_folder(arguments, arguments.file)
     output.mkdir(parents=True, exist_ok=True)

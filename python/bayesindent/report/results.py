@@ -12,6 +12,7 @@ from ..common.result_files import read_json
 from ..crystal.elasticity import constant_names
 from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest
 from ..pipeline.moduli import as_measured
+from ..settings.problem import Problem
 from ..surrogate.lookup import find_surrogate
 from ..surrogate.surrogate import Surrogate
 
@@ -81,7 +82,8 @@ class Results:
 
     def as_measured(self, modulus) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""
-        return as_measured(self.group("measurements"), modulus)
+        stated = {name: value for name, value in self.group("measurements").items() if name != "file"}
+        return as_measured(Problem.from_keywords("report", measurements=stated).settings.measurements, modulus)
 
     @cached_property
     def surrogate(self) -> Surrogate | None:

@@ -1,36 +1,47 @@
-"""A namelist file, read, checked and resolved by the Fortran core, as plain Python values."""
+"""Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, make_dataclass
+from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 
 import f90nml
 import numpy as np
 
-from ..core import check, native
-from ..crystal.elasticity import class_name, constant_names
+from ..core import InputError, NativeObject, check, native
+from ..crystal.elasticity import constant_names
 
-__all__ = ["Points", "Problem", "Variable", "read_crystals", "read_measurements", "schema"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "stages"]
 
-_RESOLVED, _WARNINGS, _GROUPS, _STAGES, _CELLS = 1, 2, 3, 4, 10
+_RESOLVED, _VALUES, _WARNINGS, _GROUPS, _STAGES, _CELLS = 1, 2, 3, 4, 5, 10
+_SCHEMA, _STAGE_TABLE = 1, 2
 _CRYSTALS, _MEASUREMENTS, _CANDIDATES = 1, 2, 3
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One row of the schema: what may stand in a namelist."""
+    """One row of the schema: what may stand in a namelist. `shape`: 'one' value, one for each of the 'constants', or a 'list'."""
 
     group: str
     group_meaning: str
     name: str
     kind: str
-    per_constant: bool
+    shape: str
     unit: str
     default: str
     allowed: str
     meaning: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A command that reads a namelist: the groups that it needs, one line on it, and more."""
+
+    name: str
+    groups: tuple[str, ...]
+    summary: str
+    description: str
 
 
 @dataclass(frozen=True)
@@ -55,71 +66,105 @@ class Points:
         return len(self.rows)
 
     def constants_array(self) -> np.ndarray:
-        """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
+        """Constants (n, k) in GPa in the order of `CONSTANTS`, of a table whose rows have one symmetry."""
         return np.array([list(row.values()) for row in self.constants])
 
 
-class Problem(Mapping):
-    """The resolved file `path` for `command` ('run', 'simulate', 'theory', 'build', 'extract', 'next' or 'check').
+class Problem(NativeObject):
+    """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory', 'build', 'extract', 'next').
 
-    `problem["design"]["budget"]` is a value as the command will use it, whether the file says it or not; a variable that has
-    none is None, and one for each constant an array. Raises `InputError` with one line that names file, group and variable.
+    `settings.design.budget` is a value as the command will use it, whether the file says it or not: None if it has none, an array
+    if there is one for each constant. `settings.design.given`: whether the file has the group. `crystals`, `measurements` and
+    `candidates` are the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file, group and
+    variable.
     """
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
-        handle, status, message = native.problem_read(os.fsencode(path), command)
+        self._made_of = (path, command)
+        self._fill(native.problem_read(os.fsencode(path), command), Path(path))
+
+    @classmethod
+    def from_keywords(cls, origin: str, measurements_table: tuple | None = None, **groups: Mapping) -> "Problem":
+        """The problem of variables by group, `simulation={"mesh": "paper"}`, that the function `origin` was called with.
+
+        The messages are those of a file with these values. What is None is left out. `measurements_table`: angles (n, 3) in degrees,
+        moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred.
+        """
+        self = cls.__new__(cls)
+        self._made_of = (origin, measurements_table, groups)
+        text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
+        self._fill(native.problem_from_text(origin.encode(), text.encode()), Path(origin), measurements_table)
+        return self
+
+    def _fill(self, result: tuple, path: Path, measurements_table: tuple | None = None) -> None:
+        handle, status, message = result
         check(status, message)
         try:
-            self.path = Path(path)
-            self.command = command
+            if measurements_table is not None:
+                euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in measurements_table)
+                check(*native.problem_set_measurements(handle, np.asfortranarray(euler_deg.T), modulus, sd))
+            self.path = path
+            self.folder = path.parent
             self.resolved = _text(handle, _RESOLVED).decode()
             self.warnings = _items(_text(handle, _WARNINGS))
             self.stages = _text(handle, _STAGES).decode().split()
-            self._given = frozenset(_items(_text(handle, _GROUPS)))
+            self.settings = _settings(_text(handle, _VALUES).decode(), _text(handle, _GROUPS).decode().split())
             self.crystals = _points(handle, _CRYSTALS)
             self.measurements = _points(handle, _MEASUREMENTS)
             self.candidates = _points(handle, _CANDIDATES)
-        finally:
-            native.problem_free(handle)
-        self._groups = _load(self.resolved)
-        self.folder = self.path.parent
-        self.symmetry = class_name(self["problem"]["symmetry"])
-        self.title = self["problem"]["title"]
-        self.synthetic = self["problem"]["synthetic"]
-        self.seed = self["problem"]["seed"]
+        except BaseException:
+            native.object_release(handle)
+            raise
+        self._hold(handle)
 
-    def has(self, group: str) -> bool:
-        """Whether the file has this group, rather than the command its defaults."""
-        return group in self._given
+    def __reduce__(self):
+        if len(self._made_of) == 2:
+            return type(self), self._made_of
+        return _from_keywords, self._made_of
 
-    def __getitem__(self, group: str) -> Mapping:
-        try:
-            return self._groups[group]
-        except KeyError:
-            raise KeyError(f"&{group} is neither in {self.path} nor needed by '{self.command}'") from None
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._groups)
+def _from_keywords(origin: str, measurements_table: tuple | None, groups: Mapping) -> Problem:
+    return Problem.from_keywords(origin, measurements_table, **groups)
 
-    def __len__(self) -> int:
-        return len(self._groups)
+
+def _spelled(origin: str, group: str, values: Mapping) -> str:
+    """The lines of a namelist group."""
+    return "".join(f"{name} = {_spelled_value(origin, group, name, value)}\n" for name, value in values.items() if value is not None)
+
+
+def _spelled_value(origin: str, group: str, name: str, value) -> str:
+    """A value as a namelist has it."""
+    if isinstance(value, bool | np.bool_):
+        return ".true." if value else ".false."
+    if isinstance(value, int | float | np.integer | np.floating):
+        return repr(value.item() if isinstance(value, np.generic) else value)
+    if isinstance(value, str | os.PathLike):
+        return "'" + os.fspath(value).replace("'", "''") + "'"
+    if isinstance(value, list | tuple | np.ndarray) and len(value):
+        return ", ".join(_spelled_value(origin, group, name, item) for item in value)
+    raise InputError(f"{origin}: &{group} {name}: {str(value)[:80]} is neither number nor text, nor a list of them")
 
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
-    return _read(native.problem_read_crystals(os.fsencode(path), symmetry), _CRYSTALS)
+    return _read(native.problem_of_table(os.fsencode(path), symmetry, 0), _CRYSTALS)
 
 
 def read_measurements(path: str | os.PathLike, *, sd_optional: bool = False) -> Points:
     """A CSV of orientations, modulus_gpa and sd_gpa (which may be absent only if `sd_optional`)."""
-    return _read(native.problem_read_measurements(os.fsencode(path), int(sd_optional)), _MEASUREMENTS)
+    return _read(native.problem_of_table(os.fsencode(path), "", int(sd_optional)), _MEASUREMENTS)
 
 
-def schema() -> list[Variable]:
-    """Every variable that a namelist file may set, in order."""
-    rows = native.schema_text(native.schema_text_length()).tobytes().split(b"\x1e")[:-1]
-    cells = [_items(row) for row in rows]
-    return [Variable(*row[:4], row[4] == "1", *row[5:]) for row in cells]
+@cache
+def schema() -> tuple[Variable, ...]:
+    """Every variable that a namelist may set, in order."""
+    return tuple(Variable(*row) for row in _rows(_text(0, _SCHEMA)))
+
+
+@cache
+def stages() -> tuple[Stage, ...]:
+    """The commands that read a namelist: 'run', then the stages in order."""
+    return tuple(Stage(row[0], tuple(row[1].split()), *row[2:]) for row in _rows(_text(0, _STAGE_TABLE)))
 
 
 def _read(result: tuple, table: int) -> Points:
@@ -128,28 +173,46 @@ def _read(result: tuple, table: int) -> Points:
     try:
         return _points(handle, table)
     finally:
-        native.problem_free(handle)
+        native.object_release(handle)
 
 
-def _load(resolved: str) -> dict:
-    """The resolved namelist as {group: read-only {variable: value}}."""
-    namelists = f90nml.reads(resolved)
-    groups = {}
+@cache
+def _types() -> dict[str, type]:
+    """A frozen class for each group of the schema, and under '' one that holds them all."""
+    names = {}
     for variable in schema():
-        if variable.group not in namelists:
-            continue
-        value = namelists[variable.group].get(variable.name)
-        if value is not None and variable.per_constant:
-            value = np.array(value, dtype=float)
-            value.flags.writeable = False
+        names.setdefault(variable.group, ["given"]).append(variable.name)
+    types = {group: make_dataclass(f"{group}_settings", fields, frozen=True, eq=False) for group, fields in names.items()}
+    return types | {"": make_dataclass("settings", names, frozen=True, eq=False)}
+
+
+def _settings(namelist: str, given: list[str]):
+    """The values of all groups, as frozen objects in a frozen object."""
+    values, types = f90nml.reads(namelist), _types()
+    groups = {group: {"given": group in given} for group in types if group}
+    for variable in schema():
+        value = values[variable.group].get(variable.name)
+        if value is not None and variable.shape != "one":
+            value = value if isinstance(value, list) else [value]
+            value = np.array(value, dtype=float) if variable.kind == "real" else tuple(value)
+            if variable.kind == "real":
+                value.flags.writeable = False
         elif value is not None and variable.kind == "real":
             value = float(value)
-        groups.setdefault(variable.group, {})[variable.name] = value
-    return {group: MappingProxyType(values) for group, values in groups.items()}
+        groups[variable.group][variable.name] = value
+    return types[""](**{group: types[group](**members) for group, members in groups.items()})
 
 
 def _text(handle: int, item: int) -> bytes:
-    return native.problem_text(handle, item, native.problem_text_length(handle, item)).tobytes()
+    length, status, message = native.problem_text_length(handle, item)
+    check(status, message)
+    text, status, message = native.problem_text(handle, item, length)
+    check(status, message)
+    return text.tobytes()
+
+
+def _rows(text: bytes) -> list[list[str]]:
+    return [_items(row) for row in text.split(b"\x1e")[:-1]]
 
 
 def _items(text: bytes) -> list[str]:
@@ -157,11 +220,12 @@ def _items(text: bytes) -> list[str]:
 
 
 def _points(handle: int, table: int) -> Points | None:
-    n = native.problem_table_rows(handle, table)
+    n, status, message = native.problem_table_rows(handle, table)
+    check(status, message)
     if n < 0:
         return None
     symmetry, constants, stiffness, euler_deg, modulus, sd = native.problem_table(handle, table, n)
-    rows = [_items(row) for row in _text(handle, _CELLS + table).split(b"\x1e")[:-1]]
+    rows = _rows(_text(handle, _CELLS + table))
     names = [row.tobytes().decode().strip() or None for row in np.asfortranarray(symmetry).T]
     return Points(
         symmetry=names,

@@ -44,7 +44,7 @@ class Candidates:
 
 def candidates_of(problem, domain: Domain, basis: Basis) -> tuple[Candidates, list[str]]:
     """The candidates that &design asks for, and warnings."""
-    design, table, seed = problem["design"], problem.candidates, problem["problem"]["seed"]
+    design, table, seed = problem.settings.design, problem.candidates, problem.settings.problem.seed
     warnings = []
     if table is not None:
         constants, euler_deg = table.constants_array(), np.array(table.euler_deg)
@@ -52,13 +52,13 @@ def candidates_of(problem, domain: Domain, basis: Basis) -> tuple[Candidates, li
         if not keep.all():
             warnings.append(f"{(~keep).sum()} of {len(keep)} candidates are outside the domain and are left out")
         constants, euler_deg = constants[keep], euler_deg[keep]
-    elif design["candidates"] == "factorial":
-        constants, euler_deg = factorial(domain, design["n_candidates"], design["n_directions"], seed)
+    elif design.candidates == "factorial":
+        constants, euler_deg = factorial(domain, design.n_candidates, design.n_directions, seed)
     else:
         # The initial set is a hypercube of its own.
-        first = design["initial"] if design["initial_set"] == "latin" else 0
-        sizes = enumerate((first, max(0, design["n_candidates"] - first)))
-        blocks = [spread(domain, size, seed + 1_000_003 * block, design["orientations"]) for block, size in sizes if size > 0]
+        first = design.initial if design.initial_set == "latin" else 0
+        sizes = enumerate((first, max(0, design.n_candidates - first)))
+        blocks = [spread(domain, size, seed + 1_000_003 * block, design.orientations) for block, size in sizes if size > 0]
         constants, euler_deg = (np.vstack(part) for part in zip(*blocks, strict=True))
     return Candidates(basis, constants, euler_deg), warnings
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...common.progress import Progress
-from ..command import Command, perform, prepare, with_warnings
+from ..command import namelist_command, perform, prepare, with_warnings
 
 __all__ = ["COMMAND"]
 
@@ -26,7 +26,9 @@ def action(arguments: argparse.Namespace) -> dict:
         arguments.results = None
         return with_warnings(problem, ask(problem, output, arguments.ask))
     if arguments.tell is not None:
-        return with_warnings(problem, tell(problem, output, read_crystals(arguments.tell, problem.symmetry), str(arguments.tell)))
+        return with_warnings(
+            problem, tell(problem, output, read_crystals(arguments.tell, problem.settings.problem.symmetry), str(arguments.tell))
+        )
     return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
 
 
@@ -53,12 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
 
-COMMAND = Command(
+COMMAND = namelist_command(
     "build",
-    "step 1: a surrogate, taught by simulations chosen one after another",
-    """Writes surrogate.nc. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be interrupted and
-    run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes their moduli.""",
-    groups=("problem", "simulation", "domain", "surrogate", "design", "execution"),
     stage=build,
     action=action,
     arguments=add_arguments,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...common.progress import Progress
-from ..command import Command
+from ..command import namelist_command
 from ..console import show_table
 
 __all__ = ["COMMAND"]
@@ -29,12 +29,8 @@ def show(document: dict) -> None:
     show_table("Elastic constants (GPa)", header, rows)
 
 
-COMMAND = Command(
+COMMAND = namelist_command(
     "extract",
-    "step 2: the constants behind measured moduli",
-    """Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: a shipped
-    surrogate ('cubic', 'hexagonal') or one made by build serves.""",
-    groups=("problem", "surrogate", "measurements", "prior", "sampler"),
     stage=extract,
     show=show,
 )

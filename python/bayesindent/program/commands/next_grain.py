@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...common.progress import Progress
-from ..command import Command
+from ..command import namelist_command
 from ..console import show_table
 
 __all__ = ["COMMAND"]
@@ -22,11 +22,8 @@ def show(document: dict) -> None:
     show_table("Orientations worth measuring next (degrees)", ["phi1", "Phi", "phi2", "expected gain"], rows)
 
 
-COMMAND = Command(
+COMMAND = namelist_command(
     "next",
-    "the grain orientations worth measuring next",
-    "Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.",
-    groups=("problem", "surrogate", "measurements", "prior", "next"),
     stage=next_grain,
     show=show,
 )

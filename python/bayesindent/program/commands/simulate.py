@@ -5,7 +5,7 @@ from pathlib import Path
 from ...common.progress import Progress
 from ...common.result_files import cell, write_csv, write_text
 from ...core import BayesindentError
-from ..command import Command
+from ..command import namelist_command
 from ..console import show_moduli
 
 __all__ = ["COMMAND", "simulate"]
@@ -38,8 +38,8 @@ def simulate(problem, output: Path, progress: Progress) -> dict:
     if rows and len(failures) == len(rows):
         raise BayesindentError(f"every simulation failed: {failures[0]}")
     document: dict = {"results": results, "new_simulations": new, "failed": len(failures), "warnings": failures}
-    if problem["simulation"]["both_meshes"]:
-        mesh = "paper" if problem["simulation"]["mesh"] == "halfspace" else "halfspace"
+    if problem.settings.simulation.both_meshes:
+        mesh = "paper" if problem.settings.simulation.mesh == "halfspace" else "halfspace"
         rows, new = simulated_rows(problem, output, progress, mesh)
         document["other_mesh"] = {"mesh": mesh, "indentation_modulus_gpa": [row.modulus_gpa for row in rows]}
         document["new_simulations"] += new
@@ -69,29 +69,25 @@ def write_fields(problem, chosen: list[int], output: Path, progress: Progress) -
     from ...common.result_files import whole_file
     from ...pipeline.simulator import new_indentation
 
-    settings, points = problem["simulation"], problem.crystals
-    if settings["simulator"] != "fe" or not (settings["vtu"] or settings["inp"]):
+    settings, points = problem.settings.simulation, problem.crystals
+    if settings.simulator != "fe" or not (settings.vtu or settings.inp):
         return
     simulator = new_indentation(problem)
     with progress.bar("fields and decks", len(chosen)) as advance:
         for i in chosen:
             stiffness, euler_deg = points.stiffness[i], points.euler_deg[i]
             stem = output / f"crystal_{i + 1:04d}"
-            if settings["vtu"]:
+            if settings.vtu:
                 with whole_file(stem.with_suffix(".vtu")) as file:
                     simulator.write_vtu(file, stiffness, euler_deg)
-            if settings["inp"]:
-                title = f"{problem.title or 'spherical indentation'}, crystal {i + 1}"
+            if settings.inp:
+                title = f"{problem.settings.problem.title or 'spherical indentation'}, crystal {i + 1}"
                 write_text(stem.with_suffix(".inp"), simulator.deck(stiffness, euler_deg, title))
             advance(1)
 
 
-COMMAND = Command(
+COMMAND = namelist_command(
     "simulate",
-    "finite element indentation of the crystals in a namelist",
-    """Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ParaView or the
-    same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated again.""",
-    groups=("problem", "crystals", "simulation", "execution"),
     stage=simulate,
     show=show_moduli,
 )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...common.progress import Progress
-from ..command import Command
+from ..command import namelist_command
 from ..console import show_moduli
 
 __all__ = ["COMMAND"]
@@ -20,11 +20,8 @@ def theory(problem, output: Path, progress: Progress) -> dict:
     return {"results": [identified(points, i) | {"indentation_modulus_gpa": modulus} for i, modulus in enumerate(moduli)]}
 
 
-COMMAND = Command(
+COMMAND = namelist_command(
     "theory",
-    "exact half-space theory of the same crystals",
-    "Willis' elliptical contact on the anisotropic half-space. Writes theory.csv.",
-    groups=("problem", "crystals"),
     stage=theory,
     show=show_moduli,
 )

@@ -1,0 +1,70 @@
+!> A problem from a namelist file, or from a text made of the keywords of a Python function: same checks, same words.
+module problem_input
+   use choices, only: all_choices
+   use errors, only: error_type, exit_bad_input, raise
+   use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
+   use problem, only: new_problem, problem_type
+   use stages, only: plan_stages
+   implicit none
+   private
+   public :: read_problem, problem_of_text
+
+contains
+
+   !> Read the file `path` for a stage or for 'run'.
+   subroutine read_problem(path, command, self, error)
+      character(len=*), intent(in) :: path, command
+      type(problem_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(namelist_file_type) :: namelist
+      character(len=:), allocatable :: names, groups
+
+      call read_namelist_file(path, namelist, error)
+      if (.not. allocated(error)) call plan_stages(namelist, command, names, groups, error)
+      if (.not. allocated(error)) call new_problem(path, namelist, command, groups, all_choices(), self, error)
+      if (allocated(error)) return
+      if (len(names) == 0) then
+         call raise(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design ' &
+            & //'for a surrogate, &measurements for the constants', exit_bad_input)
+         return
+      end if
+      self%stages = names
+      call check_problem(self, error)
+   end subroutine read_problem
+
+   !> The problem of a namelist's text, only for what it has; `origin` takes the place of the file in messages.
+   subroutine problem_of_text(origin, content, self, error)
+      character(len=*), intent(in) :: origin, content
+      type(problem_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(namelist_file_type) :: namelist
+
+      call parse_namelist(origin, content, namelist, error)
+      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', all_choices(), self, error)
+      if (.not. allocated(error)) call check_problem(self, error)
+   end subroutine problem_of_text
+
+   !> Refuse what a stage would refuse before its first simulation or sample.
+   subroutine check_problem(self, error)
+      type(problem_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      if (self%settings%simulation%simulator == 'import' .and. has_stage(self, 'simulate')) then
+         call raise(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
+            & //'''fe'', ''theory''', exit_bad_input)
+      else if (has_stage(self, 'build')) then
+         associate (name => self%settings%surrogate%file)
+            if (index(name, '.') == 0) call raise(error, place(self%path, 'surrogate', 'file')//''''//name//''' is ' &
+               & //'a surrogate that comes with the package; build writes its own file, for example surrogate.nc', &
+               & exit_bad_input)
+         end associate
+      end if
+   end subroutine check_problem
+
+   pure logical function has_stage(self, name)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+
+      has_stage = index(' '//self%stages//' ', ' '//name//' ') > 0
+   end function has_stage
+end module problem_input

@@ -1,0 +1,86 @@
+!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes those whose group is there, in order.
+module stages
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use namelist_file, only: namelist_file_type
+   implicit none
+   private
+   public :: stage_type, all_stages, run_command, plan_stages
+
+   type :: stage_type
+      character(len=8) :: name
+      !> The group of the namelist that makes `run` do it.
+      character(len=12) :: trigger
+      !> The groups that it needs, with defaults where the file has them not.
+      character(len=80) :: groups
+      !> The files that it writes into the output folder, beside its own NAME.json.
+      character(len=80) :: files
+      !> For help: one line, then more.
+      character(len=80) :: summary
+      character(len=320) :: description
+   end type stage_type
+
+   type(stage_type), parameter :: all_stages(5) = [ &
+      & stage_type('simulate', 'crystals', 'problem crystals simulation execution', &
+      & 'campaign.sqlite moduli.csv curves.csv simulations.csv', &
+      & 'finite element indentation of the crystals in a namelist', &
+      & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ' &
+      & //'ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated ' &
+      & //'again.'), &
+      & stage_type('theory', 'crystals', 'problem crystals execution', 'theory.csv', &
+      & 'exact half-space theory of the same crystals', &
+      & 'Willis'' elliptical contact on the anisotropic half-space. Writes theory.csv.'), &
+      & stage_type('build', 'design', 'problem simulation domain surrogate design execution', &
+      & 'campaign.sqlite simulations.csv', &
+      & 'step 1: a surrogate, taught by simulations chosen one after another', &
+      & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
+      & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
+      & //'their moduli.'), &
+      & stage_type('extract', 'measurements', 'problem surrogate measurements prior knowledge sampler execution', &
+      & 'posterior.nc posterior.csv summary.json summary.nml', &
+      & 'step 2: the constants behind measured moduli', &
+      & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: a ' &
+      & //'shipped surrogate (''cubic'', ''hexagonal'') or one made by build serves.'), &
+      & stage_type('next', 'next', 'problem surrogate measurements prior knowledge sampler next execution', '', &
+      & 'the grain orientations worth measuring next', &
+      & 'Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.')]
+
+   !> All stages that a file asks for.
+   type(stage_type), parameter :: run_command = stage_type('run', '', 'problem execution', &
+      & 'resolved.nml run.log report.html report.json', &
+      & 'all that the groups of a namelist ask for, in order, resuming what is done', &
+      & '&crystals asks for simulate and theory, &design for build, &measurements for extract, &next for next; a report ends ' &
+      & //'it. Nothing that is already in the output folder is simulated again.')
+
+contains
+
+   !> The stages of a command and the groups that they need, both separated by blanks; none if a file asks `run` for nothing.
+   subroutine plan_stages(namelist, command, names, groups, error)
+      type(namelist_file_type), intent(in) :: namelist
+      !> A stage, or 'run'.
+      character(len=*), intent(in) :: command
+      character(len=:), allocatable, intent(out) :: names, groups
+      type(error_type), allocatable, intent(out) :: error
+      type(stage_type) :: stage
+      character(len=:), allocatable :: allowed
+      integer :: i, j
+
+      names = ''
+      groups = trim(run_command%groups)
+      allowed = 'run'
+      do i = 1, size(all_stages)
+         stage = all_stages(i)
+         allowed = allowed//', '//trim(stage%name)
+         if (command == 'run') then
+            if (.not. any([(namelist%groups(j)%text == stage%trigger, j=1, size(namelist%groups))])) cycle
+         else if (command /= stage%name) then
+            cycle
+         end if
+         if (len(names) > 0) names = names//' '
+         names = names//trim(stage%name)
+         groups = groups//' '//trim(stage%groups)
+      end do
+      if (len(names) == 0 .and. command /= 'run') call raise(error, 'no command is named '''//printable(command) &
+         & //'''; allowed: '//allowed, exit_bad_input)
+   end subroutine plan_stages
+end module stages

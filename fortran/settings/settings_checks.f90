@@ -1,0 +1,93 @@
+!> What one variable alone cannot show: checks of the settings against each other.
+module settings_checks
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: is_stable
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: wp
+   use namelist_file, only: place
+   use settings_groups, only: knowledge_settings_type, settings_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: check_settings
+
+contains
+
+   !> `path` begins the message.
+   subroutine check_settings(path, settings, class, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(crystal_class_type), intent(in) :: class
+      type(error_type), allocatable, intent(out) :: error
+
+      call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
+      if (.not. allocated(error)) &
+         & call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
+      if (allocated(error)) return
+      associate (design => settings%design)
+         if (design%initial > design%budget) then
+            call raise(error, place(path, 'design', 'initial')//to_text(design%initial)//' is more than the budget; allowed ' &
+               & //'0 to '//to_text(design%budget), exit_bad_input)
+         else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
+            call raise(error, place(path, 'design', 'budget')//to_text(design%budget)//' is more than n_candidates; ' &
+               & //'allowed 1 to '//to_text(design%n_candidates), exit_bad_input)
+         end if
+      end associate
+   end subroutine check_settings
+
+   !> c_min below c_max, and a stable crystal between them; each may be unset.
+   subroutine check_bounds(path, group, class, low, high, error)
+      character(len=*), intent(in) :: path, group
+      type(crystal_class_type), intent(in) :: class
+      !> One for each constant, GPa.
+      real(wp), allocatable, intent(in) :: low(:), high(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: best(:)
+      character(len=3), allocatable :: names(:)
+      integer :: i
+
+      if (.not. (allocated(low) .and. allocated(high))) return
+      names = class%constants
+      do i = 1, size(low)
+         if (.not. low(i) < high(i)) then
+            call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below ' &
+               & //'its c_max of '//to_text(high(i))//' GPa', exit_bad_input)
+            return
+         end if
+      end do
+      ! The most stable crystal of the box: large on the diagonal, small off it.
+      best = high
+      do i = 1, size(best)
+         if (names(i)(2:2) /= names(i)(3:3)) best(i) = max(low(i), min(high(i), 0.0_wp))
+      end do
+      if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &
+         & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
+   end subroutine check_bounds
+
+   !> Three lists of equal length, or none.
+   subroutine check_knowledge(path, knowledge, error)
+      character(len=*), intent(in) :: path
+      type(knowledge_settings_type), intent(in) :: knowledge
+      type(error_type), allocatable, intent(out) :: error
+      character(len=8), parameter :: names(3) = [character(len=8) :: 'quantity', 'mean', 'sd']
+      integer :: sizes(3), i, j
+
+      sizes = 0
+      if (allocated(knowledge%quantity)) sizes(1) = size(knowledge%quantity)
+      if (allocated(knowledge%mean)) sizes(2) = size(knowledge%mean)
+      if (allocated(knowledge%sd)) sizes(3) = size(knowledge%sd)
+      i = maxloc(sizes, dim=1)
+      do j = 1, 3
+         if (sizes(j) == sizes(i)) cycle
+         if (sizes(j) == 0) then
+            call raise(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i)) &
+               & //' needs it', exit_bad_input)
+         else
+            call raise(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
+               & //' of '//trim(names(i))//'; the lists are of equal length', exit_bad_input)
+         end if
+         return
+      end do
+   end subroutine check_knowledge
+end module settings_checks

@@ -1,0 +1,249 @@
+!> The variables of the settings as a list, as a page of the documentation, and with their values as a namelist.
+module settings_lists
+   use kinds, only: wp
+   use numbers, only: number_text
+   use settings_groups, only: settings_type
+   use settings_schema, only: visit_settings
+   use settings_visitor, only: allowed_in_words, choice_list_type, kind_integer, kind_logical, kind_names, kind_source, &
+      & settings_visitor_type, shape_constants, shape_list, text_value_type, variable_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: schema_type, group_type, new_schema, schema_markdown, settings_namelist
+
+   type :: group_type
+      character(len=:), allocatable :: name, meaning
+   end type group_type
+
+   type :: schema_type
+      type(group_type), allocatable :: groups(:)
+      type(variable_type), allocatable :: variables(:)
+   contains
+      procedure :: find_group
+      procedure :: find
+   end type schema_type
+
+   type, extends(settings_visitor_type) :: lister_type
+      type(schema_type) :: schema
+   contains
+      procedure :: begin_group => list_group
+      procedure :: numbers => list_numbers
+      procedure :: texts => list_texts
+   end type lister_type
+
+   type, extends(settings_visitor_type) :: writer_type
+      !> Groups to write beside those that are given, each with a blank before and after it.
+      character(len=:), allocatable :: needed
+      character(len=:), allocatable :: page
+      logical :: writing = .false.
+   contains
+      procedure :: begin_group => write_group
+      procedure :: numbers => write_numbers
+      procedure :: texts => write_texts
+      procedure, private :: write_values
+   end type writer_type
+
+   character, parameter :: newline = achar(10)
+
+contains
+
+   !> All groups and variables, in order; `choices`: the words that modules above the settings own.
+   function new_schema(choices) result(schema)
+      type(choice_list_type), intent(in) :: choices(:)
+      type(schema_type) :: schema
+      type(lister_type) :: lister
+      type(settings_type) :: settings
+
+      lister%choices = choices
+      allocate (lister%schema%groups(0), lister%schema%variables(0))
+      call visit_settings(lister, settings)
+      schema = lister%schema
+   end function new_schema
+
+   subroutine list_group(self, given)
+      class(lister_type), intent(inout) :: self
+      logical, intent(inout) :: given
+      type(group_type), allocatable :: grown(:)
+      integer :: n
+
+      given = .false.
+      n = size(self%schema%groups)
+      allocate (grown(n + 1))
+      grown(:n) = self%schema%groups
+      grown(n + 1)%name = self%group_name
+      grown(n + 1)%meaning = self%group_meaning
+      call move_alloc(grown, self%schema%groups)
+   end subroutine list_group
+
+   subroutine list_numbers(self, variable, values)
+      class(lister_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      real(wp), allocatable, intent(inout) :: values(:)
+
+      if (allocated(values)) deallocate (values)
+      call append(self%schema%variables, variable)
+   end subroutine list_numbers
+
+   subroutine list_texts(self, variable, values)
+      class(lister_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      type(text_value_type), allocatable, intent(inout) :: values(:)
+
+      if (allocated(values)) deallocate (values)
+      call append(self%schema%variables, variable)
+   end subroutine list_texts
+
+   subroutine append(variables, variable)
+      type(variable_type), allocatable, intent(inout) :: variables(:)
+      type(variable_type), intent(in) :: variable
+      type(variable_type), allocatable :: grown(:)
+      integer :: n
+
+      n = size(variables)
+      allocate (grown(n + 1))
+      grown(:n) = variables
+      grown(n + 1) = variable
+      call move_alloc(grown, variables)
+   end subroutine append
+
+   !> Number of a group, 0 if there is none of this name.
+   pure integer function find_group(self, name) result(i)
+      class(schema_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+
+      do i = size(self%groups), 1, -1
+         if (self%groups(i)%name == name) return
+      end do
+   end function find_group
+
+   !> Number of a variable, 0 if the group has none of this name.
+   pure integer function find(self, group, name) result(i)
+      class(schema_type), intent(in) :: self
+      character(len=*), intent(in) :: group, name
+
+      do i = size(self%variables), 1, -1
+         if (self%variables(i)%group == group .and. self%variables(i)%name == name) return
+      end do
+   end function find
+
+   !> The variables as a page of the documentation.
+   function schema_markdown(schema) result(page)
+      type(schema_type), intent(in) :: schema
+      character(len=:), allocatable :: page
+      integer :: i, j
+
+      page = '# Namelist groups' //newline//newline &
+         & //'Written by `bayesindent-batch --schema`. A file needs `&problem`; the other groups say what is done.' &
+         & //newline//'`*` is required, `unset` has no value. Paths are relative to the folder of the file.'//newline
+      do i = 1, size(schema%groups)
+         page = page//newline//'## `&'//schema%groups(i)%name//'`'//newline//newline//schema%groups(i)%meaning//newline &
+            & //newline//'| variable | type | unit | default | allowed | meaning |'//newline//'|---|---|---|---|---|---|'//newline
+         do j = 1, size(schema%variables)
+            associate (v => schema%variables(j))
+               if (v%group /= schema%groups(i)%name) cycle
+               page = page//'| `'//v%name//'` | '//kind_in_words(v)//' | '//v%unit//' | '//v%default//' | ' &
+                  & //allowed_in_words(v)//' | '//v%meaning//' |'//newline
+            end associate
+         end do
+      end do
+   end function schema_markdown
+
+   function kind_in_words(v) result(words)
+      type(variable_type), intent(in) :: v
+      character(len=:), allocatable :: words
+
+      words = trim(kind_names(v%kind))
+      if (v%kind == kind_source) words = 'choice or file'
+      if (v%shape == shape_constants) words = words//' for each constant'
+      if (v%shape == shape_list) words = 'list of '//words//'s'
+   end function kind_in_words
+
+   !> The groups that are given, and those of the list `needed`, as namelists; numbers to the last bit.
+   function settings_namelist(settings, needed) result(page)
+      type(settings_type), intent(in) :: settings
+      character(len=*), intent(in) :: needed
+      character(len=:), allocatable :: page
+      type(writer_type) :: writer
+      type(settings_type) :: copy
+
+      copy = settings
+      allocate (writer%choices(0))
+      writer%needed = ' '//needed//' '
+      writer%page = ''
+      call visit_settings(writer, copy)
+      page = writer%page
+      if (writer%writing) page = page//'/'//newline
+   end function settings_namelist
+
+   subroutine write_group(self, given)
+      class(writer_type), intent(inout) :: self
+      logical, intent(inout) :: given
+
+      if (self%writing) self%page = self%page//'/'//newline
+      self%writing = given .or. index(self%needed, ' '//self%group_name//' ') > 0
+      if (self%writing) self%page = self%page//newline//'&'//self%group_name//newline
+   end subroutine write_group
+
+   subroutine write_numbers(self, variable, values)
+      class(writer_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      real(wp), allocatable, intent(inout) :: values(:)
+      character(len=:), allocatable :: string
+      integer :: i
+
+      if (.not. self%writing) return
+      string = ''
+      if (allocated(values)) then
+         do i = 1, size(values)
+            if (i > 1) string = string//', '
+            select case (variable%kind)
+            case (kind_integer)
+               string = string//to_text(nint(values(i)))
+            case (kind_logical)
+               string = string//to_text(values(i) > 0.5_wp)
+            case default
+               string = string//number_text(values(i))
+            end select
+         end do
+      end if
+      call self%write_values(variable, string)
+   end subroutine write_numbers
+
+   subroutine write_texts(self, variable, values)
+      class(writer_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      type(text_value_type), allocatable, intent(inout) :: values(:)
+      character(len=:), allocatable :: string
+      integer :: i, j
+
+      if (.not. self%writing) return
+      string = ''
+      if (allocated(values)) then
+         do i = 1, size(values)
+            if (i > 1) string = string//', '
+            string = string//''''
+            do j = 1, len(values(i)%text)
+               if (values(i)%text(j:j) == '''') string = string//''''
+               string = string//values(i)%text(j:j)
+            end do
+            string = string//''''
+         end do
+      end if
+      call self%write_values(variable, string)
+   end subroutine write_texts
+
+   !> One line; no values: the variable is unset.
+   subroutine write_values(self, variable, string)
+      class(writer_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      character(len=*), intent(in) :: string
+
+      if (len(string) == 0) then
+         self%page = self%page//'  ! '//variable%name//' is unset'
+      else
+         self%page = self%page//'  '//variable%name//' = '//string
+         if (len(variable%unit) > 0) self%page = self%page//' ! '//variable%unit
+      end if
+      self%page = self%page//newline
+   end subroutine write_values
+end module settings_lists

@@ -1,0 +1,317 @@
+!> The values of the settings: those of a namelist, checked one by one, or the defaults.
+!>
+!> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
+module settings_reader
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use kinds, only: wp
+   use namelist_file, only: namelist_file_type, place, value_type
+   use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
+   use settings_groups, only: longest_quantity, settings_type
+   use settings_lists, only: new_schema
+   use settings_names, only: check_names
+   use settings_schema, only: visit_settings
+   use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
+      & kind_logical, kind_source, settings_visitor_type, shape_constants, shape_list, shape_one, text_value_type, variable_type
+   use text, only: join, lower, to_text
+   implicit none
+   private
+   public :: read_settings, default_settings
+
+   type, extends(settings_visitor_type) :: reader_type
+      !> For messages: the path of the file, or the Python function whose keywords these are.
+      character(len=:), allocatable :: path
+      type(namelist_file_type) :: namelist
+      !> What the settings are for, '' if only for what is given; the groups that this needs, each between blanks.
+      character(len=:), allocatable :: command, needed
+      !> Of the crystals, once its name is read.
+      type(crystal_class_type) :: class
+      logical :: given = .false.
+      type(error_type), allocatable :: error, missing
+   contains
+      procedure :: begin_group => begin_group
+      procedure :: numbers => read_numbers
+      procedure :: texts => read_texts
+      procedure, private :: find_values
+      procedure, private :: refuse
+   end type reader_type
+
+   !> Longest text, bytes.
+   integer, parameter :: longest_text = 512
+
+contains
+
+   !> Read the settings of a namelist. `needed`: groups that are as if given, separated by blanks, because of `command`, which is ''
+   !> where tables come as arrays, so that no file is required.
+   subroutine read_settings(path, file, command, needed, choices, settings, error)
+      character(len=*), intent(in) :: path
+      type(namelist_file_type), intent(in) :: file
+      character(len=*), intent(in) :: command, needed
+      type(choice_list_type), intent(in) :: choices(:)
+      type(settings_type), intent(out) :: settings
+      type(error_type), allocatable, intent(out) :: error
+      type(reader_type) :: reader
+
+      call check_names(path, file, new_schema(choices), error)
+      if (allocated(error)) return
+      reader%path = path
+      reader%namelist = file
+      reader%command = command
+      reader%needed = ' '//needed//' '
+      reader%choices = choices
+      call visit_settings(reader, settings)
+      if (.not. allocated(reader%error)) call move_alloc(reader%missing, reader%error)
+      call move_alloc(reader%error, error)
+   end subroutine read_settings
+
+   !> Every variable at its default; what has none is unset.
+   subroutine default_settings(settings)
+      type(settings_type), intent(out) :: settings
+      type(reader_type) :: reader
+
+      reader%path = ''
+      reader%command = ''
+      reader%needed = ''
+      allocate (reader%choices(0), reader%namelist%groups(0), reader%namelist%entries(0))
+      call visit_settings(reader, settings)
+   end subroutine default_settings
+
+   subroutine begin_group(self, given)
+      class(reader_type), intent(inout) :: self
+      logical, intent(inout) :: given
+      integer :: i
+
+      given = .false.
+      do i = 1, size(self%namelist%groups)
+         given = given .or. self%namelist%groups(i)%text == self%group_name
+      end do
+      self%given = given
+   end subroutine begin_group
+
+   subroutine read_numbers(self, variable, values)
+      class(reader_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      real(wp), allocatable, intent(inout) :: values(:)
+      type(value_type), allocatable :: written(:)
+      character(len=:), allocatable :: message
+      integer :: i
+
+      if (allocated(values)) deallocate (values)
+      call self%find_values(variable, written)
+      if (.not. allocated(written)) return
+      allocate (values(size(written)))
+      message = ''
+      do i = 1, size(written)
+         call read_number(variable, written(i), values(i), message)
+         if (len(message) > 0) exit
+      end do
+      if (len(message) > 0) call self%refuse(variable, message)
+   end subroutine read_numbers
+
+   subroutine read_texts(self, variable, values)
+      class(reader_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      type(text_value_type), allocatable, intent(inout) :: values(:)
+      type(value_type), allocatable :: written(:)
+      character(len=:), allocatable :: message
+      integer :: i
+
+      if (allocated(values)) deallocate (values)
+      call self%find_values(variable, written)
+      if (.not. allocated(written)) return
+      allocate (values(size(written)))
+      message = ''
+      do i = 1, size(written)
+         call read_text(variable, written(i), values(i)%text, message)
+         if (len(message) > 0) exit
+      end do
+      if (len(message) > 0) then
+         call self%refuse(variable, message)
+      else if (variable%group == 'problem' .and. variable%name == 'symmetry') then
+         call new_crystal_class(values(1)%text, self%class, self%error)
+         ! One name for its synonyms.
+         if (.not. allocated(self%error)) values(1)%text = self%class%name
+      end if
+   end subroutine read_texts
+
+   !> The values as written, as many as there must be, or those of the default; unallocated: unset, or refused.
+   subroutine find_values(self, variable, values)
+      class(reader_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      type(value_type), allocatable, intent(out) :: values(:)
+      integer :: i
+
+      if (allocated(self%error)) return
+      do i = 1, size(self%namelist%entries)
+         if (self%namelist%entries(i)%group /= variable%group .or. self%namelist%entries(i)%name /= variable%name) cycle
+         values = self%namelist%entries(i)%values
+         call check_count(self, variable, values)
+         if (allocated(self%error)) deallocate (values)
+         return
+      end do
+      if (variable%default == '*') then
+         if (len(self%command) == 0 .and. variable%kind == kind_file) return
+         ! What is there and wrong comes before what is not there.
+         if (allocated(self%missing)) return
+         if (self%given) then
+            call raise(self%missing, place(self%path, variable%group, variable%name)//'the variable is missing; ' &
+               & //variable%meaning//allowed_part(variable), exit_bad_input)
+         else if (index(self%needed, ' '//variable%group//' ') > 0) then
+            call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; ' &
+               & //trim(merge('every file  ', self%command//repeat(' ', 12 - len(self%command)), variable%group == 'problem')) &
+               & //' needs it', exit_bad_input)
+         end if
+      else if (variable%default /= 'unset') then
+         allocate (values(1))
+         values(1)%text = variable%default
+         values(1)%quoted = is_text(variable)
+      end if
+   end subroutine find_values
+
+   !> One value, one for each constant, or any number.
+   subroutine check_count(self, variable, values)
+      class(reader_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      type(value_type), intent(in) :: values(:)
+      character(len=:), allocatable :: found
+
+      found = to_text(size(values))//' values; '
+      if (size(values) == 1) found = 'one value; '
+      select case (variable%shape)
+      case (shape_one)
+         if (size(values) /= 1) call self%refuse(variable, found//'one is needed'//allowed_part(variable))
+      case (shape_constants)
+         if (self%class%n_constants == 0) then
+            call self%refuse(variable, 'a value for each constant is needed, and so &problem symmetry')
+         else if (size(values) /= size(self%class%constants)) then
+            call self%refuse(variable, found//to_text(self%class%n_constants)//' are needed: ' &
+               & //join(self%class%constants, ', '))
+         end if
+      end select
+   end subroutine check_count
+
+   subroutine refuse(self, variable, message)
+      class(reader_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      character(len=*), intent(in) :: message
+
+      call raise(self%error, place(self%path, variable%group, variable%name)//message, exit_bad_input)
+   end subroutine refuse
+
+   subroutine read_text(v, value, string, message)
+      type(variable_type), intent(in) :: v
+      type(value_type), intent(in) :: value
+      character(len=:), allocatable, intent(out) :: string
+      character(len=:), allocatable, intent(inout) :: message
+      integer :: i, longest
+
+      string = value%text
+      longest = merge(longest_quantity, longest_text, v%shape == shape_list)
+      if (.not. value%quoted) then
+         message = printable(value%text)//' is not in quotes; a text is needed'//allowed_part(v)
+      else if (len(string) > longest) then
+         message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string)//'''); at most ' &
+            & //to_text(longest)//' are allowed'
+      else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
+         message = ''''//printable(string)//''' holds a control character; plain text is allowed'
+      else if (v%kind == kind_choice .or. v%kind == kind_source) then
+         if (string /= v%default .or. len(string) > 0) then
+            if (index(', '//v%allowed//',', ', '//lower(string)//',') > 0) then
+               string = lower(string)
+            else if ((v%kind == kind_choice .or. index(string, '.') == 0) .and. string /= v%default) then
+               message = ''''//printable(string)//''' is not known'//allowed_part(v)
+            end if
+         end if
+      end if
+      if (len(message) == 0 .and. len_trim(string) == 0 .and. v%kind == kind_file) then
+         message = 'the name of the file is empty'
+      end if
+   end subroutine read_text
+
+   subroutine read_number(v, value, number, message)
+      type(variable_type), intent(in) :: v
+      type(value_type), intent(in) :: value
+      real(wp), intent(out) :: number
+      character(len=:), allocatable, intent(inout) :: message
+      integer :: whole, outcome, other
+
+      number = 0.0_wp
+      if (value%quoted) then
+         message = 'the text '''//printable(value%text)//''' stands where '//noun(v)//' is needed'//allowed_part(v)
+         return
+      end if
+      select case (v%kind)
+      case (kind_logical)
+         select case (lower(value%text))
+         case ('.true.', '.t.', 'true', 't')
+            number = 1.0_wp
+         case ('.false.', '.f.', 'false', 'f')
+            number = 0.0_wp
+         case default
+            message = printable(value%text)//' is not a logical'//allowed_part(v)
+         end select
+         return
+      case (kind_integer)
+         call read_integer(value%text, whole, outcome)
+         number = whole
+         if (outcome == number_malformed) then
+            call read_real(value%text, number, other)
+            if (other == number_not_finite) outcome = number_not_finite
+         end if
+      case default
+         call read_real(value%text, number, outcome)
+      end select
+      if (outcome == number_malformed) then
+         message = printable(value%text)//' is not '//noun(v)//allowed_part(v)
+      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') == 0) then
+         message = printable(value%text)//' is out of range'//allowed_part(v)
+      else if (outcome /= number_ok) then
+         message = printable(value%text)//' is not a finite number'//allowed_part(v)
+      else if (.not. in_interval(number, v%allowed)) then
+         message = printable(value%text)//' is out of range'//allowed_part(v)
+      end if
+   end subroutine read_number
+
+   pure function noun(v) result(words)
+      type(variable_type), intent(in) :: v
+      character(len=:), allocatable :: words
+
+      select case (v%kind)
+      case (kind_integer)
+         words = 'an integer'
+      case (kind_logical)
+         words = 'a logical'
+      case default
+         words = 'a number'
+      end select
+   end function noun
+
+   function allowed_part(v) result(words)
+      type(variable_type), intent(in) :: v
+      character(len=:), allocatable :: words
+
+      words = allowed_in_words(v)
+      if (len(words) == 0) return
+      words = '; allowed '//words
+      if (len(v%unit) > 0) words = words//' '//v%unit
+   end function allowed_part
+
+   !> Whether `number` is in an interval such as '[0, 1)' or '(0, *)'; an empty text admits all.
+   pure logical function in_interval(number, interval)
+      real(wp), intent(in) :: number
+      character(len=*), intent(in) :: interval
+      real(wp) :: bound
+      integer :: comma, n, outcome
+
+      in_interval = .true.
+      n = len(interval)
+      if (n == 0) return
+      comma = index(interval, ',')
+      call read_real(trim(adjustl(interval(2:comma - 1))), bound, outcome)
+      if (outcome == number_ok) in_interval = number > bound .or. (interval(1:1) == '[' .and. .not. number < bound)
+      call read_real(trim(adjustl(interval(comma + 1:n - 1))), bound, outcome)
+      if (outcome == number_ok) in_interval = in_interval &
+         & .and. (number < bound .or. (interval(n:n) == ']' .and. .not. number > bound))
+   end function in_interval
+end module settings_reader

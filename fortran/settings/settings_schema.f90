@@ -1,0 +1,161 @@
+!> What may stand in a namelist: one call a variable, which names it, binds its component of the settings, and says default, range
+!> or words, unit and meaning. Reading and its checks, `resolved.nml`, help, docs/namelists.md and Python's settings come from this
+!> table and from nothing else.
+module settings_schema
+   use crystal_class, only: crystal_class_names
+   use settings_groups, only: settings_type
+   use settings_visitor, only: settings_visitor_type
+   implicit none
+   private
+   public :: visit_settings, candidate_sources
+
+   !> What `&design candidates` knows beside the name of a CSV file.
+   character(len=*), parameter :: candidate_sources = 'latin, factorial'
+
+contains
+
+   !> Default: namelist text; '*' is required, 'unset' has no value. `words`: of a choice that a module above the settings owns.
+   subroutine visit_settings(v, s)
+      class(settings_visitor_type), intent(inout) :: v
+      type(settings_type), intent(inout) :: s
+
+      call v%group('problem', s%problem%given, 'What the file is about.')
+      call v%choice('symmetry', s%problem%symmetry, '*', crystal_class_names(), 'crystal symmetry of the metal')
+      call v%text('title', s%problem%title, '', 'a title for the report')
+      call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
+      call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', '', &
+         & 'seed of all random numbers; same seed, same results')
+
+      call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
+      call v%file('points', s%crystals%points, '*', &
+         & 'CSV of elastic constants (GPa) and Bunge-Euler angles, one indentation a row')
+
+      call v%group('simulation', s%simulation%given, 'The indentation simulation.')
+      call v%choice('simulator', s%simulation%simulator, 'fe', 'fe, theory, import', &
+         & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
+      call v%choice('mesh', s%simulation%mesh, 'halfspace', v%words('mesh'), &
+         & 'bricks and infinite elements that make a half-space, or the block of the paper')
+      call v%choice('element', s%simulation%element, '', 'c3d8, c3d8i', &
+         & 'the brick element; empty: the one the mesh was made for')
+      call v%choice('integration', s%simulation%integration, 'selective', 'selective, full', &
+         & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
+      call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', &
+         & 'elements per contact radius, relative to the default mesh')
+      call v%logical('extrapolate', s%simulation%extrapolate, '.false.', &
+         & 'solve on a second, coarser mesh too and extrapolate in mesh size')
+      call v%real('radius_um', s%simulation%radius_um, '16.0', '[0.001, 1e6]', 'um', 'radius of the indenter')
+      call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
+         & 'half-space, for studies: where the infinite elements begin, in contact radii')
+      call v%real('growth', s%simulation%growth, '1.13', '[1.01, 2]', '', &
+         & 'half-space, for studies: growth of the layers of bricks before them, at refine = 1')
+      call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', '', 'points of the load-depth curve')
+      call v%logical('both_meshes', s%simulation%both_meshes, '.false.', &
+         & 'simulate the crystals on the other mesh too, for comparison')
+      call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
+      call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')
+
+      call v%group('domain', s%domain%given, 'The crystals that the surrogate covers.')
+      call v%constants('c_min', s%domain%c_min, '*', '[-500, 5000]', 'GPa', 'lower bounds of the constants')
+      call v%constants('c_max', s%domain%c_max, '*', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
+      call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, '*', '(0, 1e6]', '', &
+         & 'largest universal anisotropy index (Eq. 14)')
+
+      call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
+      call v%text('file', s%surrogate%file, 'surrogate.nc', 'its file in the output folder, or the name of a shipped model')
+      call v%choice('coordinates', s%surrogate%coordinates, 'dimensionless', 'box, dimensionless', &
+         & 'the constants scaled to their bounds (the paper), or dimensionless ratios of them')
+      call v%choice('truncation', s%surrogate%truncation, 'total', 'tensor, total', &
+         & '`degree` limits each factor of a product (the paper), or their sum')
+      call v%integer('degree', s%surrogate%degree, '4', '[0, 12]', '', &
+         & 'degree of the Legendre products in the constants (Q)')
+      call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', '', &
+         & 'highest degree of the surface harmonics in the orientation (L)')
+      call v%choice('prior', s%surrogate%prior, 'theory', 'zero, theory', &
+         & 'centre of the prior of the coefficients: zero (Eq. 6), or those of the half-space theory')
+      call v%text('scan', s%surrogate%scan, '', &
+         & 'other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
+
+      call v%group('design', s%design%given, 'Which simulations are made, and how many.')
+      call v%source('candidates', s%design%candidates, 'latin', candidate_sources, &
+         & 'the points to choose from: a Latin hypercube, constants x orientations, or a CSV')
+      call v%integer('n_candidates', s%design%n_candidates, '2000', '[1, 1000000]', '', 'how many candidates are made')
+      call v%integer('initial', s%design%initial, '0', '[0, 100000]', '', &
+         & 'simulations before the variance chooses; 0: as the basis needs')
+      call v%choice('initial_set', s%design%initial_set, 'variance', 'variance, latin, boundary', &
+         & 'these first: of largest variance too, a Latin hypercube of their own, or of largest coordinate')
+      call v%choice('orientations', s%design%orientations, 'sphere', 'sphere, declination', &
+         & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
+      call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', '', &
+         & 'directions of each crystal of factorial candidates')
+      call v%choice('variance_of', s%design%variance_of, 'modulus', 'modulus, log_modulus', &
+         & 'whose variance chooses with dimensionless coordinates (a box: always the modulus)')
+      call v%integer('budget', s%design%budget, '40', '[1, 1000000]', '', 'simulations in all, those already done included')
+      call v%integer('batch', s%design%batch, '1', '[1, 10000]', '', 'simulations chosen at a time')
+      call v%integer('refit', s%design%refit, '1', '[1, 100000]', '', &
+         & 'simulations between two maximisations of the evidence')
+      call v%real('target_gpa', s%design%target_gpa, '0.0', '[0, 1000]', 'GPa', &
+         & 'stop at this error on unseen crystals; 0: at the budget')
+      call v%integer('patience', s%design%patience, '0', '[0, 1000000]', '', &
+         & 'stop if the error does not fall by 2 % over so many simulations; 0: at the budget')
+      call v%integer('validation', s%design%validation, '0', '[0, 1000000]', '', &
+         & 'simulations chosen and made after the last one, to compare with the surrogate that has not seen them')
+      call v%choice('reuse', s%design%reuse, 'all', 'all, chosen', &
+         & 'which rows of the campaign are data: all, or only those that this file would choose (and imported ones)')
+
+      call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
+      call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
+      call v%choice('modulus_kind', s%measurements%modulus_kind, 'indentation_modulus', v%words('modulus_kind'), &
+         & 'which modulus was measured')
+      call v%real('indenter_modulus_gpa', s%measurements%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
+         & 'Young''s modulus of the indenter (effective_modulus)')
+      call v%real('indenter_nu', s%measurements%indenter_nu, '0.07', '(-1, 0.5]', '', &
+         & 'Poisson''s ratio of the indenter (effective_modulus)')
+      call v%real('sample_nu', s%measurements%sample_nu, '0.3', '(-1, 0.5]', '', &
+         & 'Poisson''s ratio that was assumed of the sample (sample_modulus)')
+      call v%real('calibration_sd', s%measurements%calibration_sd, '0.0', '[0, 0.5]', '', &
+         & 'relative sd of a factor common to all measurements')
+      call v%choice('scale', s%measurements%scale, 'given', 'given, inferred', &
+         & 'sd_gpa as given, or times a common factor that is inferred (then the column may be absent)')
+      call v%choice('likelihood', s%measurements%likelihood, 'normal', v%words('likelihood'), &
+         & 'distribution of the errors; student admits outliers')
+      call v%real('student_dof', s%measurements%student_dof, '4.0', '[1, 1000]', '', &
+         & 'degrees of freedom of Student''s t (likelihood = ''student'')')
+
+      call v%group('prior', s%prior%given, 'What is known of the constants before the measurements (Step 2).')
+      call v%constants('c_min', s%prior%c_min, 'unset', '[-500, 5000]', 'GPa', &
+         & 'lower bounds of the constants; unset: those of the surrogate')
+      call v%constants('c_max', s%prior%c_max, 'unset', '[-500, 5000]', 'GPa', &
+         & 'upper bounds of the constants; unset: those of the surrogate')
+      call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, 'unset', '(0, 1e6]', '', &
+         & 'largest anisotropy index; unset: that of the surrogate')
+
+      call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length.')
+      call v%names('quantity', s%knowledge%quantity, 'unset', &
+         & 'what is known: constants such as ''C11'', ratios such as ''C33/C11'', ''bulk_modulus'', ..')
+      call v%reals('mean', s%knowledge%mean, 'unset', '[-1e6, 1e6]', '', 'mean of each, in GPa where it has a unit')
+      call v%reals('sd', s%knowledge%sd, 'unset', '(0, 1e6]', '', 'standard deviation of each')
+
+      call v%group('sampler', s%sampler%given, 'How the posterior is sampled.')
+      call v%choice('method', s%sampler%method, 'ensemble', v%words('sampler'), &
+         & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
+      call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', '', &
+         & 'samples kept of each chain, after burn-in')
+      call v%integer('burn_in', s%sampler%burn_in, '20000', '[0, 100000000]', '', &
+         & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
+      call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', '', 'independent chains')
+      call v%choice('surrogate_variance', s%sampler%surrogate_variance, 'full', 'full, none', &
+         & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')
+
+      call v%group('next', s%next%given, 'Which grain to measure next.')
+      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', &
+         & 'sd of the next measurement; 0: the median of those made')
+      call v%text('target', s%next%target, 'all', &
+         & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
+      call v%integer('count', s%next%count, '5', '[1, 1000]', '', 'how many orientations to suggest')
+
+      call v%group('execution', s%execution%given, 'The machine.')
+      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', '', &
+         & 'threads; 0: all cores. Results do not depend on it')
+      call v%choice('engine', s%execution%engine, 'local', 'local', 'where simulations run')
+   end subroutine visit_settings
+end module settings_schema

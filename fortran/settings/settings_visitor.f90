@@ -1,0 +1,324 @@
+!> What is done with every variable of the settings, one after the other: reading, listing and writing extend this type.
+!>
+!> `settings_schema` calls one of the typed procedures for each variable; they turn its component into numbers or texts and
+!> back, so that a visitor knows only these two.
+module settings_visitor
+   use kinds, only: wp
+   use settings_groups, only: longest_quantity
+   implicit none
+   private
+   public :: settings_visitor_type, variable_type, choice_list_type, is_text, allowed_in_words
+   public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source, kind_names
+   public :: shape_one, shape_constants, shape_list
+
+   !> A whole number; a real; .true. or .false.; any text; one of some words; a CSV that must exist; a word or a CSV.
+   integer, parameter :: kind_integer = 1, kind_real = 2, kind_logical = 3, kind_text = 4, kind_choice = 5, &
+      & kind_file = 6, kind_source = 7
+   character(len=*), parameter :: kind_names(7) = [character(len=7) :: &
+      & 'integer', 'real', 'logical', 'text', 'choice', 'file', 'source']
+
+   !> One value; one for each constant of the crystal class; any number of them.
+   integer, parameter :: shape_one = 1, shape_constants = 2, shape_list = 3
+
+   !> Words of a choice that a module above the settings owns, under a key.
+   type :: choice_list_type
+      character(len=:), allocatable :: key
+      !> Separated by ', '.
+      character(len=:), allocatable :: words
+   end type choice_list_type
+
+   type :: variable_type
+      character(len=:), allocatable :: group, name
+      integer :: kind = kind_text, shape = shape_one
+      !> Namelist text; '*' is required; 'unset' has no value.
+      character(len=:), allocatable :: default
+      !> An interval, '[0, 1)', with '*' for no end; or the words of a choice, separated by ', '.
+      character(len=:), allocatable :: allowed
+      character(len=:), allocatable :: unit, meaning
+   end type variable_type
+
+   type, abstract :: settings_visitor_type
+      type(choice_list_type), allocatable :: choices(:)
+      !> The group that is visited.
+      character(len=:), allocatable :: group_name, group_meaning
+   contains
+      !> A group begins, whose name and meaning are set.
+      procedure(begin_group_interface), deferred :: begin_group
+      !> The values of a number or a logical (as 0 or 1); unallocated: unset.
+      procedure(numbers_interface), deferred :: numbers
+      !> The values of a text; unallocated: unset.
+      procedure(texts_interface), deferred :: texts
+      procedure :: words
+      procedure :: group
+      procedure :: integer => visit_integer
+      procedure :: real => visit_real
+      procedure :: optional_real => visit_optional_real
+      procedure :: reals => visit_reals
+      procedure :: constants => visit_constants
+      procedure :: logical => visit_logical
+      procedure :: text => visit_text
+      procedure :: file => visit_file
+      procedure :: choice => visit_choice
+      procedure :: source => visit_source
+      procedure :: names => visit_names
+      procedure, private :: one_text
+   end type settings_visitor_type
+
+   !> One text of any length.
+   type, public :: text_value_type
+      character(len=:), allocatable :: text
+   end type text_value_type
+
+   abstract interface
+      subroutine begin_group_interface(self, given)
+         import :: settings_visitor_type
+         class(settings_visitor_type), intent(inout) :: self
+         !> The file has the group.
+         logical, intent(inout) :: given
+      end subroutine begin_group_interface
+
+      subroutine numbers_interface(self, variable, values)
+         import :: settings_visitor_type, variable_type, wp
+         class(settings_visitor_type), intent(inout) :: self
+         type(variable_type), intent(in) :: variable
+         real(wp), allocatable, intent(inout) :: values(:)
+      end subroutine numbers_interface
+
+      subroutine texts_interface(self, variable, values)
+         import :: settings_visitor_type, variable_type, text_value_type
+         class(settings_visitor_type), intent(inout) :: self
+         type(variable_type), intent(in) :: variable
+         type(text_value_type), allocatable, intent(inout) :: values(:)
+      end subroutine texts_interface
+   end interface
+
+contains
+
+   !> The words of a key of `choices`.
+   pure function words(self, key) result(list)
+      class(settings_visitor_type), intent(in) :: self
+      character(len=*), intent(in) :: key
+      character(len=:), allocatable :: list
+      integer :: i
+
+      list = ''
+      do i = 1, size(self%choices)
+         if (self%choices(i)%key == key) list = self%choices(i)%words
+      end do
+   end function words
+
+   !> The variables that follow are of this group.
+   subroutine group(self, name, given, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, meaning
+      logical, intent(inout) :: given
+
+      self%group_name = name
+      self%group_meaning = meaning
+      call self%begin_group(given)
+   end subroutine group
+
+   subroutine visit_integer(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      integer, intent(inout) :: value
+      real(wp), allocatable :: values(:)
+
+      allocate (values(1), source=real(value, wp))
+      call self%numbers(new_variable(self, name, kind_integer, shape_one, default, allowed, unit, meaning), values)
+      if (allocated(values)) value = nint(values(1))
+   end subroutine visit_integer
+
+   subroutine visit_real(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), intent(inout) :: value
+      real(wp), allocatable :: values(:)
+
+      allocate (values(1), source=value)
+      call self%numbers(new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
+      if (allocated(values)) value = values(1)
+   end subroutine visit_real
+
+   !> A real that may be unset.
+   subroutine visit_optional_real(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), allocatable, intent(inout) :: value
+      real(wp), allocatable :: values(:)
+
+      if (allocated(value)) allocate (values(1), source=value)
+      call self%numbers(new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
+      if (allocated(value)) deallocate (value)
+      if (allocated(values)) value = values(1)
+   end subroutine visit_optional_real
+
+   !> A list of reals.
+   subroutine visit_reals(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), allocatable, intent(inout) :: value(:)
+
+      call self%numbers(new_variable(self, name, kind_real, shape_list, default, allowed, unit, meaning), value)
+   end subroutine visit_reals
+
+   !> A real for each constant of the crystal class.
+   subroutine visit_constants(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), allocatable, intent(inout) :: value(:)
+
+      call self%numbers(new_variable(self, name, kind_real, shape_constants, default, allowed, unit, meaning), value)
+   end subroutine visit_constants
+
+   subroutine visit_logical(self, name, value, default, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, meaning
+      logical, intent(inout) :: value
+      real(wp), allocatable :: values(:)
+
+      allocate (values(1), source=merge(1.0_wp, 0.0_wp, value))
+      call self%numbers(new_variable(self, name, kind_logical, shape_one, default, '', '', meaning), values)
+      if (allocated(values)) value = values(1) > 0.5_wp
+   end subroutine visit_logical
+
+   subroutine visit_text(self, name, value, default, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, meaning
+      character(len=:), allocatable, intent(inout) :: value
+
+      call self%one_text(new_variable(self, name, kind_text, shape_one, default, '', '', meaning), value)
+   end subroutine visit_text
+
+   !> The name of a CSV file.
+   subroutine visit_file(self, name, value, default, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, meaning
+      character(len=:), allocatable, intent(inout) :: value
+
+      call self%one_text(new_variable(self, name, kind_file, shape_one, default, '', '', meaning), value)
+   end subroutine visit_file
+
+   !> One of the words `allowed`.
+   subroutine visit_choice(self, name, value, default, allowed, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, meaning
+      character(len=:), allocatable, intent(inout) :: value
+
+      call self%one_text(new_variable(self, name, kind_choice, shape_one, default, allowed, '', meaning), value)
+   end subroutine visit_choice
+
+   !> One of the words `allowed`, or the name of a CSV file.
+   subroutine visit_source(self, name, value, default, allowed, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, meaning
+      character(len=:), allocatable, intent(inout) :: value
+
+      call self%one_text(new_variable(self, name, kind_source, shape_one, default, allowed, '', meaning), value)
+   end subroutine visit_source
+
+   !> A list of names of quantities.
+   subroutine visit_names(self, name, value, default, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, meaning
+      character(len=longest_quantity), allocatable, intent(inout) :: value(:)
+      type(text_value_type), allocatable :: values(:)
+      integer :: i
+
+      if (allocated(value)) then
+         allocate (values(size(value)))
+         do i = 1, size(value)
+            values(i)%text = trim(value(i))
+         end do
+         deallocate (value)
+      end if
+      call self%texts(new_variable(self, name, kind_text, shape_list, default, '', '', meaning), values)
+      if (.not. allocated(values)) return
+      allocate (value(size(values)))
+      do i = 1, size(values)
+         value(i) = values(i)%text
+      end do
+   end subroutine visit_names
+
+   subroutine one_text(self, variable, value)
+      class(settings_visitor_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      character(len=:), allocatable, intent(inout) :: value
+      type(text_value_type), allocatable :: values(:)
+
+      if (allocated(value)) then
+         allocate (values(1))
+         call move_alloc(value, values(1)%text)
+      end if
+      call self%texts(variable, values)
+      if (allocated(values)) value = values(1)%text
+   end subroutine one_text
+
+   !> A variable of the group that is visited.
+   function new_variable(self, name, kind, shape, default, allowed, unit, meaning) result(v)
+      class(settings_visitor_type), intent(in) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      integer, intent(in) :: kind, shape
+      type(variable_type) :: v
+
+      v%group = self%group_name
+      v%name = name
+      v%kind = kind
+      v%shape = shape
+      v%default = default
+      v%allowed = allowed
+      v%unit = unit
+      v%meaning = meaning
+   end function new_variable
+
+   pure logical function is_text(v)
+      type(variable_type), intent(in) :: v
+
+      is_text = any(v%kind == [kind_text, kind_choice, kind_file, kind_source])
+   end function is_text
+
+   !> What is allowed, as a message says it: 'from 0 to below 1', 'above 0', ''cubic', 'hexagonal'', or ''.
+   function allowed_in_words(v) result(words)
+      type(variable_type), intent(in) :: v
+      character(len=:), allocatable :: words
+      character(len=:), allocatable :: low, high, list
+      integer :: comma
+
+      select case (v%kind)
+      case (kind_integer, kind_real)
+         words = ''
+         if (len(v%allowed) == 0) return
+         comma = index(v%allowed, ',')
+         low = trim(adjustl(v%allowed(2:comma - 1)))
+         high = trim(adjustl(v%allowed(comma + 1:len(v%allowed) - 1)))
+         if (v%allowed(1:1) == '[') then
+            words = low
+         else
+            words = 'above '//low
+         end if
+         if (high == '*') then
+            if (v%allowed(1:1) == '[') words = words//' or more'
+         else if (v%allowed(len(v%allowed):) == ']') then
+            words = words//' to '//high
+         else
+            words = words//' to below '//high
+         end if
+      case (kind_choice, kind_source)
+         words = ''
+         list = v%allowed
+         do
+            comma = index(list, ',')
+            if (comma == 0) exit
+            words = words//''''//list(:comma - 1)//''', '
+            list = adjustl(list(comma + 1:))
+            list = trim(list)
+         end do
+         words = words//''''//list//''''
+         if (v%kind == kind_source) words = words//', or the name of a CSV file'
+      case (kind_logical)
+         words = '.true., .false.'
+      case default
+         words = ''
+      end select
+   end function allowed_in_words
+end module settings_visitor
