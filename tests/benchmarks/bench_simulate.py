@@ -4,7 +4,8 @@
 - random: crystals drawn uniformly from the paper's two domains, against the theory
 - convergence: the error over mesh size, element, distance of the infinite elements and growth of the layers, with a figure
 - cost: one curve of ten depths on the paper's block against its bare numeric factorisation, and the rate against DGEMM
-- ccx: CPU time of CalculiX on the exported deck of the paper's block, four depths, against our curve of four depths
+- ccx: CPU time of CalculiX on the exported deck of the paper's block, four depths, against our curve of four depths with the set-up of
+  the model (mesh, ordering, symbolic factorisation) that CalculiX does too, and against the further crystals of a model
 - memory: peak of a process with one and with two simulations at a time
 - workers: two threads against one
 - size: factorisation time and factor size over mesh size, with a figure
@@ -219,8 +220,11 @@ def run_ccx(arguments) -> None:
     if shutil.which("ccx") is None:
         print("CalculiX is not installed (Debian package calculix-ccx)")
         return
-    model = bi.Indentation(mesh="paper", integration="full", depths=4)
+    set_up, model = min(
+        (timed(lambda: bi.Indentation(mesh="paper", integration="full", depths=4)) for _ in range(5)), key=lambda pair: pair[0]
+    )
     ours = min((timed(lambda: model.run(ZINC, (0, 30, 0))) for _ in range(5)), key=lambda pair: pair[0])
+    first = set_up + ours[0]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "deck.inp").write_text(model.deck(ZINC, (0, 30, 0)))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -233,8 +237,9 @@ def run_ccx(arguments) -> None:
     table(
         ("program", "elements", "CPU, s", "ratio", "peak memory, MB", "largest difference of P"),
         [
-            ("bayesindent", model.elements, f"{ours[0]:.2f}", "1", "see memory", ""),
-            ("ccx", model.elements, f"{seconds:.1f}", f"{seconds / ours[0]:.0f}", f"{after.ru_maxrss / 1024:.0f}",
+            ("bayesindent, set-up and curve", model.elements, f"{first:.2f}", "1", "see memory", ""),
+            ("bayesindent, a further crystal", model.elements, f"{ours[0]:.2f}", f"{ours[0] / first:.2f}", "see memory", ""),
+            ("ccx", model.elements, f"{seconds:.1f}", f"{seconds / first:.0f}", f"{after.ru_maxrss / 1024:.0f}",
              f"{np.abs(force / ours[1].force_mn - 1).max():.1e}"),
         ],
     )  # fmt: skip
