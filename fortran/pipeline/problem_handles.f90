@@ -64,7 +64,7 @@ contains
       end select
    end subroutine table_of_handle
 
-   !> A text of `problem_texts`; handle 0: one without a problem.
+   !> The text number `item` of `problem_texts`; handle 0: one without a problem.
    subroutine text_of_handle(handle, item, text, error)
       integer(i8), intent(in) :: handle
       integer, intent(in) :: item

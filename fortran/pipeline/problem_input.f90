@@ -13,6 +13,7 @@ contains
 
    !> Read the file `path` for a stage or for 'run'.
    subroutine read_problem(path, command, self, error)
+      !> A file; a stage, or 'run'.
       character(len=*), intent(in) :: path, command
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -32,7 +33,7 @@ contains
       call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, only for what it has; `origin` takes the place of the file in messages.
+   !> The problem of a namelist's text, `content`, only for what it has; `origin` takes the place of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self

@@ -16,6 +16,7 @@ contains
 
    !> 1 resolved namelist, 2 the same with every group, 3 warnings, 4 groups of the file, 5 stages; 11, 12, 13 cells of the tables,
    !> header first.
+   !> The number is `item`.
    function text_of(self, item) result(text)
       type(problem_type), intent(in) :: self
       integer, intent(in) :: item
@@ -78,6 +79,7 @@ contains
 
    !> Texts without a problem: 1 the schema: group, meaning of the group, variable, type, number of values ('one', 'constants',
    !> 'list'), unit, default, allowed, meaning; 2 the commands: name, groups, summary, description.
+   !> The number is `item`.
    function static_text(item) result(text)
       integer, intent(in) :: item
       character(len=:), allocatable :: text

@@ -54,7 +54,8 @@ module stages
 
 contains
 
-   !> The stages of a command and the groups that they need, both separated by blanks; none if a file asks `run` for nothing.
+   !> The `names` of the stages of a command and the `groups` that they need, both separated by blanks; none if a file asks `run`
+   !> for nothing.
    subroutine plan_stages(namelist, command, names, groups, error)
       type(namelist_file_type), intent(in) :: namelist
       !> A stage, or 'run'.

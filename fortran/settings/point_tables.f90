@@ -51,7 +51,7 @@ contains
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
-   !> Orientations with moduli; the column of the sds may be absent if `sd_optional`.
+   !> Orientations with moduli; the column of the sds may be absent if `sd_optional`. Messages begin with `prefix`.
    subroutine read_measurements(path, prefix, sd_optional, points, error)
       character(len=*), intent(in) :: path, prefix
       logical, intent(in) :: sd_optional
@@ -65,8 +65,11 @@ contains
 
    !> The same from arrays, checked as the cells of a file are: angles (3, n) in degrees, moduli and sds in GPa, (n), (n) or (0).
    subroutine measurements_of_arrays(euler_deg, modulus_gpa, sd_gpa, prefix, sd_optional, points, error)
+      !> (3, n) in degrees, (n) and (n) in GPa.
       real(wp), intent(in) :: euler_deg(:, :), modulus_gpa(:), sd_gpa(:)
+      !> With which messages begin.
       character(len=*), intent(in) :: prefix
+      !> No sds, (0), are allowed.
       logical, intent(in) :: sd_optional
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error

@@ -111,6 +111,7 @@ contains
    !> Measurements that are no file: angles (3, n) in degrees, moduli and sds (n) in GPa, no sds if they are inferred.
    subroutine set_measurements(self, euler_deg, modulus_gpa, sd_gpa, error)
       class(problem_type), intent(inout) :: self
+      !> (3, n) in degrees, (n) and (n) in GPa.
       real(wp), intent(in) :: euler_deg(:, :), modulus_gpa(:), sd_gpa(:)
       type(error_type), allocatable, intent(out) :: error
 

@@ -1,7 +1,8 @@
 !> What is done with every variable of the settings, one after the other: reading, listing and writing extend this type.
 !>
 !> `settings_schema` calls one of the typed procedures for each variable; they turn its component into numbers or texts and
-!> back, so that a visitor knows only these two.
+!> back, so that a visitor knows only these two. Each takes `name`, the component (`value`), and what variable_type says of
+!> `default`, `allowed`, `unit` and `meaning`; a group also whether it is `given`.
 module settings_visitor
    use kinds, only: wp
    use settings_groups, only: longest_quantity
@@ -81,6 +82,7 @@ module settings_visitor
          import :: settings_visitor_type, variable_type, wp
          class(settings_visitor_type), intent(inout) :: self
          type(variable_type), intent(in) :: variable
+         !> (1), or (n).
          real(wp), allocatable, intent(inout) :: values(:)
       end subroutine numbers_interface
 
@@ -88,6 +90,7 @@ module settings_visitor
          import :: settings_visitor_type, variable_type, text_value_type
          class(settings_visitor_type), intent(inout) :: self
          type(variable_type), intent(in) :: variable
+         !> (1), or (n).
          type(text_value_type), allocatable, intent(inout) :: values(:)
       end subroutine texts_interface
    end interface

@@ -22,22 +22,29 @@ class Procedure:
 
 def unexplained(path: Path, glossary: dict[str, str]) -> Iterator[str]:
     """'procedure: argument' of each argument that neither a comment nor the glossary (name to shape) explains."""
-    public = public_names(path.read_text().lower())
+    text = path.read_text()
+    public = public_names(text.lower())
+    of_module = set(re.findall(r"`(\w+)`", text.split("\nmodule ")[0])) if "\nmodule " in text else set()
     for procedure in procedures(path):
         if public and procedure.name not in public:
             continue
         for name, (kind, shape, comment) in procedure.arguments.items():
             named = re.search(rf"\b{name}\b" if name != "a" else "`a`", procedure.comment, re.IGNORECASE)
             told = comment or kind.startswith(("type(", "class(")) or named
-            if not told and glossary.get(name) != shape.replace(" ", ""):
+            if not told and name not in of_module and glossary.get(name) != shape.replace(" ", ""):
                 yield f"{procedure.name}: {name}{shape}"
 
 
 def public_names(text: str) -> set[str]:
-    """Names that a module makes public, and the procedures that its types are bound to; none of a file without a module."""
+    """Names that a module makes public, its abstract interfaces, and the procedures that its types are bound to; none of a file without a
+    module. A type that extends another has the arguments of its parent.
+    """
     joined = re.sub(r"&[^\n]*\n\s*&?", "", text)
     names = set(re.findall(r"\w+", " ".join(re.findall(r"^\s*public\s*::(.*)$", joined, re.MULTILINE))))
-    bound = re.findall(r"^\s*procedure(?:\s*,[^:]*)?\s*::\s*(.*)$", joined, re.MULTILINE)
+    for block in re.findall(r"^\s*abstract interface\b.*?^\s*end interface", joined, re.MULTILINE | re.DOTALL):
+        names |= set(re.findall(r"^\s*end (?:subroutine|function) (\w+)", block, re.MULTILINE))
+    children = r"^\s*type\s*,[^\n]*extends\(.*?^\s*end type"
+    bound = re.findall(r"^\s*procedure(?:\s*,[^:]*)?\s*::\s*(.*)$", re.sub(children, "", joined, flags=re.M | re.S), re.MULTILINE)
     return names | {name.split("=>")[-1].strip() for names in bound for name in names.split(",")}
 
 
