@@ -96,11 +96,12 @@ contains
       end do
    end function crystal_class_names
 
-   !> Proper rotations 'fold axis, ..' with fold 0 (by 1 radian), 2, 3, 4, 6 and an axis that is a sum of x, y, z.
+   !> The proper rotations that a list 'fold axis, ..' names: fold 0 (by 1 radian), 2, 3, 4, 6; the axis is a sum of x, y, z.
    pure subroutine rotations_about(list, rotations, folds)
       character(len=*), intent(in) :: list
-      !> (3, 3, n), and (n).
+      !> Matrices, and their folds.
       real(wp), allocatable, intent(out) :: rotations(:, :, :)
+      !> Of each rotation.
       integer, allocatable, intent(out) :: folds(:)
       character(len=:), allocatable :: items(:)
       real(wp) :: u(3), angle
@@ -174,7 +175,7 @@ contains
          equations(pivot, :) = equations(k, :)
          equations(k, :) = row
          do i = 1, size(equations, 1)
-            if (i /= k) equations(i, :) = equations(i, :) - equations(i, k)*row
+            if (i /= k .and. abs(equations(i, k)) > 0.0_wp) equations(i, :) = equations(i, :) - equations(i, k)*row
          end do
       end do
       if (k <= n_dependent .or. any(abs(equations(k:, :)) > 1.0e-6_wp)) then

@@ -57,6 +57,7 @@ contains
       type(crystal_class_type), intent(in) :: class
       !> GPa, (n_constants).
       real(wp), intent(in) :: x(:)
+      !> (n_constants).
       real(wp), intent(out) :: w(:)
       real(wp) :: r
 
@@ -71,7 +72,7 @@ contains
       end select
    end subroutine to_logarithms
 
-   !> The constants again.
+   !> The constants x of coordinates w.
    pure subroutine from_logarithms(class, w, x)
       type(crystal_class_type), intent(in) :: class
       real(wp), intent(in) :: w(:)

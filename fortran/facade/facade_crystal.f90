@@ -1,7 +1,7 @@
 ! The flat procedures that f2py wraps: explicit shapes, literal kinds, no derived types, `threadsafe` on each.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success. The Python module `core` raises it.
 
-!> A crystal class by name or synonym: its name, how many constants it has, and their names, three characters each.
+!> A crystal class by `symmetry`, a name or synonym: its name, the count of its constants, and their names, three characters each.
 subroutine crystal_class_of(symmetry, name, count, constants, status, message)
    use, intrinsic :: iso_c_binding, only: c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
@@ -31,7 +31,7 @@ subroutine crystal_class_of(symmetry, name, count, constants, status, message)
    end do
 end subroutine crystal_class_of
 
-!> Stiffness matrices (GPa, crystal frame) of n crystals from their k constants.
+!> Stiffness matrices (GPa, crystal frame) of n crystals of one `symmetry` from their k constants (GPa).
 subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
@@ -57,8 +57,8 @@ subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, messa
    end do
 end subroutine crystal_stiffness
 
-!> Of n stiffness matrices (GPa): anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not Born-stable, and
-!> Voigt's and Reuss's bulk and shear moduli (GPa) in this order.
+!> Of n stiffness matrices (GPa): anisotropy index (Eq. 14) and log_index, the log-anisotropy, NaN where the crystal is not
+!> Born-stable, and averages: Voigt's bulk and shear modulus, then Reuss's (GPa).
 subroutine crystal_averages(n, stiffness, index, log_index, averages)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
@@ -109,8 +109,8 @@ subroutine region_directions(symmetry, spread, most, count, directions)
    directions(:, :min(most, count)) = found(:, :min(most, count))
 end subroutine region_directions
 
-!> Of n unit vectors in crystal axes, those of the region that a crystal of a valid symmetry cannot tell from them; and 1 if one of
-!> them has all others within `angle` (radians), else 0.
+!> Of n directions, unit vectors in crystal axes, the images in the region that a crystal of a valid symmetry cannot tell from them;
+!> alike: 1 if one of them has all others within `angle` (radians), else 0.
 subroutine region_representatives(symmetry, n, directions, angle, images, alike)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
@@ -136,7 +136,8 @@ subroutine region_representatives(symmetry, n, directions, angle, images, alike)
    alike = merge(1, 0, all_alike(region, directions, angle))
 end subroutine region_representatives
 
-!> Exact and circular-contact indentation moduli (GPa) of n crystals (GPa) at n orientations (radians), on `threads` threads.
+!> Indentation modulus (GPa), exact and of a circular contact, of n crystals of given stiffness (GPa) at n Euler angles `euler`
+!> (radians), on `threads` threads.
 subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use errors, only: error_type

@@ -28,7 +28,7 @@ def class_name(symmetry: str) -> str:
 
 
 def constant_names(symmetry: str) -> tuple[str, ...]:
-    """Names of the independent constants of a crystal class, by name or synonym, in the order in which arrays hold them."""
+    """Names of the independent constants of the crystal class that `symmetry` names, in the order in which arrays hold them."""
     return _crystal_class(symmetry)[1]
 
 
@@ -59,17 +59,17 @@ def stiffness_rows(symmetry: str, constants) -> np.ndarray:
 
 
 def anisotropy_index(stiffness) -> np.ndarray:
-    """Universal anisotropy index (Eq. 14) of stiffnesses (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
+    """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
     return _averages(stiffness)[0]
 
 
 def log_anisotropy(stiffness) -> np.ndarray:
-    """Norm of the anisotropic part of log K, K the Kelvin form of stiffnesses (..., 6, 6) in GPa; NaN where not Born-stable."""
+    """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa; NaN if unstable."""
     return _averages(stiffness)[1]
 
 
 def polycrystal_averages(stiffness) -> dict[str, np.ndarray]:
-    """Voigt's and Reuss's bulk and shear moduli (GPa) of stiffnesses (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
+    """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
     names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
     return dict(zip(names, np.moveaxis(_averages(stiffness)[2], -1, 0), strict=True))
 
