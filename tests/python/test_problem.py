@@ -270,3 +270,9 @@ def test_any_text_gives_one_line(tmp_path_factory, text):
     except bi.InputError as error:
         assert str(error).startswith(f"{path}: ")
         assert "\n" not in str(error)
+
+
+def test_a_synonym_is_its_crystal_class(tmp_path):
+    write(tmp_path, "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168,121,75,0,0,0\n", "p.csv")
+    problem = bi.Problem(write(tmp_path, "&problem symmetry = 'M-3m' /\n&crystals points = 'p.csv' /\n"), "theory")
+    assert problem.settings.problem.symmetry == "cubic" and "symmetry = 'cubic'" in problem.resolved

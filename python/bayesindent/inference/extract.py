@@ -453,7 +453,7 @@ def surrogate_of(problem, output: Path):
     from ..surrogate.surrogate import Surrogate
 
     name = problem.settings.surrogate.file
-    symmetry = problem.symmetry
+    symmetry = problem.settings.problem.symmetry
     try:
         surrogate = Surrogate.load(find_surrogate(name, output, problem.folder) or name)
     except InputError as error:

@@ -66,7 +66,7 @@ class Points:
         return len(self.rows)
 
     def constants_array(self) -> np.ndarray:
-        """Constants (n, k) in GPa in the order of `CONSTANTS`, of a table whose rows have one symmetry."""
+        """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
         return np.array([list(row.values()) for row in self.constants])
 
 
