@@ -118,8 +118,8 @@ def simulated(arguments, domain: Domain, output: Path):
             with Progress(True).bar("simulations", len(missing)) as advance:
                 simulate_into(campaign, simulator_of(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
         rows = [campaign.find(*point) for point in points]
-    done = np.array([row.status == "done" for row in rows])
-    return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.status == "done"]), int((~done).sum())
+    done = np.array([row.modulus_gpa is not None for row in rows])
+    return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.modulus_gpa is not None]), int((~done).sum())
 
 
 def baselines(theory, modulus, unseen, pool, sizes, seed: int) -> list[dict]:

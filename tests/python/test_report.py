@@ -64,18 +64,14 @@ def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
 
 
 def test_a_stage_that_fails_leaves_no_results_of_other_inputs(tmp_path, monkeypatch, capsys):
-    from bayesindent.program.commands import extract
-
     output = tmp_path / "out"
     assert main(["extract", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
-    file = str(write_case(tmp_path, TUNGSTEN))
 
     def failing(*_):
         raise bi.BayesindentError("no")
 
-    monkeypatch.setattr("bayesindent.inference.extract.extract_stage", failing)
-    assert extract.COMMAND.name == "extract"
-    assert main(["extract", file, "--output", str(output)]) == 1
+    monkeypatch.setattr("bayesindent.program.command.perform", failing)
+    assert main(["extract", str(write_case(tmp_path, TUNGSTEN)), "--output", str(output)]) == 1
     assert main(["report", str(output)]) == 0
     assert headings(output) == ["Provenance"]
 

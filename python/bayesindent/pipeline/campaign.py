@@ -62,14 +62,13 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class Row:
-    """One simulation: constants in GPa, angles in degrees, modulus in GPa (None if it failed)."""
+    """One simulation: constants in GPa, angles in degrees, modulus in GPa (None if it failed), seconds, depths in um, forces in mN."""
 
     position: int
     symmetry: str
     constants: tuple
     euler_deg: tuple
     origin: str
-    status: str
     message: str
     modulus_gpa: float | None
     seconds: float | None
@@ -79,27 +78,24 @@ class Row:
 
 
 #: The columns of a `Row`, in its order.
-COLUMNS = (
-    "position, symmetry, constants, euler_deg, origin, status, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn"
-)
+COLUMNS = "position, symmetry, constants, euler_deg, origin, message, indentation_modulus_gpa, seconds, elements, depth_um, force_mn"
 
 
 def _row(cells) -> Row:
-    """A row of the file; lists are stored as JSON."""
     position, symmetry, constants, euler_deg, *numbers, depth, force = cells
     curve = (None if text is None else json.loads(text) for text in (depth, force))
     return Row(position, symmetry, tuple(json.loads(constants)), tuple(json.loads(euler_deg)), *numbers, *curve)
 
 
-def _key(symmetry: str, constants, euler_deg) -> tuple[str, str, str]:
-    """A point as the file spells it: every double to its last bit."""
-    return symmetry, json.dumps([float(v) for v in constants]), json.dumps([float(v) for v in euler_deg])
+def _list(values) -> str:
+    """Numbers as the file spells them: every double to its last bit."""
+    return json.dumps([float(value) for value in values])
 
 
 class Campaign:
     """The rows of one physics in a campaign file, which is made if it is not there.
 
-    `identity` is a dict of plain values. Raises `InputError` if the file is damaged or something else.
+    path: of the file; identity: a dict of plain values. Raises `InputError` if the file is damaged or something else.
     """
 
     def __init__(self, path, identity: dict):
@@ -110,31 +106,30 @@ class Campaign:
             self._file = sqlite3.connect(self.path, timeout=60)
             self._file.execute("PRAGMA synchronous = FULL")
             self._open(fresh)
-            self.physics_id = self._physics(json.dumps(identity, sort_keys=True))
+            with self._file:
+                self._file.execute("INSERT OR IGNORE INTO physics (identity) VALUES (?)", (json.dumps(identity, sort_keys=True),))
+            self.physics_id = self._value("SELECT id FROM physics WHERE identity = ?", json.dumps(identity, sort_keys=True))
         except sqlite3.DatabaseError as error:
-            raise InputError(
-                f"{self.path}: is not a campaign, or is damaged ({error}); restore a copy, or move it away to start a new one"
-            ) from error
+            raise self._damaged(error) from error
 
     def _open(self, fresh: bool) -> None:
         if fresh:
             with self._file:
                 self._file.executescript("BEGIN IMMEDIATE;" + LAYOUT + "COMMIT;")
             return
-        application = self._file.execute("PRAGMA application_id").fetchone()[0]
-        version = self._file.execute("PRAGMA user_version").fetchone()[0]
-        if application != APPLICATION_ID:
+        if self._value("PRAGMA application_id") != APPLICATION_ID:
             raise InputError(f"{self.path}: is a database, but not a campaign of bayesindent; choose another output folder")
-        if version > FORMAT:
+        if (version := self._value("PRAGMA user_version")) > FORMAT:
             raise InputError(f"{self.path}: was written by a newer version (format {version}, known: {FORMAT})")
-        verdict = self._file.execute("PRAGMA quick_check").fetchone()[0]
-        if verdict != "ok":
-            raise InputError(f"{self.path}: is damaged ({verdict}); restore a copy, or move it away to start a new one")
+        if (verdict := self._value("PRAGMA quick_check")) != "ok":
+            raise self._damaged(verdict)
 
-    def _physics(self, identity: str) -> int:
-        with self._file:
-            self._file.execute("INSERT OR IGNORE INTO physics (identity) VALUES (?)", (identity,))
-        return self._file.execute("SELECT id FROM physics WHERE identity = ?", (identity,)).fetchone()[0]
+    def _damaged(self, why) -> InputError:
+        return InputError(f"{self.path}: is not a campaign, or is damaged ({why}); restore a copy, or move it away to start a new one")
+
+    def _value(self, statement: str, *values):
+        """The first cell that a statement gives."""
+        return self._file.execute(statement, values).fetchone()[0]
 
     def close(self) -> None:
         """Close the file."""
@@ -146,111 +141,81 @@ class Campaign:
     def __exit__(self, *_) -> None:
         self.close()
 
+    def _select(self, condition: str, *values) -> list[Row]:
+        statement = f"SELECT {COLUMNS} FROM simulation WHERE physics_id = ? AND {condition} ORDER BY position, id"
+        return [_row(cells) for cells in self._file.execute(statement, (self.physics_id, *values))]
+
     def rows(self, symmetry: str) -> list[Row]:
         """All rows of this physics and symmetry, in order of choice."""
-        cursor = self._file.execute(
-            f"SELECT {COLUMNS} FROM simulation WHERE physics_id = ? AND symmetry = ? ORDER BY position, id", (self.physics_id, symmetry)
-        )
-        return [_row(cells) for cells in cursor]
+        return self._select("symmetry = ?", symmetry)
 
     def find(self, symmetry: str, constants, euler_deg) -> Row | None:
-        """The row of a point, if it is there."""
-        cells = self._file.execute(
-            f"SELECT {COLUMNS} FROM simulation WHERE physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?",
-            (self.physics_id, *_key(symmetry, constants, euler_deg)),
-        ).fetchone()
-        return None if cells is None else _row(cells)
+        """The row of a point, constants (k,) in GPa and angles (3,) in degrees, if it is there."""
+        found = self._select("symmetry = ? AND constants = ? AND euler_deg = ?", symmetry, _list(constants), _list(euler_deg))
+        return found[0] if found else None
 
     def other_physics(self) -> list[str]:
         """Identities of the other physics in the file that have rows."""
-        return [
-            row[0]
-            for row in self._file.execute(
-                "SELECT identity FROM physics WHERE id <> ? AND id IN (SELECT physics_id FROM simulation)", (self.physics_id,)
-            )
-        ]
+        statement = "SELECT identity FROM physics WHERE id <> ? AND id IN (SELECT physics_id FROM simulation)"
+        return [row[0] for row in self._file.execute(statement, (self.physics_id,))]
 
     def next_position(self) -> int:
         """The position of a row to come."""
-        return self._file.execute(
-            "SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?", (self.physics_id,)
-        ).fetchone()[0]
+        return self._value("SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?", self.physics_id)
 
-    def add(
-        self,
-        symmetry: str,
-        constants,
-        euler_deg,
-        *,
-        modulus_gpa: float | None = None,
-        message: str = "",
-        position: int | None = None,
-        elements: int | None = None,
-        seconds: float | None = None,
-        depth_um=None,
-        force_mn=None,
-        origin: str = "simulated",
-    ) -> None:
-        """Store one result; without a modulus it failed, and `message` says why. Committed on return.
+    def add(self, symmetry: str, constants, euler_deg, *, position: int | None = None, **result) -> None:
+        """Store one result of a crystal, constants (k,) in GPa and angles (3,) in degrees, at this or the next position.
 
+        result: modulus_gpa, elements, seconds, depth_um, force_mn, or without a modulus the message why it failed. Committed on return.
         A row that is there already, from another program at work on the same file, stays.
         """
-        if modulus_gpa is not None and not (np.isfinite(modulus_gpa) and modulus_gpa > 0):
-            modulus_gpa, message = None, f"the modulus is {modulus_gpa} GPa"
-        curves = [None if values is None else json.dumps([float(v) for v in values]) for values in (depth_um, force_mn)]
-        where = self.next_position() if position is None else position
+        self._insert([(self.next_position() if position is None else position, symmetry, constants, euler_deg, "simulated", result)])
+
+    def _insert(self, rows) -> None:
+        cells = []
+        for position, symmetry, constants, euler_deg, origin, result in rows:
+            modulus, message = result.get("modulus_gpa"), result.get("message", "")
+            if modulus is not None and not (np.isfinite(modulus) and modulus > 0):
+                modulus, message = None, f"the modulus is {modulus} GPa"
+            curves = [None if result.get(name) is None else _list(result[name]) for name in ("depth_um", "force_mn")]
+            made = [None if modulus is None else float(modulus), result.get("seconds"), result.get("elements"), *curves]
+            now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+            status = "failed" if modulus is None else "done"
+            cells.append([position, symmetry, _list(constants), _list(euler_deg), origin, message, *made, self.physics_id, status, now])
         with self._file:
-            self._file.execute(
-                "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
-                "indentation_modulus_gpa, elements, seconds, depth_um, force_mn, created) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?) "
+            self._file.executemany(
+                f"INSERT INTO simulation ({COLUMNS}, physics_id, status, created) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?,?) "
                 "ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING",
-                (
-                    self.physics_id,
-                    where,
-                    *_key(symmetry, constants, euler_deg),
-                    origin,
-                    "failed" if modulus_gpa is None else "done",
-                    message,
-                    None if modulus_gpa is None else float(modulus_gpa),
-                    elements,
-                    seconds,
-                    *curves,
-                    datetime.now(timezone.utc).isoformat(timespec="seconds"),
-                ),
+                cells,
             )
 
     def import_rows(self, symmetry: str, constants, euler_deg, modulus_gpa) -> int:
-        """Import results of others: constants (n, k), angles (n, 3), moduli (n,). Gives how many were new.
+        """Import results of others: constants (n, k) in GPa, angles (n, 3) in degrees, moduli (n,) in GPa. Gives how many were new.
 
         Rows that are there already with the same modulus are skipped. Rows that contradict each other or a stored row are refused,
         all of them, before anything is stored.
         """
-        new = {}
+        new: dict = {}
         for i, (c, e, m) in enumerate(zip(constants, euler_deg, modulus_gpa, strict=True), start=1):
             if not (np.isfinite(m) and m > 0):
                 raise InputError(f"row {i}: modulus_gpa is {m}; it must be positive")
-            key = _key(symmetry, c, e)
+            point = tuple(c), tuple(e)
             stored = self.find(symmetry, c, e)
-            earlier = stored.modulus_gpa if stored is not None else new.get(key)
-            what = ", ".join(f"{name} {value:g}" for name, value in zip(constant_names(symmetry), c, strict=True))
+            earlier = stored.modulus_gpa if stored is not None else new.get(point)
+            what = f"row {i} ({', '.join(f'{name} {value:g}' for name, value in zip(constant_names(symmetry), c, strict=True))})"
             if stored is not None and earlier is None:
                 raise InputError(
-                    f"row {i} ({what}): the campaign has this point as failed ({stored.message}); a stored row is never "
-                    "changed: leave the row out, or import into a new campaign"
+                    f"{what}: the campaign has this point as failed ({stored.message}); a stored row is never changed: leave the row out, "
+                    "or import into a new campaign"
                 )
             if earlier is not None and abs(earlier - m) > SAME * abs(m):
                 raise InputError(
-                    f"row {i} ({what}): modulus_gpa is {m:g}, but the same point has {earlier:g} GPa "
+                    f"{what}: modulus_gpa is {m:g}, but the same point has {earlier:g} GPa "
                     f"{'in the campaign' if stored is not None else 'in an earlier row'}; one of them is wrong or of another "
                     "physics: leave one out, or import into a new campaign"
                 )
             if earlier is None:
-                new[key] = float(m)
-        position, now = self.next_position(), datetime.now(timezone.utc).isoformat(timespec="seconds")
-        with self._file:
-            self._file.executemany(
-                "INSERT INTO simulation (physics_id, position, symmetry, constants, euler_deg, origin, status, message, "
-                "indentation_modulus_gpa, created) VALUES (?,?,?,?,?,?,'done','',?,?)",
-                [(self.physics_id, position + i, *key, IMPORTED, m, now) for i, (key, m) in enumerate(new.items())],
-            )
+                new[point] = float(m)
+        first = self.next_position()
+        self._insert((first + i, symmetry, *point, IMPORTED, {"modulus_gpa": m}) for i, (point, m) in enumerate(new.items()))
         return len(new)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..common.result_files import plain
 from ..core import BayesindentError, InputError
+from ..settings.problem import schema
 from ..version import __version__
 from .commands import COMMANDS
 
@@ -107,8 +108,6 @@ def parser() -> argparse.ArgumentParser:
 
 def describe_group(name: str) -> str:
     """The variables of one namelist group, as the core's reader knows them."""
-    from ..settings.problem import schema
-
     variables = [variable for variable in schema() if variable.group == name]
     lines = [f"&{name}: {variables[0].group_meaning}"]
     for variable in variables:

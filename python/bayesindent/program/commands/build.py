@@ -4,38 +4,29 @@ import argparse
 from pathlib import Path
 
 from ...common.progress import Progress
+from ...common.result_files import as_csv
+from ...pipeline.build import build
+from ...pipeline.import_export import ask, tell
+from ...settings.problem import read_crystals
 from ..command import namelist_command, perform, prepare, with_warnings
 
 __all__ = ["COMMAND"]
 
 
-def build(problem, output: Path, progress: Progress) -> dict:
-    """The surrogate."""
-    from ...pipeline.build import build as build_surrogate
-
-    return build_surrogate(problem, output, progress)
-
-
 def action(arguments: argparse.Namespace) -> dict:
     """Build; or with --ask the next crystals, with --tell the moduli of others."""
-    from ...pipeline.import_export import ask, tell
-    from ...settings.problem import read_crystals
-
     problem, output = prepare(arguments)
     if arguments.ask is not None:
         arguments.results = None
         return with_warnings(problem, ask(problem, output, arguments.ask))
     if arguments.tell is not None:
-        return with_warnings(
-            problem, tell(problem, output, read_crystals(arguments.tell, problem.settings.problem.symmetry), str(arguments.tell))
-        )
+        points = read_crystals(arguments.tell, problem.settings.problem.symmetry)
+        return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
     return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
 
 
 def show(document: dict) -> None:
     """The points as CSV, for pipes; or what was imported or built."""
-    from ...common.result_files import as_csv
-
     if "points" in document:
         points = document["points"]
         print(as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True)
@@ -55,10 +46,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
 
-COMMAND = namelist_command(
-    "build",
-    stage=build,
-    action=action,
-    arguments=add_arguments,
-    show=show,
-)
+COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show)

@@ -1,25 +1,15 @@
 """`extract`: Step 2."""
 
-from pathlib import Path
-
-from ...common.progress import Progress
+from ...inference.extract import extract_stage
+from ...report.words import most_probable, number
 from ..command import namelist_command
 from ..console import show_table
 
 __all__ = ["COMMAND"]
 
 
-def extract(problem, output: Path, progress: Progress) -> dict:
-    """The posterior of the constants."""
-    from ...inference.extract import extract_stage
-
-    return extract_stage(problem, output, progress)
-
-
 def show(document: dict) -> None:
     """The constants."""
-    from ...report.words import most_probable, number
-
     rows = []
     for name, item in document["parameters"].items():
         low, high = item["hdi_95"]
@@ -29,8 +19,4 @@ def show(document: dict) -> None:
     show_table("Elastic constants (GPa)", header, rows)
 
 
-COMMAND = namelist_command(
-    "extract",
-    stage=extract,
-    show=show,
-)
+COMMAND = namelist_command("extract", stage=extract_stage, show=show)

@@ -1,19 +1,10 @@
 """`next`: the grains worth measuring next."""
 
-from pathlib import Path
-
-from ...common.progress import Progress
+from ...inference.next_grain import next_stage
 from ..command import namelist_command
 from ..console import show_table
 
 __all__ = ["COMMAND"]
-
-
-def next_grain(problem, output: Path, progress: Progress) -> dict:
-    """The orientations, ranked."""
-    from ...inference.next_grain import next_stage
-
-    return next_stage(problem, output, progress)
 
 
 def show(document: dict) -> None:
@@ -22,8 +13,4 @@ def show(document: dict) -> None:
     show_table("Orientations worth measuring next (degrees)", ["phi1", "Phi", "phi2", "expected gain"], rows)
 
 
-COMMAND = namelist_command(
-    "next",
-    stage=next_grain,
-    show=show,
-)
+COMMAND = namelist_command("next", stage=next_stage, show=show)

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ...common.result_files import write_csv
+from ...pipeline.moduli import identified, joined
+from ...settings.problem import read_crystals
+from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder
 
 __all__ = ["COMMAND"]
@@ -14,10 +17,6 @@ __all__ = ["COMMAND"]
 
 def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
-    from ...pipeline.moduli import identified, joined
-    from ...settings.problem import read_crystals
-    from ...surrogate.surrogate import Surrogate
-
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, model.symmetry)
     mean, sd = model.predict(points.constants_array(), points.euler_deg)

@@ -3,15 +3,17 @@
 import argparse
 
 from ...common.progress import Progress
+from ...inference.extract import check_stage
+from ...settings.problem import Problem
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
+from . import report
 
 __all__ = ["COMMAND"]
 
 
 def run(arguments: argparse.Namespace) -> dict:
     """The stages of the file in order, then a report; with --check only what would be done."""
-    from ...settings.problem import Problem
-    from ..commands import COMMANDS, report
+    from ..commands import COMMANDS
 
     if arguments.check:
         return check(Problem(arguments.file, "run"), arguments)
@@ -25,8 +27,6 @@ def run(arguments: argparse.Namespace) -> dict:
 
 def check(problem, arguments: argparse.Namespace) -> dict:
     """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it knows the crystals of the prior."""
-    from ...inference.extract import check_stage
-
     stages = problem.stages
     if "build" not in stages and {"extract", "next"} & set(stages):
         check_stage(problem, output_folder(arguments, arguments.file))
@@ -49,9 +49,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
 
 
-COMMAND = namelist_command(
-    "run",
-    action=run,
-    arguments=add_arguments,
-    show=show,
-)
+COMMAND = namelist_command("run", action=run, arguments=add_arguments, show=show)

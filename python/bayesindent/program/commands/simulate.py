@@ -3,8 +3,11 @@
 from pathlib import Path
 
 from ...common.progress import Progress
-from ...common.result_files import cell, write_csv, write_text
+from ...common.result_files import cell, whole_file, write_csv, write_text
 from ...core import BayesindentError
+from ...pipeline.campaign import Campaign
+from ...pipeline.moduli import identified, write_moduli
+from ...pipeline.simulator import engine_of, new_indentation, physics_identity, simulate_into, simulator_of
 from ..command import namelist_command
 from ..console import show_moduli
 
@@ -16,8 +19,6 @@ def simulate(problem, output: Path, progress: Progress) -> dict:
 
     Every simulation is a row of campaign.sqlite as soon as it is done; those that are there are not repeated.
     """
-    from ...pipeline.moduli import identified, write_moduli
-
     points = problem.crystals
     rows, new = simulated_rows(problem, output, progress)
     write_moduli(output / "moduli.csv", problem, points, [row.modulus_gpa for row in rows])
@@ -48,9 +49,6 @@ def simulate(problem, output: Path, progress: Progress) -> dict:
 
 def simulated_rows(problem, output: Path, progress: Progress, mesh: str = "") -> tuple[list, int]:
     """The campaign's row of each crystal of the file, on `mesh` or the problem's own, and how many were simulated now."""
-    from ...pipeline.campaign import Campaign
-    from ...pipeline.simulator import engine_of, physics_identity, simulate_into, simulator_of
-
     points = problem.crystals
     keys = [(points.symmetry[i], tuple(points.constants[i].values()), tuple(points.euler_deg[i])) for i in range(len(points))]
     with Campaign(output / "campaign.sqlite", physics_identity(problem, mesh)) as campaign:
@@ -66,9 +64,6 @@ def write_fields(problem, chosen: list[int], output: Path, progress: Progress) -
 
     A file that is there is written again: it costs one solution, and the crystal of its row may have changed.
     """
-    from ...common.result_files import whole_file
-    from ...pipeline.simulator import new_indentation
-
     settings, points = problem.settings.simulation, problem.crystals
     if settings.simulator != "fe" or not (settings.vtu or settings.inp):
         return
@@ -86,8 +81,4 @@ def write_fields(problem, chosen: list[int], output: Path, progress: Progress) -
             advance(1)
 
 
-COMMAND = namelist_command(
-    "simulate",
-    stage=simulate,
-    show=show_moduli,
-)
+COMMAND = namelist_command("simulate", stage=simulate, show=show_moduli)

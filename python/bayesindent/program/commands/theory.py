@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from ...common.progress import Progress
+from ...crystal.elasticity import halfspace_modulus
+from ...pipeline.moduli import identified, write_moduli
 from ..command import namelist_command
 from ..console import show_moduli
 
@@ -11,17 +13,10 @@ __all__ = ["COMMAND"]
 
 def theory(problem, output: Path, progress: Progress) -> dict:
     """Theory.csv and the document."""
-    from ...crystal.elasticity import halfspace_modulus
-    from ...pipeline.moduli import identified, write_moduli
-
     points = problem.crystals
     moduli = halfspace_modulus(points.stiffness, points.euler_deg)
     write_moduli(output / "theory.csv", problem, points, moduli)
     return {"results": [identified(points, i) | {"indentation_modulus_gpa": modulus} for i, modulus in enumerate(moduli)]}
 
 
-COMMAND = namelist_command(
-    "theory",
-    stage=theory,
-    show=show_moduli,
-)
+COMMAND = namelist_command("theory", stage=theory, show=show_moduli)
