@@ -1,5 +1,6 @@
 """The loop of Step 1 with the half-space theory in place of simulations: resuming, stopping, importing, refusing."""
 
+import itertools
 import sqlite3
 import time
 from pathlib import Path
@@ -88,13 +89,14 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
 
 
 def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatch):
-    calls, real = [], simulator_module.halfspace_modulus
+    calls, numbers, real = [], itertools.count(1), simulator_module.halfspace_modulus
 
     def interrupted(stiffness, euler_deg, **options):
         if np.ndim(stiffness) == 2:
-            calls.append(1)
+            number = next(numbers)
+            calls.append(number)
             time.sleep(0.1)  # longer than it takes to store a row
-            if len(calls) == 20:
+            if number == 20:
                 raise KeyboardInterrupt
         return real(stiffness, euler_deg, **options)
 
