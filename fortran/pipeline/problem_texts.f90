@@ -48,6 +48,8 @@ contains
          text = cells(self%measurements)
       case (13)
          text = cells(self%candidates)
+      case default
+         continue
       end select
    end function text_of
 

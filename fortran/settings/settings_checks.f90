@@ -21,8 +21,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) &
-         & call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (.not. allocated(error)) then
+         call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      end if
       if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
       associate (design => settings%design)

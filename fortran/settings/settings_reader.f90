@@ -188,6 +188,8 @@ contains
             call self%refuse(variable, found//to_text(self%class%n_constants)//' are needed: ' &
                & //join(self%class%constants, ', '))
          end if
+      case default
+         continue
       end select
    end subroutine check_count
 
