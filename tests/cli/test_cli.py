@@ -1,8 +1,10 @@
 """The command line: what it says, where, and its exit status."""
 
+import os
+
 import pytest
 
-COMMANDS = ("run", "simulate", "theory", "build", "predict", "extract", "next", "report", "bench", "test")
+COMMANDS = ("run", "simulate", "theory", "build", "predict", "extract", "next", "report", "bench", "test", "lint", "lines")
 
 
 def test_help_names_every_command(bayesindent):
@@ -25,3 +27,13 @@ def test_wrong_usage_exits_2(bayesindent, arguments):
     assert done.returncode == 2
     assert done.stdout == ""
     assert "usage:" in done.stderr
+
+
+def test_tools_of_the_source_tree_take_options_of_their_own(bayesindent):
+    done = bayesindent("bench", "unknown")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "invalid choice: 'unknown'" in done.stderr
+    assert "--fix" in bayesindent("lint", "--help").stdout
+    done = bayesindent("lines", env=os.environ | {"BAYESINDENT_SOURCE": "."})
+    assert done.returncode == 1
+    assert "is no source tree of bayesindent; use ./bayesindent in one" in done.stderr

@@ -1,56 +1,41 @@
-"""`bench`, `test`, `lint` and `lines`: what only a source tree can do."""
+"""`bench`, `test`, `lint` and `lines`: what only a source tree can do, by its tests/tools/NAME.py."""
 
 import argparse
+import importlib.util
+import os
+import sys
+from pathlib import Path
 
-from .. import source_tree
+from ...core import BayesindentError
 from ..command import Command
 
 __all__ = ["COMMANDS"]
 
-
-def bench_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `bench`."""
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("arguments", nargs=argparse.REMAINDER, help="what the benchmark takes")
-
-
-def test_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `test`."""
-    parser.add_argument("names", nargs="*", metavar="NAME", help="a suite (unit, python, cli), a unit test, or part of a case's name")
-    parser.add_argument("--sanitize", action="store_true", help="of a build that checks addresses, undefined behaviour and bounds")
+SUMMARIES = {
+    "bench": "benchmarks against peers, and studies of accuracy, from a source tree",
+    "test": "build and run the tests of a source tree",
+    "lint": "formatters, linters and type checker of a source tree",
+    "lines": "code lines of a source tree by folder, and its largest parts",
+}
 
 
-def lint_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `lint`."""
-    parser.add_argument("--fix", dest="arguments", action="store_const", const=["--fix"], default=[], help="format and mend first")
+def take_all(parser: argparse.ArgumentParser) -> None:
+    """Whatever follows, options too, is the tool's."""
+    parser.prefix_chars = "\0"
+    parser.add_argument("arguments", nargs="*", help="--help says more")
 
 
-def lines_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `lines`."""
-    parser.add_argument("arguments", nargs="*", metavar="ROOT", help="other source trees, beside it")
+def run(arguments: argparse.Namespace) -> int:
+    """Run the `main(arguments)` of a tool. The launcher says where the source tree is; otherwise the current folder must be it."""
+    root = Path(os.environ.get("BAYESINDENT_SOURCE", "."))
+    file = root / "tests" / "tools" / f"{arguments.command.name}.py"
+    specification = importlib.util.spec_from_file_location(f"tool_{file.stem}", file)
+    if not file.exists() or specification is None or specification.loader is None:
+        raise BayesindentError(f"{root.resolve()} is no source tree of bayesindent; use ./bayesindent in one")
+    sys.path.insert(0, str(file.parent))
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module.main(arguments.arguments)
 
 
-def tool(arguments: argparse.Namespace) -> int:
-    """Run a tool."""
-    return source_tree.run_tool(arguments.command.name, arguments.arguments)
-
-
-COMMANDS = (
-    Command(
-        "bench",
-        "benchmarks against peers, and studies of accuracy, from a source tree",
-        """NAME is simulate, build or extract (against peers), or learning, coverage, paper, shipped or studies (accuracy); NAME --help
-        says more.""",
-        action=lambda arguments: source_tree.run_benchmark(arguments.name, arguments.arguments),
-        arguments=bench_arguments,
-    ),
-    Command(
-        "test",
-        "build and run the tests of a source tree",
-        "The last line counts the cases.",
-        action=lambda arguments: source_tree.run_tests(arguments.names, arguments.sanitize),
-        arguments=test_arguments,
-    ),
-    Command("lint", "formatters, linters and type checker of a source tree", action=tool, arguments=lint_arguments),
-    Command("lines", "code lines of a source tree by folder, and its largest parts", action=tool, arguments=lines_arguments),
-)
+COMMANDS = tuple(Command(name, summary, action=run, arguments=take_all) for name, summary in SUMMARIES.items())
