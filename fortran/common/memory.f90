@@ -75,9 +75,11 @@ contains
       character(len=:), allocatable :: string
 
       if (bytes < 1.0e9_wp) then
-         string = to_text(1.0e-6_wp*bytes, 3)//' MB'
-      else
+         string = to_text(nint(1.0e-6_wp*bytes))//' MB'
+      else if (bytes < 1.0e11_wp) then
          string = to_text(1.0e-9_wp*bytes, 3)//' GB'
+      else
+         string = to_text(nint(1.0e-12_wp*min(bytes, 1.0e21_wp)))//' TB'
       end if
    end function memory_text
 end module memory

@@ -298,6 +298,7 @@ contains
    subroutine assemble(mesh, assembly, formulation, c, values, error)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(in) :: assembly
+      !> Of the bricks (`fe_element`).
       integer, intent(in) :: formulation
       real(wp), intent(in) :: c(6, 6)
       !> In the order of `assembly%row`.
@@ -397,6 +398,7 @@ contains
    pure subroutine expand_displacement(mesh, assembly, solution, u)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(in) :: assembly
+      !> Displacement of each unknown, um.
       real(wp), intent(in) :: solution(:)
       !> (3, nodes).
       real(wp), intent(out) :: u(:, :)
@@ -419,7 +421,9 @@ contains
    !> Force (mN) with which the surroundings hold the mesh: clamped nodes, or the infinite elements.
    subroutine reaction(mesh, formulation, c, u, force)
       type(mesh_type), intent(in) :: mesh
+      !> Of the bricks (`fe_element`).
       integer, intent(in) :: formulation
+      !> Stiffness in the sample frame (GPa), displacement of the nodes (um).
       real(wp), intent(in) :: c(6, 6), u(:, :)
       real(wp), intent(out) :: force(3)
       logical, allocatable :: clamped(:)

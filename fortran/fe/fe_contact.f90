@@ -19,11 +19,13 @@ contains
 
    !> Nodal forces at one depth by the primal-dual active set method, starting from `active`.
    subroutine solve_contact(compliance, gap, depth, active, force, error)
+      !> Normal displacement of the nodes by their normal forces, um/mN.
       real(wp), intent(in) :: compliance(:, :)
       !> Height of the indenter above each node at zero depth, and its depth, um.
       real(wp), intent(in) :: gap(:), depth
       !> In: a guess; out: the nodes in contact.
       logical, intent(inout) :: active(:)
+      !> Into the material, mN.
       real(wp), intent(out) :: force(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
@@ -81,6 +83,7 @@ contains
    !> Largest violation of the contact conditions: tension and complementarity relative to the largest nodal force,
    !> penetration and complementarity relative to the depth.
    pure real(wp) function contact_residual(compliance, gap, depth, force) result(residual)
+      !> As in `solve_contact`.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth, force(:)
       real(wp), allocatable :: clearance(:), relative(:)
 

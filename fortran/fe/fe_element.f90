@@ -25,7 +25,9 @@ contains
    !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
    pure subroutine brick_stiffness(x, c, formulation, k, valid)
       real(wp), intent(in) :: x(3, 8), c(6, 6)
+      !> One of the formulations above.
       integer, intent(in) :: formulation
+      !> mN/um.
       real(wp), intent(out) :: k(24, 24)
       !> The Jacobian is positive at all integration points.
       logical, intent(out) :: valid
@@ -48,7 +50,9 @@ contains
 
    !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
    pure subroutine brick_stress(x, c, formulation, u, stress)
+      !> Nodes (um), stiffness in the axes of the nodes (GPa), displacements.
       real(wp), intent(in) :: x(3, 8), c(6, 6), u(3, 8)
+      !> One of the formulations above.
       integer, intent(in) :: formulation
       real(wp), intent(out) :: stress(6)
       real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
@@ -85,8 +89,11 @@ contains
    !>
    !> Columns 1-24: three displacements a node; 25-33: the incompatible modes, if any.
    pure subroutine brick_strain(x, formulation, b, volume)
+      !> Nodes, um.
       real(wp), intent(in) :: x(3, 8)
+      !> One of the formulations above.
       integer, intent(in) :: formulation
+      !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
       real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3)
@@ -132,6 +139,7 @@ contains
 
    !> Volumes (um3) that integration assigns to the eight nodes' corners: their sum is the element's volume.
    pure function brick_volumes(x) result(volume)
+      !> Nodes, um.
       real(wp), intent(in) :: x(3, 8)
       real(wp) :: volume(8)
       real(wp) :: inverse(3, 3)
@@ -150,6 +158,7 @@ contains
    !> bricks do; with mean zero, and gradients mapped by the Jacobian of the centre, they do no work on a uniform stress.
    pure subroutine infinite_stiffness(x, c, k)
       real(wp), intent(in) :: x(3, 4), c(6, 6)
+      !> mN/um.
       real(wp), intent(out) :: k(12, 12)
       real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
       real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, b(6, 18), natural(3, 4)

@@ -69,8 +69,7 @@ contains
 
       call new_specimen_mesh(settings, specimen, error)
       if (allocated(error)) return
-      model%element = settings%element
-      if (model%element == '') model%element = trim(specimen%default_element)
+      model%element = specimen%element_of(settings%element)
       if (model%element == 'c3d8i') then
          model%formulation = brick_incompatible
       else if (settings%integration == 'full') then

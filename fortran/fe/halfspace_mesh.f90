@@ -14,29 +14,42 @@ module halfspace_mesh
       real(wp) :: outer = 0.0_wp, growth = 0.0_wp
    contains
       procedure :: contact_radius
+      procedure :: element_size
       procedure :: make
    end type halfspace_mesh_type
 
+   !> Elements per contact radius at refine = 1.
+   real(wp), parameter :: fineness = 9.5_wp
+
 contains
 
-   pure function contact_radius(self, radius_um)
+   pure real(wp) function contact_radius(self, radius_um)
       class(halfspace_mesh_type), intent(in) :: self
+      !> um.
       real(wp), intent(in) :: radius_um
-      real(wp) :: contact_radius
 
       associate (unused => self)
       end associate
       contact_radius = radius_um/32.0_wp
    end function contact_radius
 
-   !> 9.5 elements to the contact radius at refine = 1.
+   pure real(wp) function element_size(self, radius_um)
+      class(halfspace_mesh_type), intent(in) :: self
+      !> um.
+      real(wp), intent(in) :: radius_um
+
+      element_size = self%contact_radius(radius_um)/fineness
+   end function element_size
+
+   !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
    subroutine make(self, refine, contact_radius, mesh, error)
       class(halfspace_mesh_type), intent(in) :: self
+      !> Relative to the default; largest contact radius (Hertz), um.
       real(wp), intent(in) :: refine, contact_radius
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
-      !> Elements per contact radius, and depth of the core in contact radii.
-      real(wp), parameter :: fineness = 9.5_wp, depth = 1.1_wp
+      !> Depth of the core in contact radii.
+      real(wp), parameter :: depth = 1.1_wp
       type(mesh_plan_type) :: plan
       real(wp) :: across, ratio
 

@@ -62,7 +62,7 @@ contains
          & //to_text(most_bricks), exit_bad_input)
    end subroutine check_plan
 
-   !> How many items the mesh of a plan will have.
+   !> How many nodes, bricks, hanging nodes and classes of bricks the mesh of a plan will have.
    pure subroutine count_items(plan, nodes, bricks, hanging, classes)
       type(mesh_plan_type), intent(in) :: plan
       integer, intent(out) :: nodes, bricks, hanging, classes

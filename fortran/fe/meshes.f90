@@ -30,7 +30,7 @@ contains
       end select
    end subroutine new_specimen_mesh
 
-   !> The mesh to compare with: the next of the list.
+   !> The mesh to compare the one of this name with: the next of the list.
    pure function other_mesh(name) result(other)
       character(len=*), intent(in) :: name
       character(len=:), allocatable :: other

@@ -25,6 +25,9 @@ module sparse_cholesky
       type(c_ptr) :: handle = c_null_ptr
    end type factor_type
 
+   !> Bytes that must stay free beside a workspace: OpenBLAS takes that much for each thread, and waits for ever where it cannot.
+   real(wp), parameter :: blas_bytes = 1.5e8_wp
+
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 
    interface
@@ -77,9 +80,11 @@ contains
 
    !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
    subroutine analyse_pattern(column_start, row, group, kept, cholesky, error)
+      !> First entry of each column, and rows of the entries.
       integer, intent(in) :: column_start(:), row(:)
       !> Number of the mesh node of each unknown: unknowns of a node share their neighbours.
       integer, intent(in) :: group(:)
+      !> The last unknowns, to be eliminated last.
       integer, intent(in) :: kept
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
@@ -96,7 +101,7 @@ contains
       end if
       if (allocated(error)) return
       call c_size(cholesky%handle, cholesky%entries, cholesky%operations, cholesky%bytes)
-      call check_memory(cholesky%bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
+      call check_memory(cholesky%bytes + blas_bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       if (allocated(error)) call free_analysis(cholesky)
    end subroutine analyse_pattern
 
@@ -115,7 +120,7 @@ contains
 
       ! What is free now is so only until the next thread has taken its share.
       !$omp critical (sparse_cholesky)
-      factor%handle = c_acquire(cholesky%handle, free_memory())
+      factor%handle = c_acquire(cholesky%handle, free_memory() - blas_bytes)
       !$omp end critical (sparse_cholesky)
       if (.not. c_associated(factor%handle)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
          & //'; fewer workers or a lower refine need less', error)
@@ -152,7 +157,7 @@ contains
       call c_kept_factor(cholesky%handle, factor%handle, lower)
    end subroutine kept_factor
 
-   !> Overwrite a right-hand side (unknowns) with the solution.
+   !> Overwrite the right-hand side x (unknowns) with the solution.
    subroutine solve_factored(cholesky, factor, x)
       type(cholesky_type), intent(in) :: cholesky
       type(factor_type), intent(inout) :: factor

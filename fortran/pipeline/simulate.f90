@@ -7,10 +7,11 @@ module simulate
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
+   use mesh_resolution, only: largest_mesh_error, resolution_warning
    use settings_groups, only: simulation_settings_type
    implicit none
    private
-   public :: outcome_type, simulator_type, new_simulator, outcome_waiting, outcome_done, outcome_failed
+   public :: outcome_type, simulator_type, new_simulator, simulation_error, outcome_waiting, outcome_done, outcome_failed
 
    !> What became of a crystal.
    integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
@@ -108,6 +109,23 @@ contains
       outcome%message = error%message
       deallocate (error)
    end subroutine run
+
+   !> How large the error of the simulation may be for each crystal, and what is to be said of it, '' if nothing.
+   subroutine simulation_error(settings, stiffness, largest, warning)
+      type(simulation_settings_type), intent(in) :: settings
+      !> GPa (6, 6, crystals).
+      real(wp), intent(in) :: stiffness(:, :, :)
+      !> Relative (crystals).
+      real(wp), intent(out) :: largest(:)
+      !> One line.
+      character(len=:), allocatable, intent(out) :: warning
+
+      largest = 0.0_wp
+      warning = ''
+      if (settings%simulator /= 'fe') return
+      largest = largest_mesh_error(settings, stiffness)
+      warning = resolution_warning(largest)
+   end subroutine simulation_error
 
    subroutine evaluate_fe(self, stiffness, euler, outcome, error)
       class(fe_simulator_type), intent(in) :: self

@@ -67,6 +67,11 @@ class NativeObject:
     def _hold(self, handle: int) -> None:
         object.__setattr__(self, "_handle", int(handle))
 
+    @property
+    def handle(self) -> int:
+        """The number that the core knows the object by."""
+        return self.__dict__.get("_handle", 0)
+
     def __setattr__(self, name: str, value) -> None:
         if getattr(self, "_handle", 0):
             raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")

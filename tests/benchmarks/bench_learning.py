@@ -18,7 +18,7 @@ from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.engines import LocalEngine
-from bayesindent.pipeline.simulator import physics_identity, simulate_into, simulator_of
+from bayesindent.pipeline.simulator import Simulator, physics_identity, simulate_into
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.domain import Domain
 from bayesindent.surrogate.learning import FIRST_SD
@@ -116,7 +116,7 @@ def simulated(arguments, domain: Domain, output: Path):
         missing = [point for point in points if campaign.find(*point) is None]
         if missing:
             with Progress(True).bar("simulations", len(missing)) as advance:
-                simulate_into(campaign, simulator_of(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
+                simulate_into(campaign, Simulator(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
         rows = [campaign.find(*point) for point in points]
     done = np.array([row.modulus_gpa is not None for row in rows])
     return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.modulus_gpa is not None]), int((~done).sum())

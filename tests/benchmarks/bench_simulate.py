@@ -2,6 +2,7 @@
 
 - accuracy: zinc, copper and Fe-3%Si at the reference orientations, default and extrapolated, against the half-space theory
 - random: crystals drawn uniformly from the paper's two domains, against the theory
+- soft: crystals with soft modes of shear, towards elastic instability, against the theory and the error that a warning states
 - convergence: the error over mesh size, element, distance of the infinite elements and growth of the layers, with a figure
 - cost: one curve of ten depths on the paper's block against its bare numeric factorisation, and the rate against DGEMM
 - ccx: CPU time of CalculiX on the exported deck of the paper's block, four depths, against our curve of four depths with the set-up of
@@ -26,9 +27,9 @@ from pathlib import Path
 import numpy as np
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names
+from bayesindent.crystal.elasticity import constant_names, log_anisotropy
 
-SECTIONS = ("accuracy", "random", "convergence", "cost", "ccx", "memory", "workers", "size")
+SECTIONS = ("accuracy", "random", "soft", "convergence", "cost", "ccx", "memory", "workers", "size")
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"
 #: Boxes and caps of the paper's domains: constants in the order of `constant_names`, GPa.
 DOMAINS = {
@@ -121,6 +122,44 @@ def run_random(arguments) -> None:
                     rows.append((label, symmetry, name, part.sum(), (part & failed).sum(), f"{np.nanmean(errors[part]):.3f}",
                                  f"{errors[worst]:.3f}", f"{index[worst]:.1f}"))  # fmt: skip
     table(("settings", "domain", "index", "crystals", "failed", "mean error, %", "worst, %", "its index"), rows)
+
+
+def soft_crystals(count: int, seed: int = 7):
+    """Stiffness and angles of crystals with one soft mode, of four kinds in turn, softened by up to 150 times."""
+    random = np.random.default_rng(seed)
+    drawn = []
+    for k in range(count):
+        soft, bulk = 50 * np.exp(-random.uniform(0.5, 5.0)), 50 * np.exp(random.uniform(-0.3, 2.0))
+        hexagonal = {"C11": random.uniform(100, 240), "C33": random.uniform(80, 210), "C13": random.uniform(20, 80),
+                     "C44": random.uniform(30, 90), "C12": random.uniform(20, 60)}  # fmt: skip
+        crystals = (
+            ("cubic", {"C11": bulk + 4 / 3 * soft, "C12": bulk - 2 / 3 * soft, "C44": 50.0}),
+            ("cubic", {"C11": bulk + 4 / 3 * 50, "C12": bulk - 2 / 3 * 50, "C44": soft}),
+            ("hexagonal", hexagonal | {"C12": hexagonal["C11"] - 2 * soft}),
+            ("hexagonal", hexagonal | {"C44": soft}),
+        )
+        symmetry, constants = crystals[k % 4]
+        angles = random.uniform(0, 360), np.degrees(np.arccos(random.uniform(-1, 1))), random.uniform(0, 360)
+        drawn.append((bi.stiffness(symmetry, **constants), angles))
+    return tuple(np.array(column) for column in zip(*drawn, strict=True))
+
+
+def run_soft(arguments) -> None:
+    """Errors towards instability, by log-anisotropy, beside the largest that the program states."""
+    matrices, angles = soft_crystals(arguments.random)
+    exact, size = bi.halfspace_modulus(matrices, angles), log_anisotropy(matrices)
+    rows = []
+    for label, options in (("default", {}), ("extrapolate", {"extrapolate": True}), ("c3d8", {"element": "c3d8"})):
+        model = bi.Indentation(**options)
+        results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
+        moduli = np.array([np.nan if isinstance(r, Exception) else r.indentation_modulus_gpa for r in results])
+        errors, stated = 100 * np.abs(moduli / exact - 1), 100 * model.largest_error(matrices)
+        for low, high in ((0, 1), (1, 2), (2, 2.5), (2.5, 3), (3, 3.5), (3.5, 4), (4, 4.5), (4.5, 5), (5, 9)):
+            part = (size >= low) & (size < high) & np.isfinite(errors)
+            if part.any():
+                rows.append((label, f"{low:g} to {high:g}", part.sum(), f"{errors[part].mean():.2f}", f"{errors[part].max():.2f}",
+                             f"{stated[part].min():.2f} to {stated[part].max():.2f}", (errors > stated)[part].sum()))  # fmt: skip
+    table(("settings", "log-anisotropy", "crystals", "mean error, %", "worst, %", "stated, %", "beyond what is stated"), rows)
 
 
 def run_convergence(arguments) -> None:

@@ -1,25 +1,19 @@
-!> Elements, mesh, sparse solver and contact against what they must reproduce exactly, and Hertz' solution.
+!> Elements, mesh, sparse solver and contact against what they must reproduce exactly.
 program test_fe
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
    use fe_contact, only: contact_residual, solve_contact
    use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, brick_volumes, &
       & infinite_stiffness
-   use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
-      & simulate_indentation
    use fe_mesh, only: mesh_type, new_mesh
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
    use mesh_plan, only: mesh_plan_type
-   use meshes, only: mesh_names, new_specimen_mesh, other_mesh
    use random, only: new_random_stream, random_stream_type
-   use settings_groups, only: simulation_settings_type
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, free_analysis, &
       & kept_factor, release_factor, solve_factored
-   use specimen_mesh, only: specimen_mesh_type
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
-   use text, only: split_list, to_text
+   use text, only: to_text
    implicit none
 
    integer, parameter :: formulations(3) = [brick_full, brick_selective, brick_incompatible]
@@ -31,12 +25,9 @@ program test_fe
 
    call test_brick()
    call test_mesh_patch()
-   call test_meshes()
    call test_infinite()
    call test_cholesky()
    call test_contact()
-   call test_hertz()
-   call test_refusals()
    call finish()
 
 contains
@@ -376,119 +367,4 @@ contains
       call check('some nodes touch', count(force > 0.0_wp) > 5 .and. count(force > 0.0_wp) < n)
    end subroutine test_contact
 
-   !> &simulation with nothing stated.
-   function default_settings() result(settings)
-      type(simulation_settings_type) :: settings
-
-      settings%mesh = 'halfspace'
-      settings%element = ''
-      settings%integration = 'selective'
-      settings%refine = 1.0_wp
-      settings%radius_um = 16.0_wp
-      settings%outer = 5.0_wp
-      settings%growth = 1.13_wp
-      settings%depths = 10
-      settings%extrapolate = .false.
-   end function default_settings
-
-   !> Every mesh of the list can be made; another name is refused; each has another to compare with.
-   subroutine test_meshes()
-      character(len=len(mesh_names)), allocatable :: names(:)
-      class(specimen_mesh_type), allocatable :: specimen
-      type(simulation_settings_type) :: settings
-      type(mesh_type) :: mesh
-      type(error_type), allocatable :: error
-      integer :: i
-
-      settings = default_settings()
-      allocate (names, source=split_list(mesh_names))
-      do i = 1, size(names)
-         settings%mesh = trim(names(i))
-         call new_specimen_mesh(settings, specimen, error)
-         call check_success('specimen '//names(i), error)
-         call specimen%make(0.6_wp, specimen%contact_radius(16.0_wp), mesh, error)
-         call check_success('mesh '//names(i), error)
-         call check('contact nodes, and something that holds the mesh: '//names(i), size(mesh%contact) > 50 &
-            & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
-         call check('another mesh than '//names(i), other_mesh(settings%mesh) /= settings%mesh &
-            & .and. any(names == other_mesh(settings%mesh)))
-      end do
-      settings%mesh = 'dome'
-      call new_specimen_mesh(settings, specimen, error)
-      call check_refused('an unknown mesh', error, "mesh: 'dome' is unknown; allowed: "//mesh_names)
-   end subroutine test_meshes
-
-   !> An isotropic half-space: close to E/(1-nu2), and the error of C3D8 falls with the square of the element size.
-   subroutine test_hertz()
-      real(wp), parameter :: refine(3) = [1.0_wp, 0.6_wp, 1.0_wp]
-      character(len=5), parameter :: element(3) = ['c3d8i', 'c3d8 ', 'c3d8 ']
-      type(simulation_settings_type) :: settings
-      type(indentation_model_type) :: model
-      type(indentation_result_type) :: result
-      type(error_type), allocatable :: error
-      real(wp) :: errors(3), exact
-      integer :: i
-
-      ! C11 = 200, C12 = 80, C44 = 60 GPa is isotropic: E/(1-nu2) = (C11 - C12)(C11 + C12)/C11.
-      exact = 168.0_wp
-      settings = default_settings()
-      do i = 1, 3
-         settings%refine = refine(i)
-         settings%element = trim(element(i))
-         call new_indentation_model(settings, model, error)
-         call check_success('a model of the half-space', error)
-         if (allocated(error)) return
-         call simulate_indentation(model, stiffness_of('cubic', [200.0_wp, 80.0_wp, 60.0_wp]), &
-            & [0.1_wp, 0.2_wp, 0.3_wp], result, error)
-         call check_success('indentation of an isotropic half-space', error)
-         if (allocated(error)) return
-         errors(i) = abs(result%modulus/exact - 1.0_wp)
-         call check('contact conditions hold', result%contact_residual <= 1.0e-10_wp, to_text(result%contact_residual))
-         call check('reactions balance the force', result%equilibrium_residual <= 1.0e-8_wp, &
-            & to_text(result%equilibrium_residual))
-         call free_indentation_model(model)
-      end do
-      call check('Hertz within 0.2 %', errors(1) < 0.002_wp, to_text(errors(1)))
-      ! The edge of the contact lies between nodes, which adds a noise of 0.05 % to errors of 0.6 and 0.2 %.
-      call check_close('observed order against Hertz', log(errors(2)/errors(3))/log(1.0_wp/0.6_wp), 2.0_wp, 0.5_wp)
-   end subroutine test_hertz
-
-   subroutine test_refusals()
-      type(simulation_settings_type) :: settings
-      type(indentation_model_type) :: model
-      type(indentation_result_type) :: result
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-      real(wp) :: elongated(6, 6)
-
-      settings = default_settings()
-      settings%refine = 0.6_wp
-      call new_indentation_model(settings, model, error)
-      call check_success('a coarse model', error)
-      call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
-         & result, error)
-      call check_refused('an unstable crystal', error, 'unstable')
-      ! Nearly unstable: the contact is a long ellipse.
-      call simulate_indentation(model, stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
-         & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
-      call check_refused('contact beyond the refined zone', error, 'the contact leaves the refined zone')
-      ! A long ellipse that fits once the depths shrink.
-      settings%refine = 1.0_wp
-      call free_indentation_model(model)
-      call new_indentation_model(settings, model, error)
-      elongated = stiffness_of('hexagonal', [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
-      call simulate_indentation(model, elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, result, error)
-      call check_success('a long contact ellipse', error)
-      call check('its depths have shrunk, and both solves count', result%depth(10) < 0.9_wp*model%depth(10) &
-         & .and. result%elements == 2*model%elements)
-      call halfspace_modulus(elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, theory, error)
-      call check_close('its modulus', result%modulus/theory%modulus, 1.0_wp, 0.01_wp)
-      call free_indentation_model(model)
-      settings%refine = 0.3_wp
-      call new_indentation_model(settings, model, error)
-      call check_refused('too coarse a mesh', error, 'elements at the last depth')
-      settings%refine = 4.0_wp
-      call new_indentation_model(settings, model, error)
-      call check_refused('too fine a mesh', error, 'elements is too large; allowed: up to 400000')
-   end subroutine test_refusals
 end program test_fe

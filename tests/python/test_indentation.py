@@ -1,9 +1,15 @@
 """Simulated indentations against the exact theory, their reproducibility, and what is refused."""
 
+import copy
+import csv
+import pickle
+
 import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.core import native
+from conftest import SOURCE
 
 ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
@@ -76,13 +82,16 @@ def test_paper_mesh_is_the_papers():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mesh": "dome"}, "mesh: 'dome' is unknown"),
-        ({"element": "c3d20"}, "element: 'c3d20' is unknown"),
-        ({"integration": "reduced"}, "integration: 'reduced' is unknown"),
-        ({"refine": 0.0}, "refine: 0.0 is out of range"),
-        ({"refine": float("nan")}, "refine: NaN is out of range"),
-        ({"depths": 0}, "depths: 0 is out of range"),
-        ({"radius_um": -1.0}, "radius_um: -1.0 is out of range"),
+        ({"mesh": "dome"}, "&simulation mesh: 'dome' is not known"),
+        ({"element": "c3d20"}, "&simulation element: 'c3d20' is not known"),
+        ({"integration": "reduced"}, "&simulation integration: 'reduced' is not known"),
+        ({"refine": 0.0}, "&simulation refine: 0.0 is out of range"),
+        ({"refine": float("nan")}, "&simulation refine: nan is not a finite number"),
+        ({"depths": 0}, "&simulation depths: 0 is out of range"),
+        ({"depths": "ten"}, "&simulation depths: the text 'ten'"),
+        ({"radius_um": -1.0}, "&simulation radius_um: -1.0 is out of range"),
+        ({"mash": "paper"}, "&simulation mash: unknown variable"),
+        ({"vtu": True}, "vtu says what a command does"),
         ({"mesh": "paper", "radius_um": 0.5}, "elements at the last depth"),
     ],
 )
@@ -103,3 +112,80 @@ def test_arrays_that_do_not_fit_are_refused(coarse):
         coarse.run(ZINC + np.triu(np.ones((6, 6)), 1), (0, 0, 0))
     with pytest.raises(bi.InputError, match="2 crystals but 1 orientations"):
         coarse.run_many(np.array([ZINC, COPPER]), np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("workers", [-1, 2.5, "many", None, [1, 2]])
+def test_workers_that_cannot_be_meant_are_refused(coarse, workers):
+    if workers is None:
+        workers = float("inf")
+    with pytest.raises(bi.InputError, match="&execution workers"):
+        coarse.run_many(ZINC[None], np.zeros((1, 3)), workers=workers)
+
+
+def test_errors_other_than_raise_and_return_are_refused(coarse):
+    with pytest.raises(bi.InputError, match="errors: 'ignore' is unknown"):
+        coarse.run_many(ZINC[None], np.zeros((1, 3)), errors="ignore")
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+def test_copies_are_made_anew_from_the_keywords(coarse, again):
+    other = again(coarse)
+    assert other.handle != coarse.handle
+    assert other.run(ZINC, (0, 30, 0)).indentation_modulus_gpa == coarse.run(ZINC, (0, 30, 0)).indentation_modulus_gpa
+
+
+def test_a_model_is_frozen(coarse):
+    with pytest.raises(AttributeError, match="Indentation is frozen"):
+        coarse.depths = 50
+    with pytest.raises(AttributeError, match="refine"):
+        coarse.settings.refine = 2.0
+
+
+def test_a_freed_model_is_refused_in_words():
+    model = bi.Indentation(refine=0.6)
+    native.object_release(model.handle)
+    with pytest.raises(bi.InputError, match="the indentation does not exist any more"):
+        model.run(ZINC, (0, 30, 0))
+
+
+def test_models_give_their_memory_back():
+    """A model holds 100 MB outside Python: it must go with its handle."""
+    sizes = []
+    for _ in range(4):
+        model = bi.Indentation(refine=0.8)
+        model.run(ZINC, (0, 30, 0))
+        del model
+        with open("/proc/self/statm") as stream:
+            sizes.append(int(stream.read().split()[1]) * 4096)
+    assert sizes[-1] - sizes[0] < 50e6
+
+
+#: Near instability: cubic with C' or C44 soft, hexagonal with C66 or C44 soft; none of the crystals on which the limit was chosen.
+SOFT = [
+    (bi.stiffness("cubic", C11=136, C12=132, C44=60), (30, 50, 70)),
+    (bi.stiffness("cubic", C11=190, C12=90, C44=2.0), (30, 50, 70)),
+    (bi.stiffness("hexagonal", C11=140, C12=138.5, C44=50, C33=110, C13=40), (0, 70, 0)),
+    (bi.stiffness("hexagonal", C11=150, C12=60, C44=1.5, C33=130, C13=50), (0, 40, 0)),
+]
+
+
+@pytest.mark.parametrize(("stiffness", "angles"), SOFT)
+def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
+    result = halfspace.run(stiffness, angles)
+    error = abs(result.indentation_modulus_gpa / bi.halfspace_modulus(stiffness, angles) - 1)
+    # The mesh is more than one per cent wrong, and less than it says.
+    assert 0.01 < error < halfspace.largest_error(stiffness[None])[0]
+    assert "so near instability that the error of the mesh may reach about" in result.warning
+
+
+def test_real_crystals_are_resolved_without_a_word(halfspace):
+    with (SOURCE / "tests" / "reference" / "crystals.csv").open() as stream:
+        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    assert len(rows) > 15
+    names = [name for name in rows[0] if name.startswith("C") and name[1:].isdigit()]
+    crystals = [bi.stiffness(row["symmetry"], **{n: float(row[n]) for n in names if row[n]}) for row in rows]
+    assert halfspace.largest_error(np.array(crystals)).max() < 0.01
+    for stiffness in crystals[::6]:
+        result = halfspace.run(stiffness, (20, 40, 60))
+        assert not result.warning
+        assert result.indentation_modulus_gpa == pytest.approx(bi.halfspace_modulus(stiffness, (20, 40, 60)), rel=5e-3)

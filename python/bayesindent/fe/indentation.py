@@ -3,17 +3,18 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import BayesindentError, InputError, check, native
+from ..core import BayesindentError, InputError, NativeObject, check, native
 from ..crystal.elasticity import oriented_crystals
+from ..settings.problem import Problem
 
-__all__ = ["NUMERICS_REVISION", "Indentation", "IndentationResult"]
+__all__ = ["Indentation", "IndentationResult"]
 
-#: Counts changes of the numerics that change results; part of the identity of stored simulations.
-NUMERICS_REVISION = int(native.indentation_revision())
+#: Variables of &simulation that say what a command does with simulations, not what one is.
+NOT_OURS = ("simulator", "both_meshes", "vtu", "inp")
 
 
 def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
@@ -45,6 +46,8 @@ class IndentationResult:
     #: Largest violation of the contact conditions, and of equilibrium with the reactions, relative.
     contact_residual: float
     equilibrium_residual: float
+    #: What is to be said of the modulus: that the mesh resolves a crystal near instability badly; else empty.
+    warning: str
 
 
 @dataclass(frozen=True)
@@ -64,60 +67,59 @@ class MeshArrays:
     master: np.ndarray
 
 
-@dataclass
-class Indentation:
+class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
-    mesh: 'halfspace' (infinite elements outside) or 'paper' (block of 9.6 x 9.6 x 4.8 um, bottom clamped);
-    radius_um: of the rigid sphere; element: 'c3d8', 'c3d8i' or '' for the default of the mesh; integration of c3d8:
-    'selective' (Abaqus) or 'full' (CalculiX); refine: elements per contact radius relative to the default;
-    extrapolate: in mesh size, from a second, coarser mesh; depths: points of the curve, equally spaced in contact radius;
-    outer, growth: of the half-space, for studies: where the infinite elements begin, in contact radii, and growth of the layers.
-    Raises `InputError` for what cannot be meant.
+    The keywords (`settings`) are the variables of &simulation, with the same words, ranges and defaults: `mesh`, `radius_um` of the rigid sphere,
+    `element`, `integration`, `refine`, `extrapolate`, `depths`, `outer`, `growth` (see docs/namelists.md). Raises `InputError` for what
+    cannot be meant, `MachineError` where memory does not suffice.
     """
 
-    mesh: str = "halfspace"
-    radius_um: float = 16.0
-    element: str = ""
-    integration: str = "selective"
-    refine: float = 1.0
-    extrapolate: bool = False
-    depths: int = 10
-    outer: float = 5.0
-    growth: float = 1.13
-    _handle: int = field(default=0, init=False, repr=False)
+    def __init__(self, **settings):
+        for name in NOT_OURS:
+            if name in settings:
+                raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
+        self._made_of = (_made_anew, (type(self), settings))
+        self._set_up(Problem.from_keywords("Indentation", simulation=settings))
 
-    def __post_init__(self):
-        handle, counts, costs, status, message = native.indentation_new(
-            self.mesh[:16].ljust(16), self.element[:16].ljust(16), self.integration[:16].ljust(16),
-            self.refine, self.extrapolate, self.radius_um, self.depths, self.outer, self.growth,
-        )  # fmt: skip
+    @classmethod
+    def of_problem(cls, problem: Problem, mesh: str = "") -> "Indentation":
+        """What &simulation of a problem asks for; `mesh` takes the place of its own."""
+        self = cls.__new__(cls)
+        self._made_of = (cls.of_problem, (problem, mesh))
+        self._set_up(problem, mesh)
+        return self
+
+    def _set_up(self, problem: Problem, mesh: str = "") -> None:
+        handle, counts, costs, element, status, message = native.indentation_new(problem.handle, mesh)
         check(status, message)
-        self._handle = int(handle)
-        (self.elements, _, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
+        self._problem, self._mesh = problem, mesh
+        self.settings = problem.settings.simulation
+        #: Name of the mesh, and of the brick element.
+        self.mesh, self.element = mesh or self.settings.mesh, element.decode().strip()
+        (self.elements, self.depths, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
          self.unknowns, self._clamped_nodes, self._hanging_nodes) = (int(count) for count in counts)  # fmt: skip
         #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation, last depth.
         self.factor_entries, self.factor_operations, self.workspace_bytes, self.depth_max_um = (float(cost) for cost in costs)
+        self._hold(handle)
 
-    def __del__(self):
-        if getattr(self, "_handle", 0):
-            native.indentation_free(self._handle)
-            self._handle = 0
+    def __reduce__(self):
+        return self._made_of
 
     def run(self, stiffness, euler_deg) -> IndentationResult:
         """Indent one crystal: stiffness (6, 6) in GPa, crystal frame; Bunge-Euler angles (3,) in degrees.
 
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
-        depth, force, radius, moduli, diagnostics, elements, status, message = native.indentation_run(
-            self._handle, self.depths, *one_crystal(stiffness, euler_deg)
-        )
+        matrix, angles = one_crystal(stiffness, euler_deg)
+        curve, moduli, diagnostics, status, message = native.indentation_run(self.handle, self.depths, matrix, angles)
         check(status, message)
+        depth, force, radius = np.ascontiguousarray(curve.T)
         return IndentationResult(
             indentation_modulus_gpa=float(moduli[0]),
             depth_um=depth,
             force_mn=force,
-            elements=elements,
+            elements=int(diagnostics[4]),
             seconds=float(diagnostics[0]),
             modulus_slope_gpa=float(moduli[1]),
             modulus_last_gpa=float(moduli[2]),
@@ -126,6 +128,7 @@ class Indentation:
             seconds_factor=float(diagnostics[1]),
             contact_residual=float(diagnostics[2]),
             equilibrium_residual=float(diagnostics[3]),
+            warning=resolution(self._problem, matrix[None], self._mesh)[1],
         )
 
     def run_many(
@@ -136,6 +139,12 @@ class Indentation:
         The numbers do not depend on `workers`. errors: 'raise' the first, or 'return' each in the place of its result.
         done(1) is called, from any thread, after each simulation.
         """
+        execution = Problem.from_keywords("Indentation.run_many", execution={"workers": workers}).settings.execution
+        if errors not in ("raise", "return"):
+            raise InputError(f"Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
+        matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
+        if len(matrices) != len(angles):
+            raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
 
         def one(item):
             try:
@@ -148,18 +157,25 @@ class Indentation:
                 done(1)
             return result
 
-        matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
-        if len(matrices) != len(angles):
-            raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
-        with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+        with ThreadPoolExecutor(execution.workers or len(os.sched_getaffinity(0))) as pool:
             return list(pool.map(one, zip(matrices, angles, strict=True)))
+
+    def largest_error(self, stiffness) -> np.ndarray:
+        """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
+        return resolution(self._problem, np.asarray(stiffness, dtype=float), self._mesh)[0]
 
     def mesh_arrays(self) -> MeshArrays:
         """The finest mesh."""
-        x, brick, facet, contact, gap, clamped, hanging, master = native.indentation_mesh(
-            self._handle, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes, self._clamped_nodes, self._hanging_nodes
-        )
-        return MeshArrays(x.T, brick.T, facet.T, contact, gap, clamped, hanging, master.T)
+        x, gap, status, message = native.indentation_nodes(self.handle, self.nodes, self.contact_nodes)
+        check(status, message)
+        sizes = {"brick": (8, self.bricks), "facet": (4, self.infinite_elements), "contact": (1, self.contact_nodes),
+                 "clamped": (1, self._clamped_nodes), "hanging": (1, self._hanging_nodes), "master": (4, self._hanging_nodes)}  # fmt: skip
+        tables = {}
+        for name, (width, count) in sizes.items():
+            table, status, message = native.indentation_table(self.handle, name, width, count)
+            check(status, message)
+            tables[name] = table.T if width > 1 else table[0]
+        return MeshArrays(x=x.T, gap=gap, **tables)
 
     def fields(self, stiffness, euler_deg, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the finest mesh.
@@ -168,7 +184,7 @@ class Indentation:
         """
         number = step + 1 if step >= 0 else self.depths + 1 + step
         u, stress, status, message = native.indentation_field(
-            self._handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg)
+            self.handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg)
         )
         check(status, message)
         return u.T, stress.T
@@ -188,12 +204,29 @@ class Indentation:
             cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
         ).write(path, file_format="vtu")
 
-    def deck(self, stiffness, euler_deg, title: str = "spherical indentation") -> str:
-        """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`)."""
+    def deck(self, stiffness, euler_deg, title: str = "spherical indentation", depth_um=None) -> str:
+        """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).
+
+        `depth_um`: the depths (n,) of a curve that is known; without them the simulation finds those that fit this crystal.
+        """
         from ..fe.deck import write_deck
 
-        rotated, infinite = native.indentation_stiffness(self._handle, self.infinite_elements, *one_crystal(stiffness, euler_deg))
-        element = self.element or ("c3d8" if self.mesh == "paper" else "c3d8i")
-        # The simulation finds the depths that fit this crystal.
-        depths = self.run(stiffness, euler_deg).depth_um
-        return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, element.upper(), title)
+        matrix, angles = one_crystal(stiffness, euler_deg)
+        rotated, infinite, status, message = native.indentation_stiffness(self.handle, self.infinite_elements, matrix, angles)
+        check(status, message)
+        depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
+        return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title)
+
+
+def _made_anew(kind: type, settings: dict) -> Indentation:
+    return kind(**settings)
+
+
+def resolution(problem: Problem, stiffness: np.ndarray, mesh: str = "") -> tuple[np.ndarray, str]:
+    """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything.
+
+    `mesh` takes the place of the problem's own.
+    """
+    largest, warning, status, message = native.simulation_resolution(problem.handle, mesh, np.moveaxis(stiffness, 0, -1))
+    check(status, message)
+    return largest, warning.decode().strip()

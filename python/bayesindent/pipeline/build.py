@@ -13,7 +13,7 @@ from ..common.result_files import write_csv
 from ..core import BayesindentError, InputError
 from ..crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
 from ..pipeline.campaign import IMPORTED, Campaign
-from ..pipeline.simulator import engine_of, physics_identity, simulate_into, simulator_of
+from ..pipeline.simulator import Simulator, engine_of, physics_identity, resolution_warnings, simulate_into
 from ..pipeline.validation import validate
 from ..surrogate.candidates import candidates_of, outside
 from ..surrogate.choice import Choice, initial_set
@@ -128,7 +128,7 @@ class Loop:
         todo = [point for point, row in zip(points, rows, strict=True) if row is None]
         advance(sum(row is not None and row.modulus_gpa is not None for row in rows))
         if todo:
-            self.simulate = self.simulate or simulator_of(self.problem)
+            self.simulate = self.simulate or Simulator(self.problem)
             simulate_into(self.campaign, self.simulate, todo, self.engine, lambda success: advance(int(success)))
             self.n_new += len(todo)
             rows = [self.campaign.find(*point) for point in points]
@@ -166,6 +166,7 @@ class Loop:
         file = self.output / problem.settings.surrogate.file
         surrogate.save(file)
         self.export(physics)
+        self.warnings += resolution_warnings(problem, stiffness_rows(self.symmetry, [point[0] for point in learning.points]))
         document = {
             "simulations": learning.n,
             "terms": learning.basis.n_terms,

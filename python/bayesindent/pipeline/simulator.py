@@ -1,79 +1,65 @@
-"""What &simulation asks for: a function that simulates one crystal, the identity of its physics, and many crystals into a campaign."""
+"""What &simulation asks for: a simulator of one crystal, the identity of its physics, and many crystals into a campaign."""
 
-import time
+import json
 from collections.abc import Callable, Sequence
 
-from ..core import BayesindentError, InputError, MachineError
-from ..crystal.elasticity import halfspace_modulus, stiffness_rows
+import numpy as np
+
+from ..core import MachineError, NativeObject, check, native
+from ..crystal.elasticity import stiffness_rows
+from ..fe.indentation import resolution
 from ..pipeline.campaign import Campaign
 from ..pipeline.engines import ENGINES
-from ..settings.problem import schema
 
-__all__ = ["engine_of", "new_indentation", "physics_identity", "simulate_into", "simulator_of"]
+__all__ = ["Simulator", "engine_of", "other_mesh", "physics_identity", "resolution_warnings", "simulate_into"]
+
+
+class Simulator(NativeObject):
+    """What &simulation of a problem asks for; `mesh` takes the place of its own. Threads may share it."""
+
+    def __init__(self, problem, mesh: str = ""):
+        handle, self.depths, status, message = native.simulator_new(problem.handle, mesh)
+        check(status, message)
+        self._made_of = (problem, mesh)
+        self._hold(handle)
+
+    def __reduce__(self):
+        return type(self), self._made_of
+
+    def __call__(self, stiffness, euler_deg) -> dict:
+        """What `Campaign.add` stores of one crystal: stiffness (6, 6) in GPa, angles (3,) in degrees.
+
+        One that cannot be simulated has a message and no modulus. Raises `InputError` and `MachineError`: they are no results.
+        """
+        curve, numbers, status, message = native.simulator_run(self.handle, self.depths, stiffness, np.radians(euler_deg))
+        check(status, message)
+        modulus, seconds, elements, points, failed = numbers
+        if failed:
+            return {"seconds": float(seconds), "message": message.decode().strip()}
+        result = {"modulus_gpa": float(modulus), "seconds": float(seconds)}
+        if not elements:
+            return result
+        return result | {"elements": int(elements), "depth_um": curve[: int(points), 0], "force_mn": curve[: int(points), 1]}
 
 
 def physics_identity(problem, mesh: str = "") -> dict:
     """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    simulator = problem.settings.simulation.simulator
-    if simulator != "fe":
-        return {"simulator": simulator}
-    from ..fe import indentation
-
-    names = ("mesh", "element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    identity = {"simulator": simulator, **{name: getattr(problem.settings.simulation, name) for name in names}}
-    identity["mesh"] = mesh or identity["mesh"]
-    # Variables of studies are named where they are not as usual: results that are older than they are stay valid.
-    studied = {name: getattr(problem.settings.simulation, name) for name in ("outer", "growth")}
-    identity |= {name: value for name, value in studied.items() if value != float(default_of("simulation", name))}
-    return identity | {"estimator": "least squares through the origin", "numerics": indentation.NUMERICS_REVISION}
+    identity, status, message = native.simulation_identity(problem.handle, mesh)
+    check(status, message)
+    return json.loads(identity)
 
 
-def default_of(group: str, name: str) -> str:
-    """The default of a variable, as a namelist has it."""
-    return next(variable.default for variable in schema() if (variable.group, variable.name) == (group, name))
+def other_mesh(problem) -> str:
+    """The mesh to compare the problem's own with."""
+    mesh, status, message = native.simulation_other_mesh(problem.handle)
+    check(status, message)
+    return mesh.decode().strip()
 
 
-def new_indentation(problem, mesh: str = ""):
-    """The `Indentation` that &simulation asks for; `mesh` takes the place of its own."""
-    from ..fe.indentation import Indentation
-
-    names = ("mesh", "integration", "refine", "extrapolate", "radius_um", "depths", "outer", "growth")
-    options = {name: getattr(problem.settings.simulation, name) for name in names}
-    options["mesh"] = mesh or options["mesh"]
-    element = problem.settings.simulation.element
-    try:
-        return Indentation(**options, **({"element": element} if element else {}))
-    except InputError as error:
-        raise InputError(f"{problem.path}: &simulation: {error}") from None
-
-
-def simulator_of(problem, mesh: str = "") -> Callable:
-    """A function of (stiffness (6, 6), angles in degrees) that gives what `Campaign.add` stores."""
-    kind = problem.settings.simulation.simulator
-    if kind == "theory":
-        return lambda stiffness, euler_deg: {"modulus_gpa": float(halfspace_modulus(stiffness, euler_deg))}
-    if kind == "import":
-
-        def missing(stiffness, euler_deg):
-            raise InputError(
-                f"{problem.path}: &simulation simulator: 'import' cannot simulate: print the next points with 'build --ask', import their "
-                "moduli with 'build --tell', or lower &design budget"
-            )
-
-        return missing
-    indentation = new_indentation(problem, mesh)
-
-    def simulate(stiffness, euler_deg):
-        result = indentation.run(stiffness, euler_deg)
-        return {
-            "modulus_gpa": result.indentation_modulus_gpa,
-            "elements": int(result.elements),
-            "seconds": result.seconds,
-            "depth_um": result.depth_um,
-            "force_mn": result.force_mn,
-        }
-
-    return simulate
+def resolution_warnings(problem, stiffness) -> list[str]:
+    """What is to be said of simulated crystals (n, 6, 6) in GPa that the mesh resolves badly, if there are any."""
+    _, warning = resolution(problem, np.asarray(stiffness))
+    return [f"{problem.path}: &simulation: {warning}"] * bool(warning)
 
 
 def engine_of(problem):
@@ -92,16 +78,10 @@ def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, en
 
     def attempt(crystal) -> dict | MachineError:
         symmetry, constants, euler_deg = crystal
-        start = time.perf_counter()
         try:
-            result = simulate(stiffness_rows(symmetry, [constants])[0], euler_deg)
-        except InputError:
-            raise
+            return simulate(stiffness_rows(symmetry, [constants])[0], euler_deg)
         except MachineError as error:
             return error
-        except BayesindentError as error:
-            result = {"message": str(error)}
-        return {"seconds": time.perf_counter() - start} | result
 
     def store(k: int, result: dict | MachineError) -> None:
         if isinstance(result, MachineError):

@@ -24,15 +24,14 @@ def other_mesh(results) -> Picture | None:
 
 def picture(results, name: str | None) -> Picture | None:
     """The mesh of this name with a quarter cut away, and its surface under the indenter with the nodes that may touch."""
-    from ...fe.indentation import Indentation
+    from ...fe.indentation import NOT_OURS, Indentation
 
     if not results.simulations or name is None:
         return None
-    names = ("element", "integration", "refine", "extrapolate", "radius_um", "depths")
-    settings = {key: value for key, value in results.group("simulation").items() if key in names and value is not None}
+    settings = {key: value for key, value in results.group("simulation").items() if key not in NOT_OURS}
     indentation = Indentation(**settings | {"mesh": name})
     arrays = indentation.mesh_arrays()
-    contact_radius = float(np.sqrt(indentation.radius_um * results.simulations[0]["depth_um"][-1]))
+    contact_radius = float(np.sqrt(indentation.settings.radius_um * results.simulations[0]["depth_um"][-1]))
     outside = indentation.infinite_elements
     words = f"The {name} mesh of {indentation.bricks} bricks"
     words += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""

@@ -1,0 +1,137 @@
+! Simulators for Python, under handles of the kind 'simulator', and what is known of a simulation without making it.
+
+!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank. `depths`: points of a curve, at
+!> most.
+subroutine simulator_new(problem, mesh, handle, depths, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use errors, only: error_type, error_to_status
+   use settings_groups, only: simulation_settings_type
+   use simulation_handles, only: new_simulator_handle, simulation_of_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: problem
+   character(len=*), intent(in) :: mesh
+   integer(c_int64_t), intent(out) :: handle
+   integer(c_int), intent(out) :: depths, status
+   character(len=1024), intent(out) :: message
+   type(simulation_settings_type) :: settings
+   type(error_type), allocatable :: error
+
+   handle = 0
+   call simulation_of_handle(problem, mesh, settings, error)
+   if (.not. allocated(error)) call new_simulator_handle(problem, mesh, handle, error)
+   depths = settings%depths
+   call error_to_status(error, status, message)
+end subroutine simulator_new
+
+!> Simulate one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the simulator. `numbers`: indentation modulus (GPa),
+!> seconds, elements, points of the curve, and 1 if it failed, with the reason in `message`; `curve`: depth (um), force (mN).
+subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use errors, only: error_type, error_to_status
+   use simulate, only: outcome_failed, outcome_type, simulator_type
+   use simulation_handles, only: simulator_of_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: depths
+   real(c_double), intent(in) :: stiffness(6, 6), euler(3)
+   real(c_double), intent(out) :: curve(depths, 2), numbers(5)
+   integer(c_int), intent(out) :: status
+   character(len=1024), intent(out) :: message
+   class(simulator_type), pointer :: simulator
+   type(outcome_type) :: outcome
+   type(error_type), allocatable :: error
+   integer :: n
+
+   curve = 0.0_c_double
+   numbers = 0.0_c_double
+   call simulator_of_handle(handle, simulator, error)
+   if (.not. allocated(error)) call simulator%run(stiffness, euler, outcome, error)
+   call error_to_status(error, status, message)
+   if (status /= 0) return
+   n = size(outcome%depth)
+   curve(:n, 1) = outcome%depth
+   curve(:n, 2) = outcome%force
+   numbers = [outcome%modulus, outcome%seconds, real(outcome%elements, c_double), real(n, c_double), 0.0_c_double]
+   if (outcome%status /= outcome_failed) return
+   numbers(5) = 1.0_c_double
+   message = outcome%message
+end subroutine simulator_run
+
+!> The identity of the physics of a problem, a line of JSON; `mesh` takes the place of its own unless it is blank.
+subroutine simulation_identity(problem, mesh, identity, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use errors, only: error_type, error_to_status
+   use physics_identity, only: identity_text
+   use settings_groups, only: simulation_settings_type
+   use simulation_handles, only: simulation_of_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: problem
+   character(len=*), intent(in) :: mesh
+   character(len=1024), intent(out) :: identity
+   integer(c_int), intent(out) :: status
+   character(len=1024), intent(out) :: message
+   type(simulation_settings_type) :: settings
+   type(error_type), allocatable :: error
+
+   identity = ''
+   call simulation_of_handle(problem, mesh, settings, error)
+   if (.not. allocated(error)) identity = identity_text(settings)
+   call error_to_status(error, status, message)
+end subroutine simulation_identity
+
+!> The mesh to compare the problem's own with.
+subroutine simulation_other_mesh(problem, mesh, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use errors, only: error_type, error_to_status
+   use meshes, only: other_mesh
+   use settings_groups, only: simulation_settings_type
+   use simulation_handles, only: simulation_of_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: problem
+   character(len=64), intent(out) :: mesh
+   integer(c_int), intent(out) :: status
+   character(len=1024), intent(out) :: message
+   type(simulation_settings_type) :: settings
+   type(error_type), allocatable :: error
+
+   mesh = ''
+   call simulation_of_handle(problem, '', settings, error)
+   if (.not. allocated(error)) mesh = other_mesh(settings%mesh)
+   call error_to_status(error, status, message)
+end subroutine simulation_other_mesh
+
+!> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa); `mesh` takes the
+!> place of its own unless it is blank. `warning`: what is to be said of those near instability, blank if there are none.
+subroutine simulation_resolution(problem, mesh, n, stiffness, largest, warning, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use errors, only: error_type, error_to_status
+   use settings_groups, only: simulation_settings_type
+   use simulate, only: simulation_error
+   use simulation_handles, only: simulation_of_handle
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: problem
+   character(len=*), intent(in) :: mesh
+   integer(c_int), intent(in) :: n
+   real(c_double), intent(in) :: stiffness(6, 6, n)
+   real(c_double), intent(out) :: largest(n)
+   character(len=1024), intent(out) :: warning
+   integer(c_int), intent(out) :: status
+   character(len=1024), intent(out) :: message
+   type(simulation_settings_type) :: settings
+   type(error_type), allocatable :: error
+   character(len=:), allocatable :: words
+
+   largest = 0.0_c_double
+   warning = ''
+   call simulation_of_handle(problem, mesh, settings, error)
+   if (.not. allocated(error)) then
+      call simulation_error(settings, stiffness, largest, words)
+      warning = words
+   end if
+   call error_to_status(error, status, message)
+end subroutine simulation_resolution

@@ -1,0 +1,82 @@
+!> How far a mesh may be wrong near elastic instability, where bricks resolve neither the soft modes nor the far field.
+!>
+!> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): the largest error grows with the cube
+!> of the log-anisotropy, is twice as large with c3d8 as with c3d8i, and falls with about the 1.4th power of the fineness.
+module mesh_resolution
+   use crystal_elasticity, only: log_anisotropy
+   use errors, only: error_type
+   use kinds, only: wp
+   use meshes, only: new_specimen_mesh
+   use settings_groups, only: simulation_settings_type
+   use specimen_mesh, only: specimen_mesh_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: largest_mesh_error, resolution_warning
+
+   !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius), relative.
+   real(wp), parameter :: worst_incompatible = 0.8e-3_wp, worst_plain = 1.6e-3_wp, studied_fineness = 9.5_wp
+   real(wp), parameter :: order = 1.4_wp
+   !> Extrapolation divides the mean error by five, but the largest by less than two.
+   real(wp), parameter :: extrapolated = 0.6_wp
+   !> From this error on a result is warned of.
+   real(wp), parameter :: limit = 0.01_wp
+
+contains
+
+   !> About how large, relative, the error of the modulus of a crystal may be on the mesh of &simulation. Orientations differ: most
+   !> are better.
+   function largest_mesh_error(settings, stiffness) result(largest)
+      type(simulation_settings_type), intent(in) :: settings
+      !> GPa (6, 6, crystals).
+      real(wp), intent(in) :: stiffness(:, :, :)
+      real(wp) :: largest(size(stiffness, 3))
+      type(error_type), allocatable :: error
+      class(specimen_mesh_type), allocatable :: specimen
+      real(wp) :: fineness, scale
+      integer :: i
+
+      largest = 0.0_wp
+      call new_specimen_mesh(settings, specimen, error)
+      if (allocated(error)) return
+      fineness = settings%refine*specimen%contact_radius(settings%radius_um)/specimen%element_size(settings%radius_um)
+      scale = merge(worst_incompatible, worst_plain, specimen%element_of(settings%element) == 'c3d8i')
+      if (settings%extrapolate) scale = extrapolated*scale
+      scale = scale*(studied_fineness/fineness)**order
+      do i = 1, size(largest)
+         largest(i) = scale*log_anisotropy(stiffness(:, :, i))**3
+      end do
+   end function largest_mesh_error
+
+   !> What is to be said of crystals that the mesh resolves badly; '' if there are none. Crystals are counted from 1.
+   pure function resolution_warning(largest) result(words)
+      !> The error that the mesh may have for each crystal, relative (crystals).
+      real(wp), intent(in) :: largest(:)
+      character(len=:), allocatable :: words
+      integer, allocatable :: bad(:)
+      integer, parameter :: most_listed = 10
+      integer :: i
+
+      words = ''
+      bad = pack([(i, i=1, size(largest))], largest > limit)
+      if (size(bad) == 0) return
+      if (size(largest) > 1) then
+         words = to_text(size(bad))//' of '//to_text(size(largest))//' crystals are'
+      else
+         words = 'the crystal is'
+      end if
+      words = words//' so near instability that the error of the mesh may reach about ' &
+         & //to_text(nint(100.0_wp*minval(largest(bad))))
+      if (nint(100.0_wp*maxval(largest)) > nint(100.0_wp*minval(largest(bad)))) &
+         & words = words//' to '//to_text(nint(100.0_wp*maxval(largest)))
+      words = words//' %: refine, extrapolate, or compare with the theory'
+      if (size(largest) == 1) return
+      words = words//' (rows '
+      do i = 1, min(size(bad), most_listed)
+         if (i > 1) words = words//', '
+         words = words//to_text(bad(i))
+      end do
+      if (size(bad) > most_listed) words = words//', ..'
+      words = words//')'
+   end function resolution_warning
+end module mesh_resolution

@@ -1,0 +1,84 @@
+"""Too little memory is a failure of the machine: nothing crashes, nothing is stored, and another attempt succeeds."""
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import SOURCE
+
+PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
+
+SCRIPT = """
+import resource, sys
+import numpy as np
+import bayesindent as bi
+from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.simulator import Simulator, engine_of, physics_identity, simulate_into
+
+folder = sys.argv[1]
+problem = bi.Problem.from_keywords("test", simulation={"refine": 0.6}, execution={"workers": 2})
+crystals = [("cubic", (168.4, 121.4, 75.4), (0.0, 10.0 * k, 0.0)) for k in range(3)]
+workspace = bi.Indentation(refine=0.6).workspace_bytes
+theory = Simulator(bi.Problem.from_keywords("test", simulation={"simulator": "theory"}))
+theory(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), (0, 0, 0))
+
+
+def limit(more):
+    pages = int(open("/proc/self/statm").read().split()[0])
+    free = resource.RLIM_INFINITY if more is None else int(pages * resource.getpagesize() + more)
+    resource.setrlimit(resource.RLIMIT_AS, (free, resource.RLIM_INFINITY))
+
+
+def attempt(name, work):
+    try:
+        print(name, "worked", work())
+    except bi.MachineError as error:
+        print(name, "MachineError", error)
+
+
+limit(20e6)
+attempt("finest mesh", lambda: bi.Indentation(refine=1.6).elements)
+limit(None)
+simulator = Simulator(problem)
+with Campaign(folder + "/campaign.sqlite", physics_identity(problem)) as campaign:
+    for name, more in (("none fits", 0.5 * workspace), ("again", None)):
+        limit(more)
+        attempt(name, lambda: simulate_into(campaign, simulator, crystals, engine_of(problem), lambda success: None))
+        limit(None)
+        rows = campaign.rows("cubic")
+        print("rows", len(rows), [row.modulus_gpa is not None for row in rows])
+"""
+
+
+def test_too_little_memory_is_retried_and_never_stored(tmp_path):
+    done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("finest mesh MachineError Indentation: &simulation: too little memory for a mesh of")
+    assert lines[1].startswith("none fits MachineError too little memory for a factor of")
+    assert lines[2] == "rows 0 []"
+    assert lines[3] == "again worked None"
+    assert lines[4] == "rows 3 [True, True, True]"
+
+
+def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path):
+    (tmp_path / "a.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,40,0\n")
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&crystals points = 'a.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
+    )
+
+    def run(megabytes):
+        limit = int(1e6 * megabytes) if megabytes else resource.RLIM_INFINITY
+        return subprocess.run(
+            [PROGRAM, "a.nml", "--output", "out"], cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1"}, timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+        )  # fmt: skip
+
+    done = next(done for done in map(run, range(100, 400, 20)) if "too little memory for" in done.stderr)
+    assert done.returncode == 1
+    assert done.stderr.startswith("a.nml: &simulation: too little memory")
+    done = run(None)
+    assert done.returncode == 0, done.stderr
+    assert "2 crystals, 2 new, 0 failed" in done.stdout
