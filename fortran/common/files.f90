@@ -5,7 +5,7 @@ module files
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, replace_file, make_folder, folder_of, resolve_path, file_exists, is_folder, printable
+   public :: read_text_file, new_file_type, replace_file, make_folder, folder_of, resolve_path, file_exists, is_folder, printable
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
@@ -37,6 +37,19 @@ module files
          import :: c_int
       end function c_getpid
    end interface
+
+   !> A file that is written piece by piece, whole or not at all.
+   type :: new_file_type
+      private
+      character(len=:), allocatable :: path, beside
+      integer :: unit = 0, status = 0
+      logical :: is_open = .false.
+      character(len=256) :: reason = ''
+   contains
+      procedure :: begin
+      procedure :: add
+      procedure :: finish
+   end type new_file_type
 
 contains
 
@@ -91,38 +104,62 @@ contains
       end if
    end subroutine read_text_file
 
-   !> Write a file with this `content` whole or not at all: beside it, to the disk, then in its place.
+   !> Write a file of this `content` whole or not at all.
    subroutine replace_file(path, content, error)
       character(len=*), intent(in) :: path, content
       type(error_type), allocatable, intent(out) :: error
-      integer(c_int), parameter :: read_only = 0
-      character(len=:), allocatable :: beside
-      character(len=256) :: reason
-      integer :: unit, status
-      integer(c_int) :: descriptor, outcome
+      type(new_file_type) :: file
 
-      beside = path//'.'//to_text(int(c_getpid()))//'.part'
-      open (newunit=unit, file=beside, access='stream', form='unformatted', status='replace', action='write', &
-         & iostat=status, iomsg=reason)
-      if (status /= 0) then
-         call raise(error, path//': cannot be written: '//trim(reason))
-         return
+      call file%begin(path)
+      call file%add(content)
+      call file%finish(error)
+   end subroutine replace_file
+
+   !> Begin a file beside the one that it will replace.
+   subroutine begin(self, path)
+      class(new_file_type), intent(out) :: self
+      character(len=*), intent(in) :: path
+
+      self%path = path
+      self%beside = path//'.'//to_text(int(c_getpid()))//'.part'
+      open (newunit=self%unit, file=self%beside, access='stream', form='unformatted', status='replace', action='write', &
+         & iostat=self%status, iomsg=self%reason)
+      self%is_open = self%status == 0
+   end subroutine begin
+
+   !> Write the `content` that comes next; after a failure nothing.
+   subroutine add(self, content)
+      class(new_file_type), intent(inout) :: self
+      character(len=*), intent(in) :: content
+
+      if (self%status == 0) write (self%unit, iostat=self%status, iomsg=self%reason) content
+   end subroutine add
+
+   !> To the disk, then in its place; after a failure, which is told now, there is no new file.
+   subroutine finish(self, error)
+      class(new_file_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      integer(c_int), parameter :: read_only = 0
+      integer(c_int) :: descriptor, outcome
+      integer :: status
+
+      if (self%status == 0) then
+         close (self%unit, iostat=self%status, iomsg=self%reason)
+         self%is_open = self%status /= 0
       end if
-      write (unit, iostat=status, iomsg=reason) content
-      if (status == 0) close (unit, iostat=status, iomsg=reason)
-      if (status /= 0) then
-         call raise(error, path//': cannot be written: '//trim(reason))
+      if (self%status /= 0) then
+         call raise(error, self%path//': cannot be written: '//trim(self%reason))
          ! allow(C181): the first failure has been told
-         close (unit, status='delete', iostat=status)
+         if (self%is_open) close (self%unit, status='delete', iostat=status)
          return
       end if
-      descriptor = c_open(beside//c_null_char, read_only)
+      descriptor = c_open(self%beside//c_null_char, read_only)
       if (descriptor >= 0) then
          outcome = c_fsync(descriptor)
          outcome = c_close(descriptor)
       end if
-      if (c_rename(beside//c_null_char, path//c_null_char) /= 0) call raise(error, path//': cannot be replaced')
-   end subroutine replace_file
+      if (c_rename(self%beside//c_null_char, self%path//c_null_char) /= 0) call raise(error, self%path//': cannot be replaced')
+   end subroutine finish
 
    !> Make a folder and those above it, where they are missing.
    subroutine make_folder(path, error)

@@ -13,6 +13,7 @@ module json
    use kinds, only: wp
    use numbers, only: number_text
    use text, only: to_text
+   use warning_lists, only: warning_type
    implicit none
    private
    public :: json_type
@@ -41,7 +42,8 @@ module json
       procedure, private :: put_logical
       procedure, private :: put_reals
       procedure, private :: put_matrix
-      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, put_matrix
+      procedure, private :: put_lines
+      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
    end type json_type
 
 contains
@@ -155,6 +157,20 @@ contains
       end do
       call self%end_array()
    end subroutine put_matrix
+
+   !> An array of texts under a `key`.
+   pure subroutine put_lines(self, key, lines)
+      class(json_type), intent(inout) :: self
+      character(len=*), intent(in) :: key
+      type(warning_type), intent(in) :: lines(:)
+      integer :: i
+
+      call self%begin_array(key)
+      do i = 1, size(lines)
+         call self%put('', lines(i)%text)
+      end do
+      call self%end_array()
+   end subroutine put_lines
 
    !> What was written, with a newline at its end.
    pure function document_text(self) result(text)

@@ -3,7 +3,7 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, lower, join, split_list
+   public :: to_text, fixed, lower, join, split_list
 
    interface to_text
       module procedure integer_to_text
@@ -81,6 +81,25 @@ contains
          string = trim(buffer)
       end if
    end function real_to_text
+
+   !> A `value` with so many `decimals` after the point, and no point without them.
+   pure function fixed(value, decimals) result(string)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: decimals
+      character(len=:), allocatable :: string
+      character(len=340) :: buffer, layout
+
+      if (.not. abs(value) <= huge(value)) then
+         string = real_to_text(value)
+         return
+      end if
+      write (layout, '(a,i0,a)') '(f340.', decimals, ')'
+      write (buffer, layout) value
+      string = trim(adjustl(buffer))
+      if (decimals == 0) string = string(:len(string) - 1)
+      if (string(1:1) == '.') string = '0'//string
+      if (index(string, '-.') == 1) string = '-0'//string(2:)
+   end function fixed
 
    pure function logical_to_text(value) result(string)
       logical, intent(in) :: value

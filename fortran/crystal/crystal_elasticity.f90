@@ -10,7 +10,7 @@ module crystal_elasticity
    implicit none
    private
    public :: rotation_matrix, rotate_stiffness, stiffness_tensor, voigt_index
-   public :: is_stable, check_stiffness, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy
+   public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy
 
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
@@ -124,6 +124,28 @@ contains
       end do
       stable = .true.
    end subroutine invert_factor
+
+   !> Compliance of a stable crystal, 1/GPa, in Voigt's order with its factors of two and four; NaN of another.
+   pure function compliance(c) result(s)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: s(6, 6)
+      real(wp) :: inverse(6, 6)
+      integer :: i, j
+      logical :: stable
+
+      call invert_factor(c, inverse, stable)
+      if (.not. stable) then
+         s = ieee_value(1.0_wp, ieee_quiet_nan)
+         return
+      end if
+      do j = 1, 6
+         do i = 1, j
+            s(i, j) = dot_product(inverse(j:, i), inverse(j:, j))
+            s(j, i) = s(i, j)
+         end do
+      end do
+   end function compliance
 
    !> Refuse a stiffness that is not finite or not Born-stable.
    pure subroutine check_stiffness(c, error)

@@ -14,10 +14,11 @@ module abstract_error_model
    end type error_model_type
 
    abstract interface
-      !> Logarithm of the density of residuals whose scales are all `factor`, their units.
+      !> Logarithm of the density of residuals `r` whose scales are all `factor`, their units.
       pure real(wp) function density_interface(self, r, factor)
          import :: error_model_type, wp
          class(error_model_type), intent(in) :: self
+         !> (measurement).
          real(wp), intent(in) :: r(:), factor
       end function density_interface
       !> Logarithm of the integral over b of the density of r - U b, of scale one, times N(b; 0, 1).

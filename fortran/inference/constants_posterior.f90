@@ -59,8 +59,10 @@ module constants_posterior
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, one a harmonic, then the calibration's.
       integer, private :: n_shared = 0
-      !> Measured values and the scales of their errors, GPa.
-      real(wp), allocatable, private :: measured(:), scale(:)
+      !> Measured values and their sds, GPa.
+      real(wp), allocatable :: measured(:), sd(:)
+      !> Scales of their errors, GPa.
+      real(wp), allocatable, private :: scale(:)
       !> Variance of y that grains do not share, times the square of the errors' scale for an sd of one.
       real(wp), private :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales.
@@ -71,6 +73,8 @@ module constants_posterior
       procedure :: log_likelihood
       procedure :: moduli
       procedure :: draw_moduli
+      procedure :: draw_measurements
+      procedure :: stiffness
       procedure :: to_working
       procedure :: from_working
       procedure :: log_volume
@@ -124,6 +128,7 @@ contains
       posterior%n_grains = size(measured)
       posterior%n_constants = prior%n_constants
       posterior%measured = measured
+      posterior%sd = sd
       posterior%scale = posterior%errors%scale*sd
       posterior%log_scales = sum(log(posterior%scale))
       call new_grain_surrogate(surrogate, prior%n_constants, euler, likelihood%surrogate_uncertainty, posterior%grains)
@@ -164,6 +169,7 @@ contains
       end if
    end subroutine check_measurements
 
+   !> Whether a point `x` is in the support.
    pure logical function admits(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -174,6 +180,7 @@ contains
       end if
    end function admits
 
+   !> Logarithm of the density at a point `x` of the support, up to a constant.
    pure real(wp) function log_density(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -182,7 +189,17 @@ contains
       if (.not. self%likelihood%prior_only) log_density = log_density + self%log_likelihood(x)
    end function log_density
 
-   !> Coordinates in which ridges are nearly straight, see `to_logarithms`.
+   !> Stiffness of the crystal at a point, in its axes, GPa.
+   pure function stiffness(self, x) result(c)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      real(wp) :: c(6, 6)
+
+      c = self%prior%class%stiffness(x(:self%n_constants))
+   end function stiffness
+
+   !> Coordinates `w` of a point `x`, in which ridges are nearly straight, see `to_logarithms`.
    pure subroutine to_working(self, x, w)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -192,6 +209,7 @@ contains
       call to_logarithms(self%prior%class, x(:self%n_constants), w(:self%n_constants))
    end subroutine to_working
 
+   !> The point `x` at coordinates `w`.
    pure subroutine from_working(self, w, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
@@ -201,6 +219,7 @@ contains
       call from_logarithms(self%prior%class, w(:self%n_constants), x(:self%n_constants))
    end subroutine from_working
 
+   !> log |dx/dw| at coordinates `w`, up to a constant.
    pure real(wp) function log_volume(self, w)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
@@ -208,7 +227,7 @@ contains
       log_volume = log_volume_of(self%prior%class, w(:self%n_constants))
    end function log_volume
 
-   !> Indentation moduli (GPa) that the mean surrogate gives the measured grains at a point.
+   !> Indentation moduli, `values` (GPa), that the mean surrogate gives the measured grains at a point.
    pure subroutine moduli(self, x, values)
       class(posterior_type), intent(in) :: self
       !> (dimension), (grain).
@@ -220,7 +239,7 @@ contains
       call self%grains%moduli(self%grains%k, y, scale, values, slope)
    end subroutine moduli
 
-   !> Logarithm of Eq. 13 and its extensions, normalised over the measurements.
+   !> Logarithm of Eq. 13 and its extensions at a point `x`, normalised over the measurements.
    pure real(wp) function log_likelihood(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -274,42 +293,116 @@ contains
       if (self%likelihood%calibration_sd > 0.0_wp) u(:, self%n_shared) = self%likelihood%calibration_sd*model/scales
    end subroutine whiten
 
-   !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
-   !> calibration error drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factor is 1.
-   subroutine draw_moduli(self, x, k, stream, values, factor)
+   !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision, and the
+   !> surrogate at the point.
+   pure subroutine infer_shared(self, x, y, scale, b, precision, lower)
       class(posterior_type), intent(in) :: self
+      !> (dimension).
       real(wp), intent(in) :: x(:)
-      !> Harmonics k(grain, h).
-      real(wp), intent(in), contiguous :: k(:, :)
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(out), contiguous :: values(:)
-      real(wp), intent(out) :: factor
-      real(wp) :: y(self%grains%n_harmonics), coordinates(self%grains%n_coordinates), scale, value
-      real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains), new_slope(size(values))
-      real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
-      real(wp) :: z(self%n_shared), lower(self%grains%n_harmonics, self%grains%n_harmonics)
-      integer :: j
+      !> Of the surrogate, (harmonic), GPa.
+      real(wp), intent(out) :: y(:), scale
+      !> (shared error), in sds of the prior.
+      real(wp), intent(out) :: b(:), precision(:, :)
+      !> Lower factor of the covariance of y, (harmonic, harmonic); 0 if the surrogate is taken as certain.
+      real(wp), intent(out) :: lower(:, :)
+      real(wp) :: coordinates(self%grains%n_coordinates), value
+      real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains), u(self%n_grains, self%n_shared)
 
-      factor = 1.0_wp
       call self%grains%evaluate(x, y, scale, coordinates)
-      call self%grains%moduli(k, y, scale, values, new_slope)
+      lower = 0.0_wp
+      if (self%likelihood%surrogate_uncertainty) call self%grains%covariance_factor(coordinates, lower)
       if (self%n_shared == 0) return
       call self%grains%moduli(self%grains%k, y, scale, model, slope)
       call self%kind%apply(model, slope)
       call whiten(self, coordinates, model, slope, scale_factor(self, x), scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
-      do j = 1, self%n_shared
+   end subroutine infer_shared
+
+   !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
+   !> calibration error drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factor is 1.
+   subroutine draw_moduli(self, x, k, stream, values, factor)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> Harmonics k(grain, harmonic).
+      real(wp), intent(in), contiguous :: k(:, :)
+      type(random_stream_type), intent(inout) :: stream
+      !> (grain).
+      real(wp), intent(out), contiguous :: values(:)
+      real(wp), intent(out) :: factor
+      real(wp) :: y(self%grains%n_harmonics), scale, slope(size(values)), lower(self%grains%n_harmonics, self%grains%n_harmonics)
+      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared)
+
+      call infer_shared(self, x, y, scale, b, precision, lower)
+      call self%grains%moduli(k, y, scale, values, slope)
+      call draw_shared(self, stream, b, precision, factor)
+      if (self%likelihood%surrogate_uncertainty) values = values + slope*matmul(k, matmul(lower, b(:self%grains%n_harmonics)))
+   end subroutine draw_moduli
+
+   !> Shared errors from their mean and precision, in place, and one plus the calibration error.
+   subroutine draw_shared(self, stream, b, precision, factor)
+      class(posterior_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(inout) :: b(:)
+      real(wp), intent(in) :: precision(:, :)
+      real(wp), intent(out) :: factor
+      real(wp) :: z(size(b))
+      integer :: j
+
+      do j = 1, size(b)
          call stream%normal(z(j))
       end do
       ! b + L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      do j = self%n_shared, 1, -1
+      do j = size(b), 1, -1
          z(j) = (z(j) - sum(precision(j + 1:, j)*z(j + 1:)))/precision(j, j)
       end do
       b = b + z
-      if (self%likelihood%calibration_sd > 0.0_wp) factor = 1.0_wp + self%likelihood%calibration_sd*b(self%n_shared)
+      factor = 1.0_wp
+      if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(size(b))
+   end subroutine draw_shared
+
+   !> What a further measurement of any grains would give at a point, of the kind that was measured, without its own error.
+   subroutine draw_measurements(self, x, k, stream, values, shared_variance, own_variance)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> Harmonics k(grain, harmonic).
+      real(wp), intent(in), contiguous :: k(:, :)
+      type(random_stream_type), intent(inout) :: stream
+      !> GPa, (grain), the shared errors drawn given the data.
+      real(wp), intent(out), contiguous :: values(:)
+      !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
+      real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
+      real(wp) :: y(self%grains%n_harmonics), scale, slope(size(values)), lower(self%grains%n_harmonics, self%grains%n_harmonics)
+      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared), columns(size(values), self%n_shared), factor
+      real(wp) :: mean(size(values)), mean_slope(size(values)), influence(size(values), self%grains%n_harmonics)
+      integer :: i, j
+
+      call infer_shared(self, x, y, scale, b, precision, lower)
+      call self%grains%moduli(k, y, scale, values, slope)
+      mean = values
+      mean_slope = slope
+      call self%kind%apply(mean, mean_slope)
+      if (self%likelihood%calibration_sd > 0.0_wp) columns(:, self%n_shared) = self%likelihood%calibration_sd*mean
+      call draw_shared(self, stream, b, precision, factor)
       if (self%likelihood%surrogate_uncertainty) then
-         call self%grains%covariance_factor(coordinates, lower)
-         values = values + new_slope*matmul(k, matmul(lower, b(:self%grains%n_harmonics)))
+         influence = matmul(k, lower)
+         values = values + slope*matmul(influence, b(:self%grains%n_harmonics))
+         do i = 1, self%grains%n_harmonics
+            columns(:, i) = mean_slope*influence(:, i)
+         end do
       end if
-   end subroutine draw_moduli
+      call self%kind%apply(values, slope)
+      values = factor*values
+      shared_variance = 0.0_wp
+      do j = 1, self%n_shared
+         ! The next entry of L^-1 times the columns.
+         do i = 1, j - 1
+            columns(:, j) = columns(:, j) - precision(j, i)*columns(:, i)
+         end do
+         columns(:, j) = columns(:, j)/precision(j, j)
+         shared_variance = shared_variance + columns(:, j)**2
+      end do
+      own_variance = self%grains%scatter*mean_slope**2
+   end subroutine draw_measurements
 end module constants_posterior

@@ -6,23 +6,22 @@
 module constants_prior
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index
-   use derived_quantities, only: evaluate_quantities, most_quantities, quantity_count
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, raw_coordinates
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: prior_type, new_prior, default_bounds, normal_knowledge_type
+   public :: prior_type, new_prior, default_bounds, knowledge_type
 
-   !> A quantity, or the ratio of two, known as mean ± sd.
-   type :: normal_knowledge_type
-      !> Numbers of quantities (see `derived_quantities`); denominator 0 means the numerator itself.
-      integer :: numerator = 0, denominator = 0
+   !> A quantity, known as mean ± sd in its unit.
+   type :: knowledge_type
+      type(quantity_type) :: quantity
       real(wp) :: mean = 0.0_wp, sd = 1.0_wp
-   end type normal_knowledge_type
+   end type knowledge_type
 
    type :: prior_type
       type(crystal_class_type) :: class
@@ -32,7 +31,8 @@ module constants_prior
       real(wp) :: anisotropy_cap = huge(1.0_wp)
       !> Share of the stated domain that the surrogate's domain leaves, estimated.
       real(wp) :: share_inside = 1.0_wp
-      type(normal_knowledge_type), allocatable :: normals(:)
+      type(quantity_type), allocatable, private :: known(:)
+      real(wp), allocatable, private :: known_mean(:), known_sd(:)
       integer, private :: coordinates = coordinates_box
       real(wp), allocatable, private :: range_lower(:), range_upper(:)
    contains
@@ -45,7 +45,7 @@ module constants_prior
 
 contains
 
-   !> Bounds (GPa) where the user states none: the surrogate's box of constants, else wide enough for any metal.
+   !> Bounds `lower` and `upper` (GPa) where the user states none: the surrogate's box of constants, else wide enough for any metal.
    pure subroutine default_bounds(surrogate, lower, upper)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), allocatable, intent(out) :: lower(:), upper(:)
@@ -62,13 +62,13 @@ contains
       end associate
    end subroutine default_bounds
 
-   !> The prior on `lower` .. `upper` (GPa) with the cap on Eq. 14, cut to the surrogate's domain.
+   !> The prior on `lower` .. `upper` (GPa) with the cap `anisotropy_cap` on Eq. 14, cut to the surrogate's domain.
    !>
    !> Bounds that the surrogate's domain does not meet at all are refused.
-   subroutine new_prior(surrogate, lower, upper, anisotropy_cap, normals, prior, error)
+   subroutine new_prior(surrogate, lower, upper, anisotropy_cap, knowledge, prior, error)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), intent(in) :: lower(:), upper(:), anisotropy_cap
-      type(normal_knowledge_type), intent(in) :: normals(:)
+      type(knowledge_type), intent(in) :: knowledge(:)
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       character(len=3), allocatable :: names(:)
@@ -92,15 +92,10 @@ contains
          call raise(error, 'anisotropy_cap = '//to_text(anisotropy_cap)//' must be positive', exit_bad_input)
          return
       end if
-      do j = 1, size(normals)
-         if (.not. (normals(j)%sd > 0.0_wp .and. abs(normals(j)%mean) < huge(1.0_wp))) then
-            call raise(error, 'a normal prior needs a finite mean and an sd > 0, not '//to_text(normals(j)%mean) &
-               & //' and '//to_text(normals(j)%sd), exit_bad_input)
-            return
-         end if
-         if (normals(j)%numerator < 1 .or. normals(j)%numerator > quantity_count(surrogate%basis%class) .or. &
-            & normals(j)%denominator < 0 .or. normals(j)%denominator > quantity_count(surrogate%basis%class)) then
-            call raise(error, 'a normal prior is on a quantity that the symmetry does not have', exit_bad_input)
+      do j = 1, size(knowledge)
+         if (.not. (knowledge(j)%sd > 0.0_wp .and. abs(knowledge(j)%mean) < huge(1.0_wp))) then
+            call raise(error, knowledge(j)%quantity%name//': a finite mean and an sd > 0 are needed, not ' &
+               & //to_text(knowledge(j)%mean)//' and '//to_text(knowledge(j)%sd), exit_bad_input)
             return
          end if
       end do
@@ -109,7 +104,12 @@ contains
       prior%lower = lower
       prior%upper = upper
       prior%anisotropy_cap = anisotropy_cap
-      prior%normals = normals
+      allocate (prior%known(size(knowledge)))
+      do j = 1, size(knowledge)
+         prior%known(j) = knowledge(j)%quantity
+      end do
+      prior%known_mean = knowledge%mean
+      prior%known_sd = knowledge%sd
       prior%coordinates = surrogate%basis%coordinates
       prior%range_lower = surrogate%basis%lower
       prior%range_upper = surrogate%basis%upper
@@ -162,7 +162,7 @@ contains
       end if
    end subroutine cut_to_surrogate
 
-   !> Whether a crystal (GPa) is in the support.
+   !> Whether a crystal `c` (GPa) is in the support.
    pure logical function admits(self, c)
       class(prior_type), intent(in) :: self
       real(wp), intent(in) :: c(:)
@@ -183,20 +183,15 @@ contains
       admits = .true.
    end function admits
 
-   !> Logarithm of the normal factors at a crystal of the support; the constant of the uniform part is left out.
+   !> Logarithm of the normal factors at a crystal `c` (GPa) of the support; the constant of the uniform part is left out.
    pure real(wp) function log_density(self, c)
       class(prior_type), intent(in) :: self
       real(wp), intent(in) :: c(:)
-      real(wp) :: values(most_quantities), x
-      integer :: j
+      real(wp) :: values(size(self%known))
 
       log_density = 0.0_wp
-      if (size(self%normals) == 0) return
-      call evaluate_quantities(self%class, c(:self%n_constants), values)
-      do j = 1, size(self%normals)
-         x = values(self%normals(j)%numerator)
-         if (self%normals(j)%denominator > 0) x = x/values(self%normals(j)%denominator)
-         log_density = log_density - 0.5_wp*((x - self%normals(j)%mean)/self%normals(j)%sd)**2
-      end do
+      if (size(values) == 0) return
+      call evaluate_quantities(self%known, self%class%stiffness(c(:self%n_constants)), values)
+      log_density = -0.5_wp*sum(((values - self%known_mean)/self%known_sd)**2)
    end function log_density
 end module constants_prior

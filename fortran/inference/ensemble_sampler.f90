@@ -32,6 +32,7 @@ contains
       real(wp), intent(out) :: draws(:, :), log_density(:)
       !> Share of accepted draws of the mixture.
       real(wp), intent(out) :: acceptance
+      !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp), allocatable :: archive(:, :)
       type(straightening_type) :: straight

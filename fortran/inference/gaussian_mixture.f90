@@ -81,6 +81,7 @@ contains
       end do
    end subroutine log_terms
 
+   !> Logarithm of the density at `u`.
    pure real(wp) function log_mixture(mixture, u) result(value)
       type(mixture_type), intent(in) :: mixture
       real(wp), intent(in) :: u(:)
@@ -93,6 +94,7 @@ contains
       value = top + log(sum(shares))
    end function log_mixture
 
+   !> A point `u` of the mixture.
    subroutine draw_mixture(mixture, stream, u)
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
@@ -114,7 +116,7 @@ contains
       end do
    end subroutine draw_mixture
 
-   !> Some steps of expectation-maximisation on weighted points, points(many, n).
+   !> Some steps of expectation-maximisation on weighted points, points(many, n) with `weights` (many).
    subroutine fit_mixture(points, weights, steps, mixture)
       real(wp), intent(in), contiguous :: points(:, :), weights(:)
       integer, intent(in) :: steps

@@ -22,7 +22,7 @@ module modulus_kinds
 
 contains
 
-   !> The map of a kind.
+   !> The map of the kind with this `name`.
    subroutine new_modulus_map(name, indenter_modulus, indenter_nu, sample_nu, map, error)
       character(len=*), intent(in) :: name
       !> Young's modulus (GPa) and Poisson's ratio of the indenter, Poisson's ratio that was assumed of the sample.

@@ -17,6 +17,7 @@ contains
 
    pure real(wp) function log_density(self, r, factor)
       class(normal_errors_type), intent(in) :: self
+      !> Residuals in units of the scale, and the factor on that.
       real(wp), intent(in) :: r(:), factor
       real(wp) :: total
       integer :: i

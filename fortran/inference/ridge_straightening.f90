@@ -126,7 +126,7 @@ contains
       end do
    end function spread_product
 
-   !> From working to straight coordinates.
+   !> From working coordinates `w` to straight ones `u`.
    pure subroutine to_straight(self, w, u)
       class(straightening_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
@@ -142,7 +142,7 @@ contains
       end do
    end subroutine to_straight
 
-   !> And back.
+   !> From straight coordinates `u` to working ones `w`.
    pure subroutine from_straight(self, u, w)
       class(straightening_type), intent(in) :: self
       real(wp), intent(in) :: u(:)

@@ -5,6 +5,7 @@ module samplers
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use memory, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
    use abstract_sampler, only: sampler_type
    use sampling_target, only: target_type
@@ -61,7 +62,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)
-      integer :: k, status
+      integer :: k, stat
 
       if (settings%samples < 1 .or. sampler%burn_in < 0 .or. settings%chains < 1) then
          call raise(error, 'samples = '//to_text(settings%samples)//' and chains = '//to_text(settings%chains) &
@@ -70,10 +71,9 @@ contains
       end if
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
          & chains%log_density(settings%samples, settings%chains), chains%acceptance(settings%chains), &
-         & started(settings%chains), stat=status)
-      if (status /= 0) then
-         call raise(error, to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples are more than ' &
-            & //'memory holds', exit_bad_input)
+         & started(settings%chains), stat=stat)
+      if (stat /= 0) then
+         call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples)//' samples', error)
          return
       end if
       chains%draws = 0.0_wp

@@ -22,11 +22,13 @@ module sampling_target
    end type target_type
 
    abstract interface
+      !> Whether `x` is in the support.
       pure logical function admits_interface(self, x)
          import :: target_type, wp
          class(target_type), intent(in) :: self
          real(wp), intent(in) :: x(:)
       end function admits_interface
+      !> Log density at `x`.
       pure real(wp) function log_density_interface(self, x)
          import :: target_type, wp
          class(target_type), intent(in) :: self
@@ -35,6 +37,7 @@ module sampling_target
    end interface
 contains
 
+   !> Working coordinates `w` of the parameters `x`.
    pure subroutine to_working(self, x, w)
       class(target_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -43,6 +46,7 @@ contains
       w = x(:self%dimension)
    end subroutine to_working
 
+   !> Parameters `x` at working coordinates `w`.
    pure subroutine from_working(self, w, x)
       class(target_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
@@ -51,6 +55,7 @@ contains
       x = w(:self%dimension)
    end subroutine from_working
 
+   !> log |dx/dw| at working coordinates `w`, up to a constant.
    pure real(wp) function log_volume(self, w)
       class(target_type), intent(in) :: self
       real(wp), intent(in) :: w(:)

@@ -28,6 +28,7 @@ contains
       real(wp), intent(out) :: draws(:, :), log_density(:)
       !> Share of accepted steps of single parameters.
       real(wp), intent(out) :: acceptance
+      !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
       real(wp) :: step(target%dimension), total(target%dimension)

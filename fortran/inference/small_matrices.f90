@@ -150,7 +150,7 @@ contains
       end do
    end subroutine weighted_gram
 
-   !> Sum of the logarithms of positive numbers of ordinary size: one logarithm for eight of them.
+   !> Sum of the logarithms of positive `values` of ordinary size: one logarithm for eight of them.
    pure real(wp) function sum_of_logs(values)
       real(wp), intent(in) :: values(:)
       integer :: i

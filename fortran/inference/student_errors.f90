@@ -21,6 +21,7 @@ module student_errors
 contains
 
    pure function new_student_errors(dof) result(self)
+      !> Degrees of freedom.
       real(wp), intent(in) :: dof
       type(student_errors_type) :: self
 
@@ -30,6 +31,7 @@ contains
 
    pure real(wp) function log_density(self, r, factor)
       class(student_errors_type), intent(in) :: self
+      !> Residuals in units of the scale, and the factor on that.
       real(wp), intent(in) :: r(:), factor
 
       log_density = size(r)*(log_gamma(0.5_wp*(self%dof + 1.0_wp)) - log_gamma(0.5_wp*self%dof) &

@@ -4,6 +4,7 @@ module problem_input
    use errors, only: error_type, exit_bad_input, raise
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
    use problem, only: new_problem, problem_type
+   use problem_posterior, only: check_step_2, check_target
    use stages, only: plan_stages
    implicit none
    private
@@ -60,6 +61,8 @@ contains
                & exit_bad_input)
          end associate
       end if
+      if (.not. allocated(error) .and. (has_stage(self, 'extract') .or. has_stage(self, 'next'))) call check_step_2(self, error)
+      if (.not. allocated(error) .and. has_stage(self, 'next')) call check_target(self, error)
    end subroutine check_problem
 
    pure logical function has_stage(self, name)

@@ -12,6 +12,7 @@ program batch
    use settings_lists, only: new_schema, schema_markdown
    use system, only: argument, settle_blas, end_process
    use version, only: package_version
+   use warning_lists, only: warning_type
    implicit none
 
    character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--output DIR] [--check]'
@@ -65,13 +66,11 @@ contains
       type(problem_type) :: self
       type(error_type), allocatable :: error
       character(len=:), allocatable :: told
-      integer :: i
+      type(warning_type), allocatable :: warnings(:)
 
       call read_problem(path, 'run', self, error)
       call stop_on(error)
-      do i = 1, size(self%warnings)
-         write (error_unit, '(2a)') 'warning: ', self%warnings(i)%text
-      end do
+      call tell(self%warnings)
       if (check_only) then
          if (self%settings%measurements%given) call check_sampling(self, output, error)
          call stop_on(error)
@@ -93,11 +92,21 @@ contains
          write (output_unit, '(2a)') 'fit: ', told
       end if
       if (self%settings%measurements%given) then
-         call sample_constants(self, output, told, error)
+         call sample_constants(self, output, told, warnings, error)
          call stop_on(error)
+         call tell(warnings)
          write (output_unit, '(2a)') 'sample: ', told
       end if
    end subroutine perform
+
+   subroutine tell(warnings)
+      type(warning_type), intent(in) :: warnings(:)
+      integer :: i
+
+      do i = 1, size(warnings)
+         write (error_unit, '(2a)') 'warning: ', warnings(i)%text
+      end do
+   end subroutine tell
 
    !> 'a' of 'folder/a.nml'.
    function stem(name)
@@ -133,7 +142,7 @@ contains
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: simulations.csv', &
          & '  &design        fits the surrogate to simulations.csv: surrogate.nml (so does &surrogate beside &crystals)', &
-         & '  &measurements  samples the constants: posterior.csv, summary.nml', &
+         & '  &measurements  samples the constants: posterior.csv, summary.json', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &

@@ -7,7 +7,6 @@ module batch_simulate
    use kinds, only: degree, i8, wp
    use namelist_file, only: place
    use numbers, only: number_text
-   use omp_lib, only: omp_get_num_procs
    use physics_identity, only: identity_text
    use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
@@ -15,9 +14,10 @@ module batch_simulate
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, outcome_waiting, simulator_type
    use tables, only: csv_cell
    use text, only: to_text
+   use threads, only: thread_count
    implicit none
    private
-   public :: simulate_crystals, worker_count, simulations_name
+   public :: simulate_crystals, simulations_name
 
    character(len=*), parameter :: simulations_name = 'simulations.csv'
    character, parameter :: newline = achar(10)
@@ -75,7 +75,7 @@ contains
 
       stopped = .false.
       call system_clock(last_told)
-      !$omp parallel do num_threads(worker_count(self)) schedule(dynamic, 1)
+      !$omp parallel do num_threads(thread_count(self%settings%execution%workers)) schedule(dynamic, 1)
       do i = 1, self%crystals%n
          if (outcomes(i)%status == outcome_waiting) call simulate_one(i)
       end do
@@ -266,10 +266,4 @@ contains
       call replace_file(path, page, error)
    end subroutine save_outcomes
 
-   integer function worker_count(self) result(workers)
-      type(problem_type), intent(in) :: self
-
-      workers = self%settings%execution%workers
-      if (workers == 0) workers = omp_get_num_procs()
-   end function worker_count
 end module batch_simulate

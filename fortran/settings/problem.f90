@@ -18,13 +18,10 @@ module problem
    use settings_schema, only: candidate_sources
    use settings_visitor, only: choice_list_type
    use text, only: split_list, to_text
+   use warning_lists, only: add_warning => warn, warning_type
    implicit none
    private
-   public :: problem_type, warning_type, new_problem
-
-   type :: warning_type
-      character(len=:), allocatable :: text
-   end type warning_type
+   public :: problem_type, new_problem
 
    type :: problem_type
       !> The file as the user wrote it, or the Python function whose keywords these are; the folder with a slash, or ''.
@@ -175,7 +172,8 @@ contains
                directions(:, i) = g(:, 3)
             end do
             call new_region(self%class, region)
-            if (.not. angles_look_like_radians(self%measurements) .and. all_alike(region, directions, alike*degree)) then
+            if (region%dimension > 0 .and. .not. angles_look_like_radians(self%measurements) &
+               & .and. all_alike(region, directions, alike*degree)) then
                call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
                   & //'modulus depends on orientation')
             end if
@@ -198,14 +196,8 @@ contains
    subroutine warn(self, message)
       class(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: message
-      type(warning_type), allocatable :: grown(:)
-      integer :: n
 
-      n = size(self%warnings)
-      allocate (grown(n + 1))
-      grown(:n) = self%warnings
-      grown(n + 1)%text = message
-      call move_alloc(grown, self%warnings)
+      call add_warning(self%warnings, message)
    end subroutine warn
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.

@@ -4,8 +4,9 @@ from .core import BayesindentError, InputError, MachineError
 from .crystal.elasticity import anisotropy_index, halfspace_modulus, log_anisotropy, polycrystal_averages, stiffness
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
-from .inference.extract import extract, quantities, summary
+from .inference.extract import extract, summary
 from .inference.next_grain import next_grain
+from .inference.quantities import quantities
 from .settings.problem import Problem
 from .surrogate.domain import Domain
 from .surrogate.surrogate import Surrogate

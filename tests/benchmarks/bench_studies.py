@@ -15,13 +15,16 @@ import numpy as np
 from scipy import stats
 from theory_cases import SYMMETRIES, Case
 
-from bayesindent.inference.extract import Posterior, extract, identifiability
-from bayesindent.inference.next_grain import suggest
+from bayesindent.inference.extract import extract, summary
+from bayesindent.inference.posterior import PRIOR, Posterior
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 
 #: Draws among which a truth is ranked, and bins of the test of uniformity.
 DRAWS, BINS = 99, 10
+
+#: What five more grains are to tell.
+TARGETS = {"cubic": "C44", "hexagonal": "all"}
 
 
 def main(argv=None) -> int:
@@ -40,22 +43,22 @@ def main(argv=None) -> int:
 
 def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
     """The combinations of log constants that the reference data identify."""
-    table = {"euler_deg": case.euler_deg, "modulus_gpa": case.modulus_gpa, "sd_gpa": case.sd_gpa}
-    result = extract(case.surrogate, table, seed=1, threads=arguments.threads, **case.settings)
-    rows = [row for row in identifiability(result) if row["kind"] == "combination" and row["contraction"] > 0.9]
+    result = extract(case.surrogate, case.table, seed=1, workers=arguments.threads, **case.settings)
+    rows = [row for row in summary(result)["identifiability"] if row["kind"] == "combination" and row["contraction"] > 0.9]
     return {row["name"]: np.array(list(row["exponents"].values())) for row in rows}
 
 
 def sample(case: Case, euler_deg, measured, sd, seed: int, threads: int, samples: int = 5000, **settings):
     """The posterior of one data set and its draws (chains, samples, k)."""
-    posterior = Posterior(case.surrogate, euler_deg, measured, sd, **case.settings, **settings)
+    table = {"euler_deg": euler_deg, "modulus_gpa": measured, "sd_gpa": sd}
+    posterior = Posterior.of(case.surrogate, table, seed=seed, workers=threads, **case.settings, **settings)
     draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=8000, chains=4, threads=threads, seed=seed)
     return posterior, draws
 
 
 def prior_draws(case: Case, count: int, seed: int) -> np.ndarray:
     """Independent points of the flat prior, by rejection."""
-    prior = Posterior(case.surrogate, case.euler_deg, case.modulus_gpa, case.sd_gpa, prior_only=True, **case.settings)
+    prior = Posterior.of(case.surrogate, case.table, what=PRIOR, **case.settings)
     points = case.lower + (case.upper - case.lower) * np.random.default_rng(seed).random((50 * count, len(case.names)))
     return points[np.isfinite(prior.evaluate(points)[0])][:count]
 
@@ -183,11 +186,9 @@ def study_next(cases, arguments) -> int:
             start, others = random_angles(rng, first), random_angles(rng, more)
             noise, later = sd * rng.normal(size=first), sd * rng.normal(size=more)
             measured = case.theory(case.truth, start) + noise
-            posterior, draws = sample(case, start, measured, np.full(first, sd), k, arguments.threads)
-            found = suggest(
-                posterior, draws.reshape(-1, len(case.truth)), sd_gpa=sd, target="C44" if case.symmetry == "cubic" else "all",
-                count=more, seed=k, threads=arguments.threads,
-            )  # fmt: skip
+            asked = {"sd_gpa": sd, "target": TARGETS[case.symmetry], "count": more}
+            posterior, draws = sample(case, start, measured, np.full(first, sd), k, arguments.threads, **asked)
+            found = posterior.suggest(posterior.problem, draws.reshape(-1, len(case.truth)))
             chosen = np.array([item["euler_deg"] for item in found["suggestions"]])
             pair = []
             for angles in (chosen, others):

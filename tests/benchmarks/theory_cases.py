@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness
-from bayesindent.inference.extract import measurements_of
+from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.domain import Domain
 from bayesindent.surrogate.surrogate import Basis, Surrogate
 
@@ -31,7 +31,8 @@ class Case:
             "bounds": dict(zip(self.names, zip(*document["bounds"], strict=True), strict=True)),
             "anisotropy_cap": document["anisotropy_cap"],
         }
-        self.euler_deg, self.modulus_gpa, self.sd_gpa = measurements_of(REFERENCE / f"{FILES[symmetry]}.csv")
+        self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv")
+        self.euler_deg, self.modulus_gpa, self.sd_gpa = self.table.euler_deg, self.table.modulus_gpa, self.table.sd_gpa
         self.surrogate = theory_surrogate(symmetry)
 
     def theory(self, constants, euler_deg) -> np.ndarray:

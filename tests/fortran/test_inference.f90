@@ -1,57 +1,21 @@
-!> Densities that the samplers are tried on.
-module known_targets
-   use kinds, only: wp
-   use sampling_target, only: target_type
-   implicit none
-   private
-   public :: banana_type
-
-   !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
-   type, extends(target_type) :: banana_type
-   contains
-      procedure :: admits
-      procedure :: log_density
-   end type banana_type
-
-contains
-
-   pure logical function admits(self, x)
-      class(banana_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-
-      admits = all(x >= self%lower .and. x <= self%upper)
-   end function admits
-
-   pure real(wp) function log_density(self, x)
-      class(banana_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-
-      log_density = -0.5_wp*x(1)**2 - 0.5_wp*((x(2) - x(1)**2)/0.1_wp)**2
-      if (self%dimension > 2) log_density = log_density - 0.5_wp*sum(x(3:)**2)
-   end function log_density
-end module known_targets
-
-!> Step 2: polynomials of the covariance, mixtures, samplers on known targets, derived quantities, gains of measurements.
+!> Step 2: polynomials of the covariance, mixtures, samplers on known targets, error models.
 program test_inference
    use abstract_error_model, only: error_model_type
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use crystal_elasticity, only: averages_type, polycrystal_averages
-   use derived_quantities, only: evaluate_quantities, quantity_count, quantity_number
    use error_models, only: new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type
    use modulus_kinds, only: modulus_map_type, new_modulus_map
-   use next_measurement, only: expected_gains
    use polynomial_products, only: covariance_polynomial, evaluate_products, new_products, products_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
       & truncation_tensor, truncation_total
-   use testing, only: check, check_close, check_refused, check_success, class_of, finish, stiffness_of
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish
    use text, only: to_text
    use vector_math, only: exp_all, transposed_product
    implicit none
@@ -67,8 +31,6 @@ program test_inference
    call test_sampler('ensemble', 20000, 20000, 0.05_wp)
    call test_sampler('scmh', 200000, 5000, 0.05_wp)
    call test_diagnostics()
-   call test_quantities()
-   call test_gains()
    call finish()
 
 contains
@@ -325,61 +287,4 @@ contains
       call check_close(name//', tail', found%ess_tail, ess_tail, 1.0e-10_wp*ess_tail)
       call check_close(name//', R-hat', found%r_hat, r_hat, 1.0e-10_wp)
    end subroutine compare
-
-   subroutine test_quantities()
-      real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp], zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
-      real(wp), allocatable :: values(:)
-      type(averages_type) :: averages
-
-      allocate (values(quantity_count(class_of('cubic'))))
-      call evaluate_quantities(class_of('cubic'), copper, values)
-      averages = polycrystal_averages(stiffness_of('cubic', copper))
-      call check_close('cubic bulk modulus', values(quantity_number(class_of('cubic'), 'bulk_modulus')), averages%bulk_voigt, &
-         & 1.0e-10_wp)
-      call check_close('cubic shear modulus', values(quantity_number(class_of('cubic'), 'shear_modulus')), &
-         & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
-      ! Young's moduli of copper along its axes, as in textbooks: 66.7, 130.3, 191.1 GPa.
-      call check_close('copper along 100', values(quantity_number(class_of('cubic'), 'youngs_100')), 66.7_wp, 0.1_wp)
-      call check_close('copper along 110', values(quantity_number(class_of('cubic'), 'youngs_110')), 130.3_wp, 0.3_wp)
-      call check_close('copper along 111', values(quantity_number(class_of('cubic'), 'youngs_111')), 191.1_wp, 0.3_wp)
-      deallocate (values)
-      allocate (values(quantity_count(class_of('hexagonal'))))
-      call evaluate_quantities(class_of('hexagonal'), zinc, values)
-      averages = polycrystal_averages(stiffness_of('hexagonal', zinc))
-      call check_close('hexagonal bulk modulus', values(quantity_number(class_of('hexagonal'), 'bulk_modulus')), &
-         & 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss), 1.0e-10_wp)
-      call check_close('hexagonal shear modulus', values(quantity_number(class_of('hexagonal'), 'shear_modulus')), &
-         & 0.5_wp*(averages%shear_voigt + averages%shear_reuss), 1.0e-10_wp)
-      call check_close('zinc along c', values(quantity_number(class_of('hexagonal'), 'youngs_c')), &
-         & 61.1_wp - 2.0_wp*50.3_wp**2/(161.1_wp + 34.2_wp), 1.0e-10_wp)
-      call check('a name that is none', quantity_number(class_of('hexagonal'), 'zener_ratio') == 0)
-   end subroutine test_quantities
-
-   !> Normal predictions have closed forms: 0.5 log(1 + V/sd²) nats, and V r²/(V + sd²) of a target's variance.
-   subroutine test_gains()
-      integer, parameter :: draws = 40000
-      real(wp), allocatable :: predicted(:, :), weights(:, :), target(:), none(:)
-      type(random_stream_type) :: stream
-      real(wp) :: z, gains(1), v, r
-      real(wp), parameter :: sd = 2.0_wp
-      integer :: i
-
-      allocate (predicted(draws, 1), weights(draws, 1), target(draws), none(0))
-      stream = new_random_stream(9, 1)
-      do i = 1, draws
-         call stream%normal(z)
-         predicted(i, 1) = 200.0_wp + 3.0_wp*z
-         target(i) = 5.0_wp*z
-         call stream%normal(z)
-         target(i) = target(i) + 4.0_wp*z
-      end do
-      weights = 1.0_wp/draws
-      v = sum((predicted(:, 1) - sum(predicted(:, 1))/draws)**2)/draws
-      call expected_gains(predicted, weights, sd, none, 1, gains)
-      call check_close('information of a normal prediction', gains(1), 0.5_wp*log(1.0_wp + v/sd**2), 0.01_wp)
-      call expected_gains(predicted, weights, sd, target, 1, gains)
-      r = (sum(predicted(:, 1)*target)/draws - sum(predicted(:, 1))/draws*sum(target)/draws)**2 &
-         & /(v*(sum(target**2)/draws - (sum(target)/draws)**2))
-      call check_close('share of a normal target''s variance', gains(1), r*v/(v + sd**2), 0.01_wp)
-   end subroutine test_gains
 end program test_inference

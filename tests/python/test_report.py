@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.inference.quantities import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
 from bayesindent.report.sections import SECTIONS
-from bayesindent.report.words import most_probable
+from bayesindent.report.words import quantity_in_words
 from bayesindent.surrogate.surrogate import Surrogate
 from conftest import SOURCE
 
@@ -106,15 +107,6 @@ def test_one_chain(tmp_path, capsys):
 
 
 def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
-    document = {
-        "parameters": {"C11": {"map": 244.9}, "C44": {"map": 108.0}, "sd_factor": {"map": 1.0}},
-        "identifiability": [
-            {"kind": "combination", "name": "C11", "contraction": 0.9},
-            {"kind": "quantity", "name": "C11", "contraction": 0.49},
-            {"kind": "quantity", "name": "C44", "contraction": 0.51},
-        ],
-    }
-    assert [most_probable(document, name) for name in document["parameters"]] == [None, 108.0, 1.0]
     # Fe-3%Si: the data do not decide C12.
     output = tmp_path / "out"
     file = write_case(tmp_path, COPPER)
@@ -125,6 +117,14 @@ def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
     assert main(["report", str(output)]) == 0
     cells = (output / "report.html").read_text().split("<td>C12</td>")[1].split("</tr>")[0]
     assert cells.split("<td>")[3] == "–</td>"
+
+
+def test_quantities_in_words():
+    names = {"young[110]": "Young's modulus along [110]", "polycrystal_poisson": "Poisson's ratio of the polycrystal"}
+    names |= {"bulk_modulus": "bulk modulus", "anisotropy_index": "anisotropy index", "C11": "C11"}
+    assert {name: quantity_in_words(name) for name in names} == names
+    for symmetry in ("cubic", "triclinic"):
+        assert all("_" not in quantity_in_words(name) for name in quantity_names(symmetry))
 
 
 def test_every_figure_has_a_section_and_a_name_of_its_own():

@@ -8,7 +8,7 @@ from importlib import metadata
 
 from ..version import __version__
 from .results import Results
-from .words import most_probable, number, orientation, powers_as_html, quantity_in_words
+from .words import number, orientation, powers_as_html, quantity_in_words
 
 __all__ = ["SECTIONS", "Section", "Table"]
 
@@ -152,8 +152,7 @@ def constants_table(results: Results) -> Table | None:
     rows = []
     for name, item in document["parameters"].items():
         low, high = item["hdi_95"]
-        best = most_probable(document, name)
-        rows.append([name, number(item["mean"]), number(item["sd"]), number(best), f"{number(low)} to {number(high)}"])
+        rows.append([name, number(item["mean"]), number(item["sd"]), number(item["map"]), f"{number(low)} to {number(high)}"])
     return Table("Elastic constants in GPa", ["constant", "mean", "sd", "most probable", "95 % interval"], rows)
 
 

@@ -4,21 +4,12 @@ import math
 
 from markupsafe import Markup, escape
 
-__all__ = ["most_probable", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
-
-#: Below this share of the prior's variance removed by the data a most probable value says nothing.
-DECIDED = 0.5
+__all__ = ["number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
 
 
 def number(value, digits: int = 1) -> str:
     """A number as text; a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
-
-
-def most_probable(document: dict, name: str) -> float | None:
-    """The most probable value of a parameter in a document of `extract`; none where the prior decided more than the data."""
-    shares = {row["name"]: row["contraction"] for row in document["identifiability"] if row["kind"] == "quantity"}
-    return document["parameters"][name]["map"] if shares.get(name, 1.0) >= DECIDED else None
 
 
 def orientation(euler_deg) -> str:
@@ -28,13 +19,13 @@ def orientation(euler_deg) -> str:
 
 def quantity_in_words(name: str) -> str:
     """The name of a quantity of the crystal as people write it."""
-    first, *rest = name.split("_")
-    if first == "ratio":
-        return "/".join(rest)
-    if first == "youngs" and rest != ["modulus"]:
-        return f"Young's modulus along {'45° to c' if rest == ['45'] else ' '.join(rest)}"
-    owner = {"youngs": "Young's", "poisson": "Poisson's", "zener": "Zener"}
-    return " ".join([owner.get(first, first), *rest])
+    moduli = {"bulk": "bulk modulus", "shear": "shear modulus", "young": "Young's modulus", "poisson": "Poisson's ratio"}
+    word, _, direction = name.partition("[")
+    if direction:
+        return f"{moduli.get(word, word)} along [{direction}"
+    if word.startswith("polycrystal_"):
+        return f"{moduli[word.removeprefix('polycrystal_')]} of the polycrystal"
+    return word.replace("_", " ")
 
 
 def subscript(name: str) -> str:

@@ -1,6 +1,6 @@
 """`next`: the grains worth measuring next."""
 
-from ...inference.next_grain import next_stage
+from ...pipeline.step_2 import next_stage
 from ..command import namelist_command
 from ..console import show_table
 

@@ -3,7 +3,7 @@
 import argparse
 
 from ...common.progress import Progress
-from ...inference.extract import check_stage
+from ...pipeline.step_2 import check_stage
 from ...settings.problem import Problem
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
 from . import report

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..words import most_probable, power_label, quantity_in_words, subscript
+from ..words import power_label, quantity_in_words, subscript
 from .style import BLACK, BLUE, CYCLE, ORANGE, RED, SKY, Picture, new_figure, unique_legend
 
 __all__ = ["contraction", "grain_comparison", "marginals", "pairs", "traces"]
@@ -24,7 +24,7 @@ def marginals(results) -> Picture | None:
         spare.remove()
     for axes, (name, chains) in zip(grid, samples.items()):
         values = chains.ravel()
-        mean, sd, best = values.mean(), values.std(), most_probable(results.documents["extract"], name)
+        mean, sd, best = values.mean(), values.std(), results.documents["extract"]["parameters"][name]["map"]
         axes.hist(values, bins=48, density=True, color=SKY, alpha=0.7, lw=0)
         axes.axvline(mean, color=BLUE, label="mean")
         if best is not None:

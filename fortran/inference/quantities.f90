@@ -1,0 +1,365 @@
+!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants, averages, directional moduli, and products
+!> of powers of these.
+!>
+!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are Hill's: bulk and shear modulus are the
+!> means of Voigt's and Reuss' for a uniform texture, and Young's modulus and Poisson's ratio follow from these two.
+module quantities
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, polycrystal_averages
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: wp
+   use numbers, only: number_ok, read_real
+   use spelling, only: suggestion
+   use text, only: join, lower, split_list, to_text
+   implicit none
+   private
+   public :: quantity_type, new_quantity, check_quantity, reported_quantities, evaluate_quantities, quantity_words
+
+   !> Words that stand alone, and words that take a direction.
+   character(len=*), parameter :: plain_words = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
+      & //'polycrystal_poisson, anisotropy_index', directional_words = 'young, shear, compressibility'
+   !> What is allowed, for messages and the schema.
+   character(len=*), parameter :: quantity_words = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_words &
+      & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
+
+   integer, parameter :: most_factors = 24
+
+   !> One factor of a product: a word, with its entry of the stiffness or its direction, and the power.
+   type :: factor_type
+      character(len=19) :: word = ''
+      integer :: row = 0, column = 0
+      !> Unit vector.
+      real(wp) :: direction(3) = 0.0_wp
+      real(wp) :: power = 1.0_wp
+   end type factor_type
+
+   type :: quantity_type
+      !> As it was written.
+      character(len=:), allocatable :: name
+      !> 'GPa', '1/TPa', '1' of a ratio, or a power of GPa.
+      character(len=:), allocatable :: unit
+      integer, private :: n_factors = 0
+      type(factor_type), private :: factors(most_factors)
+   contains
+      procedure :: is_product
+   end type quantity_type
+
+contains
+
+   !> The quantity of a name.
+   subroutine new_quantity(name, quantity, error)
+      character(len=*), intent(in) :: name
+      type(quantity_type), intent(out) :: quantity
+      type(error_type), allocatable, intent(out) :: error
+      type(factor_type) :: factor
+      character(len=:), allocatable :: piece, power
+      real(wp) :: sign
+      integer :: i, caret, depth, first, outcome
+
+      quantity%name = trim(adjustl(name))
+      i = 1
+      sign = 1.0_wp
+      do while (i <= len(name))
+         if (index(' */', name(i:i)) > 0) then
+            if (name(i:i) == '/') sign = -1.0_wp
+            i = i + 1
+            cycle
+         end if
+         first = i
+         depth = 0
+         do while (i <= len(name))
+            if (name(i:i) == '[') depth = 1
+            if (name(i:i) == ']') depth = 0
+            if (depth == 0 .and. index(' */', name(i:i)) > 0) exit
+            i = i + 1
+         end do
+         piece = name(first:i - 1)
+         caret = index(piece, '^')
+         power = '1'
+         if (caret > 0) then
+            power = piece(caret + 1:)
+            piece = piece(:caret - 1)
+         end if
+         call read_real(power, factor%power, outcome)
+         if (outcome /= number_ok) then
+            call raise(error, ''''//trim(name)//''': the power '''//power//''' is not a number', exit_bad_input)
+            return
+         end if
+         factor%power = sign*factor%power
+         sign = 1.0_wp
+         call read_word(piece, factor, error)
+         if (allocated(error)) return
+         if (quantity%n_factors == most_factors) then
+            call raise(error, ''''//quantity%name//''' has more than '//to_text(most_factors)//' factors', exit_bad_input)
+            return
+         end if
+         quantity%n_factors = quantity%n_factors + 1
+         quantity%factors(quantity%n_factors) = factor
+      end do
+      if (quantity%n_factors == 0) then
+         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_words, exit_bad_input)
+         return
+      end if
+      quantity%unit = unit_of(quantity%factors(:quantity%n_factors))
+   end subroutine new_quantity
+
+   !> A constant, a word, or a word with a direction.
+   subroutine read_word(piece, factor, error)
+      character(len=*), intent(in) :: piece
+      type(factor_type), intent(inout) :: factor
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word
+      integer :: bracket
+      logical :: known
+
+      factor%row = 0
+      factor%column = 0
+      bracket = index(piece, '[')
+      word = lower(piece)
+      if (bracket > 0) word = lower(piece(:bracket - 1))
+      factor%word = word
+      if (bracket > 0) then
+         known = any(split_list(directional_words) == word)
+         if (known) call read_direction(piece(bracket:), factor%direction, known)
+      else if (word == 'c''') then
+         known = .true.
+      else if (len(word) == 3 .and. verify(word, 'c123456') == 0) then
+         factor%row = index('123456', word(2:2))
+         factor%column = index('123456', word(3:3))
+         known = word(1:1) == 'c' .and. factor%row > 0 .and. factor%column >= factor%row
+         factor%word = 'constant'
+      else
+         known = any(split_list(plain_words) == word)
+      end if
+      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_words//', ' &
+         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_words, exit_bad_input)
+   end subroutine read_word
+
+   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'.
+   subroutine read_direction(text, direction, known)
+      character(len=*), intent(in) :: text
+      real(wp), intent(out) :: direction(3)
+      !> Three numbers, not all zero.
+      logical, intent(out) :: known
+      character(len=:), allocatable :: inner, spaced
+      integer :: i, status
+
+      direction = 0.0_wp
+      known = .false.
+      i = len(text)
+      if (text(i:i) /= ']' .or. i < 5) return
+      inner = text(2:i - 1)
+      if (verify(inner, '0123456789-+., eE') > 0) return
+      spaced = ''
+      do i = 1, len(inner)
+         spaced = spaced//inner(i:i)
+         if (scan(trim(inner), ' ,.') == 0 .and. verify(inner(i:i), '-+') > 0) spaced = spaced//' '
+      end do
+      read (spaced, *, iostat=status) direction
+      known = status == 0 .and. sum(direction**2) > 0.0_wp .and. all(abs(direction) < 1.0e6_wp)
+      if (known) direction = direction/norm2(direction)
+   end subroutine read_direction
+
+   !> The unit of a product.
+   pure function unit_of(factors) result(unit)
+      type(factor_type), intent(in) :: factors(:)
+      character(len=:), allocatable :: unit
+      real(wp) :: power
+      integer :: i
+
+      power = 0.0_wp
+      do i = 1, size(factors)
+         select case (factors(i)%word)
+         case ('polycrystal_poisson', 'anisotropy_index')
+            cycle
+         case ('compressibility')
+            power = power - factors(i)%power
+         case default
+            power = power + factors(i)%power
+         end select
+      end do
+      unit = 'GPa^'//to_text(power)
+      if (abs(power) < 1.0e-9_wp) unit = '1'
+      if (abs(power - 1.0_wp) < 1.0e-9_wp) unit = 'GPa'
+      if (size(factors) == 1) then
+         if (factors(1)%word == 'compressibility' .and. abs(factors(1)%power - 1.0_wp) < 1.0e-9_wp) unit = '1/TPa'
+      end if
+   end function unit_of
+
+   !> Whether it is more than one word of power one.
+   pure logical function is_product(self)
+      class(quantity_type), intent(in) :: self
+
+      is_product = self%n_factors > 1 .or. abs(self%factors(1)%power - 1.0_wp) > 0.0_wp
+   end function is_product
+
+   !> Refuse what is zero, or infinite, in every crystal of the class.
+   subroutine check_quantity(quantity, class, error)
+      type(quantity_type), intent(in) :: quantity
+      type(crystal_class_type), intent(in) :: class
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: values(1)
+
+      call evaluate_quantities([quantity], typical_crystal(class), values)
+      if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call raise(error, ''''//quantity%name &
+         & //''' is zero, or not finite, for every '//class%name//' crystal', exit_bad_input)
+   end subroutine check_quantity
+
+   !> A stable crystal of a class with nothing by chance: every entry that the class allows is there.
+   pure function typical_crystal(class) result(c)
+      type(crystal_class_type), intent(in) :: class
+      real(wp) :: c(6, 6)
+      integer :: i, j
+
+      do j = 1, 6
+         do i = 1, 6
+            c(i, j) = 7.0_wp + 2.0_wp*sin(real(i*j + i + j, wp))
+         end do
+         c(j, j) = 150.0_wp + 10.0_wp*j
+      end do
+      c = class%stiffness(class%constants_of(c))
+   end function typical_crystal
+
+   !> What is reported of a crystal of a class: its constants, averages, and Young's moduli along directions that it tells apart.
+   subroutine reported_quantities(class, list, error)
+      type(crystal_class_type), intent(in) :: class
+      type(quantity_type), allocatable, intent(out) :: list(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: averages = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
+         & //'polycrystal_poisson, anisotropy_index', directions = 'young[001], young[100], young[010], young[110], ' &
+         & //'young[101], young[011], young[111]'
+      character(len=:), allocatable :: names(:)
+      type(quantity_type), allocatable :: all(:)
+      real(wp), allocatable :: values(:)
+      integer :: i, known, kept
+
+      names = split_list(join(class%constants, ', ')//', '//averages//', '//directions)
+      known = size(names) - size(split_list(directions))
+      allocate (all(size(names)), values(size(names)))
+      do i = 1, size(names)
+         call new_quantity(trim(names(i)), all(i), error)
+         if (allocated(error)) return
+      end do
+      call evaluate_quantities(all, typical_crystal(class), values)
+      kept = known
+      do i = known + 1, size(names)
+         if (any(abs(values(known + 1:kept) - values(i)) < 1.0e-9_wp*values(i))) cycle
+         kept = kept + 1
+         all(kept) = all(i)
+         values(kept) = values(i)
+      end do
+      list = all(:kept)
+   end subroutine reported_quantities
+
+   !> The values of quantities for one stable crystal.
+   pure subroutine evaluate_quantities(quantities, c, values)
+      type(quantity_type), intent(in) :: quantities(:)
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp), intent(out) :: values(:)
+      real(wp) :: s(6, 6), value
+      type(averages_type) :: averages
+      integer :: i, j
+      logical :: inverted, averaged
+
+      inverted = .false.
+      averaged = .false.
+      do i = 1, size(quantities)
+         values(i) = 1.0_wp
+         do j = 1, quantities(i)%n_factors
+            associate (factor => quantities(i)%factors(j))
+               select case (factor%word)
+               case ('constant')
+                  value = c(factor%row, factor%column)
+               case ('c''')
+                  value = 0.5_wp*(c(1, 1) - c(1, 2))
+               case ('anisotropy_index')
+                  value = anisotropy_index(c)
+               case ('bulk_modulus', 'young', 'shear', 'compressibility')
+                  if (.not. inverted) s = compliance(c)
+                  inverted = .true.
+                  value = response(factor%word, s, factor%direction)
+               case default
+                  if (.not. averaged) averages = polycrystal_averages(c)
+                  averaged = .true.
+                  value = hill_value(factor%word, averages)
+               end select
+               values(i) = values(i)*power_of(value, factor%power)
+            end associate
+         end do
+      end do
+   end subroutine evaluate_quantities
+
+   pure real(wp) function power_of(value, power)
+      real(wp), intent(in) :: value, power
+
+      if (abs(power - 1.0_wp) <= 0.0_wp) then
+         power_of = value
+      else if (abs(power + 1.0_wp) <= 0.0_wp) then
+         power_of = 1.0_wp/value
+      else
+         power_of = value**power
+      end if
+   end function power_of
+
+   !> What a compliance (1/GPa) says of a direction, a unit vector.
+   pure real(wp) function response(word, s, n)
+      character(len=*), intent(in) :: word
+      real(wp), intent(in) :: s(6, 6), n(3)
+      real(wp) :: across(3), third(3)
+
+      select case (word)
+      case ('bulk_modulus')
+         response = 1.0_wp/sum(s(:3, :3))
+      case ('young')
+         response = 1.0_wp/energy(n, n)
+      case ('compressibility')
+         response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
+      case default
+         ! Torsion of a rod along n: the mean over the directions of shear across it.
+         across = 0.0_wp
+         across(minloc(abs(n), dim=1)) = 1.0_wp
+         across = across - dot_product(across, n)*n
+         across = across/norm2(across)
+         third = [n(2)*across(3) - n(3)*across(2), n(3)*across(1) - n(1)*across(3), n(1)*across(2) - n(2)*across(1)]
+         response = 2.0_wp/(4.0_wp*energy(n, across) + 4.0_wp*energy(n, third))
+      end select
+
+   contains
+
+      !> The symmetric stress a b in Voigt's order.
+      pure function stress(a, b)
+         real(wp), intent(in) :: a(3), b(3)
+         real(wp) :: stress(6)
+
+         stress(:3) = a*b
+         stress(4:) = 0.5_wp*[a(2)*b(3) + a(3)*b(2), a(1)*b(3) + a(3)*b(1), a(1)*b(2) + a(2)*b(1)]
+      end function stress
+
+      pure real(wp) function energy(a, b)
+         real(wp), intent(in) :: a(3), b(3)
+
+         energy = dot_product(stress(a, b), matmul(s, stress(a, b)))
+      end function energy
+   end function response
+
+   !> Hill's averages, GPa, and Poisson's ratio.
+   pure real(wp) function hill_value(word, averages)
+      character(len=*), intent(in) :: word
+      type(averages_type), intent(in) :: averages
+      real(wp) :: bulk, shear
+
+      bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
+      shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+      select case (word)
+      case ('polycrystal_bulk')
+         hill_value = bulk
+      case ('polycrystal_shear')
+         hill_value = shear
+      case ('polycrystal_young')
+         hill_value = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+      case default
+         hill_value = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+      end select
+   end function hill_value
+end module quantities

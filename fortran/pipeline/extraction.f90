@@ -1,0 +1,139 @@
+!> Step 2 of a problem: chains of the posterior and of the prior, and all that is said of them.
+module extraction
+   use constants_posterior, only: posterior_type
+   use errors, only: error_type
+   use kinds, only: i8, wp
+   use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
+      & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
+   use problem, only: problem_type
+   use problem_posterior, only: new_problem_posterior, sample_posterior, sample_prior
+   use quantities, only: evaluate_quantities, quantity_type, reported_quantities
+   use samplers, only: chains_type
+   use surrogate_model, only: surrogate_type
+   use threads, only: thread_count
+   implicit none
+   private
+   public :: extraction_type, extract
+
+   type :: extraction_type
+      type(posterior_type) :: posterior
+      !> In a chain of the posterior the last parameter may be the logarithm of the factor on the sds; here it is the factor.
+      type(chains_type) :: chains, prior_chains
+      !> Names of the parameters.
+      character(len=9), allocatable :: names(:)
+      type(parameter_type), allocatable :: parameters(:)
+      !> The point of largest density, (parameter), and whether the data say enough of a parameter for it to mean anything.
+      real(wp), allocatable :: most_probable(:)
+      logical, allocatable :: decided(:)
+      !> (constant, constant).
+      real(wp), allocatable :: correlation(:, :)
+      type(combination_type), allocatable :: combinations(:)
+      type(quantity_type), allocatable :: quantities(:)
+      type(known_quantity_type), allocatable :: known(:)
+      type(predictions_type) :: predictions
+      !> Of each grain, GPa: mean and sd of the modulus, and mean of what is measured, the calibration error with it.
+      real(wp), allocatable :: predicted_mean(:), predicted_sd(:), expected(:)
+      !> Of the posterior's chains, wall clock.
+      real(wp) :: seconds = 0.0_wp
+   end type extraction_type
+
+contains
+
+   !> Sample and summarise.
+   subroutine extract(problem, surrogate, self, error)
+      type(problem_type), intent(in) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      type(extraction_type), intent(out) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type) :: prior
+      integer(i8) :: start, end, rate
+
+      call new_problem_posterior(problem, surrogate, .false., self%posterior, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .true., prior, error)
+      if (allocated(error)) return
+      call system_clock(start, rate)
+      call sample_posterior(problem, self%posterior, self%chains, error)
+      call system_clock(end)
+      self%seconds = real(end - start, wp)/rate
+      if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
+      if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
+   end subroutine extract
+
+   subroutine summarise(threads, self, error)
+      integer, intent(in) :: threads
+      type(extraction_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: prior_values(:, :, :), spread(:)
+      integer :: k, i, c
+
+      k = self%posterior%n_constants
+      allocate (self%names(self%posterior%dimension))
+      self%names(:k) = self%posterior%prior%class%constants
+      if (size(self%names) > k) self%names(k + 1) = 'sd_factor'
+      call reported_quantities(self%posterior%prior%class, self%quantities, error)
+      if (allocated(error)) return
+      call predict_grains(self%posterior, self%chains, self%quantities, self%predictions)
+      call average_predictions(self)
+      spread = spreads(self%chains)
+      call most_probable_point(self%posterior, self%chains, spread, self%most_probable)
+      if (size(self%names) > k) then
+         self%chains%draws(k + 1, :, :) = exp(self%chains%draws(k + 1, :, :))
+         self%most_probable(k + 1) = exp(self%most_probable(k + 1))
+      end if
+      call summarise_parameters(self%chains, threads, self%parameters)
+      self%correlation = correlate(self%chains, k)
+      call find_combinations(self%chains%draws, self%prior_chains%draws, k, self%combinations, error)
+      if (allocated(error)) return
+      allocate (prior_values(size(self%quantities), size(self%prior_chains%draws, 2), size(self%prior_chains%draws, 3)))
+      do c = 1, size(prior_values, 3)
+         do i = 1, size(prior_values, 2)
+            call evaluate_quantities(self%quantities, self%posterior%stiffness(self%prior_chains%draws(:, i, c)), &
+               & prior_values(:, i, c))
+         end do
+      end do
+      call compare_quantities(self%predictions%quantities, prior_values, self%known)
+      ! Of the constants, which come first, all draws are there.
+      allocate (self%decided(size(self%names)), source=.true.)
+      do i = 1, k
+         associate (known => self%known(i), parameter => self%parameters(i))
+            known%mean = parameter%mean
+            known%sd = parameter%sd
+            known%contraction = 1.0_wp - (known%sd/known%prior_sd)**2
+            self%decided(i) = known%contraction >= decided_by_prior
+         end associate
+      end do
+   end subroutine summarise
+
+   subroutine average_predictions(self)
+      type(extraction_type), intent(inout) :: self
+      integer :: n, c, i
+
+      n = size(self%predictions%factor)
+      allocate (self%predicted_sd(self%posterior%n_grains), source=0.0_wp)
+      self%expected = self%predicted_sd
+      self%predicted_mean = sum(sum(self%predictions%moduli, 3), 2)/n
+      do c = 1, size(self%predictions%factor, 2)
+         do i = 1, size(self%predictions%factor, 1)
+            associate (moduli => self%predictions%moduli(:, i, c))
+               self%predicted_sd = self%predicted_sd + (moduli - self%predicted_mean)**2
+               self%expected = self%expected + moduli*self%predictions%factor(i, c)/n
+            end associate
+         end do
+      end do
+      self%predicted_sd = sqrt(self%predicted_sd/max(1, n - 1))
+   end subroutine average_predictions
+
+   !> Rough sds of the parameters.
+   pure function spreads(chains) result(sd)
+      type(chains_type), intent(in) :: chains
+      real(wp), allocatable :: sd(:)
+      real(wp) :: mean
+      integer :: j
+
+      allocate (sd(size(chains%draws, 1)))
+      do j = 1, size(sd)
+         mean = sum(chains%draws(j, :, :))/(size(chains%draws, 2)*real(size(chains%draws, 3), wp))
+         sd(j) = sqrt(sum((chains%draws(j, :, :) - mean)**2)/(size(chains%draws, 2)*real(size(chains%draws, 3), wp)))
+      end do
+   end function spreads
+end module extraction

@@ -1,0 +1,180 @@
+!> The grain orientations worth measuring next, from draws of a posterior.
+module next_grains
+   use constants_posterior, only: posterior_type
+   use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
+   use errors, only: error_type
+   use json, only: json_type
+   use kinds, only: degree, pi, wp
+   use namelist_file, only: place
+   use next_measurement, only: candidates_type, choose_measurements, suggestions_type
+   use problem, only: problem_type
+   use problem_posterior, only: check_target
+   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use random, only: new_random_stream, random_stream_type
+   use sorting, only: sort_order
+   use text, only: fixed, to_text
+   use threads, only: thread_count
+   use warning_lists, only: warn, warning_type
+   implicit none
+   private
+   public :: next_document
+
+   !> Draws of the posterior, and scenarios of what earlier suggestions will say, behind the expected gains.
+   integer, parameter :: most_draws = 2000, scenarios = 48
+   !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near twin is hard to find.
+   real(wp), parameter :: separation_deg = 5.0_wp
+
+contains
+
+   !> The document of `next` from `draws` of the posterior: suggestions, each given those before it, and the gain of every candidate as the first of them.
+   subroutine next_document(problem, posterior, draws, document, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
+      real(wp), intent(in) :: draws(:, :)
+      !> JSON.
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(candidates_type) :: candidates
+      type(suggestions_type) :: suggestions
+      real(wp), allocatable :: few(:, :), euler_deg(:, :)
+      real(wp) :: sd
+
+      call check_target(problem, error)
+      if (allocated(error)) return
+      few = draws(:, ::max(1, size(draws, 2)/most_draws))
+      associate (wanted => problem%settings%next)
+         sd = wanted%sd_gpa
+         if (.not. sd > 0.0_wp) then
+            sd = median(posterior%sd)
+            if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
+         end if
+         if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
+         call new_candidates(posterior, few, sd, problem%settings%problem%seed, candidates, euler_deg)
+         call set_target(posterior, wanted%target, few, candidates, error)
+         if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
+            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions, error)
+      end associate
+      if (allocated(error)) then
+         error%message = place(problem%path, 'next', '')//error%message
+      else
+         document = written(problem, candidates, suggestions, euler_deg, sd)
+      end if
+   end subroutine next_document
+
+   !> What each draw predicts at each direction that the crystal tells apart.
+   subroutine new_candidates(posterior, draws, sd, seed, candidates, euler_deg)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension, draw), as the sampler has them.
+      real(wp), intent(in) :: draws(:, :)
+      !> Of the next measurement, GPa.
+      real(wp), intent(in) :: sd
+      integer, intent(in) :: seed
+      type(candidates_type), intent(out) :: candidates
+      !> Bunge-Euler angles of the candidates, (3, candidate).
+      real(wp), allocatable, intent(out) :: euler_deg(:, :)
+      type(region_type) :: region
+      type(random_stream_type) :: stream
+      real(wp), allocatable :: directions(:, :), harmonics(:, :), own_variance(:, :)
+      integer :: i, j, n
+
+      call new_region(posterior%prior%class, region)
+      call lattice_of_directions(region, directions)
+      n = size(directions, 2)
+      allocate (euler_deg(3, n), candidates%near(n, n))
+      do j = 1, n
+         associate (v => directions(:, j))
+            euler_deg(:, j) = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
+         end associate
+         do i = 1, n
+            candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
+         end do
+      end do
+      harmonics = posterior%grains%harmonics(euler_deg*degree)
+      allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
+         & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
+      stream = new_random_stream(seed, 0)
+      do i = 1, size(draws, 2)
+         call posterior%draw_measurements(draws(:, i), harmonics, stream, candidates%predicted(:, i), &
+            & candidates%shared_variance(:, i), own_variance(:, i))
+      end do
+      candidates%predicted = transpose(candidates%predicted)
+      candidates%shared_variance = transpose(candidates%shared_variance)
+      candidates%sd = sqrt(sd**2 + sum(own_variance, 2)/size(draws, 2))
+   end subroutine new_candidates
+
+   !> The values of what is to be known: of a product of powers its logarithm.
+   subroutine set_target(posterior, target, draws, candidates, error)
+      type(posterior_type), intent(in) :: posterior
+      character(len=*), intent(in) :: target
+      real(wp), intent(in) :: draws(:, :)
+      type(candidates_type), intent(inout) :: candidates
+      type(error_type), allocatable, intent(out) :: error
+      type(quantity_type) :: quantity(1)
+      integer :: i
+
+      if (target == 'all') return
+      call new_quantity(target, quantity(1), error)
+      if (allocated(error)) return
+      candidates%target = spread(0.0_wp, 1, size(draws, 2))
+      do i = 1, size(draws, 2)
+         call evaluate_quantities(quantity, posterior%stiffness(draws(:, i)), candidates%target(i:i))
+      end do
+      if (quantity(1)%is_product()) candidates%target = log(candidates%target)
+   end subroutine set_target
+
+   pure real(wp) function median(values)
+      real(wp), intent(in) :: values(:)
+      integer :: order(size(values)), n
+
+      n = size(values)
+      call sort_order(values, order)
+      median = 0.5_wp*(values(order((n + 1)/2)) + values(order(n/2 + 1)))
+   end function median
+
+   function written(problem, candidates, suggestions, euler_deg, sd) result(text)
+      type(problem_type), intent(in) :: problem
+      type(candidates_type), intent(in) :: candidates
+      type(suggestions_type), intent(in) :: suggestions
+      real(wp), intent(in) :: euler_deg(:, :), sd
+      character(len=:), allocatable :: text
+      type(json_type) :: document
+      type(warning_type), allocatable :: warnings(:)
+      real(wp) :: mean
+      integer :: i, draws, found
+
+      draws = size(candidates%predicted, 1)
+      found = size(suggestions%chosen)
+      call document%begin_object()
+      call document%begin_array('suggestions')
+      do i = 1, found
+         associate (c => suggestions%chosen(i))
+            mean = sum(candidates%predicted(:, c))/draws
+            call document%begin_object()
+            call document%put('euler_deg', euler_deg(:, c))
+            call document%put('gain', suggestions%gains(i))
+            call document%put('predicted', mean)
+            call document%put('sd', sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws))
+            call document%end_object()
+         end associate
+      end do
+      call document%end_array()
+      call document%begin_array('candidates')
+      do i = 1, size(euler_deg, 2)
+         call document%begin_object()
+         call document%put('euler_deg', euler_deg(:, i))
+         call document%put('gain', suggestions%first_gains(i))
+         call document%end_object()
+      end do
+      call document%end_array()
+      call document%put('target', problem%settings%next%target)
+      call document%put('sd_gpa', sd)
+      call document%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
+      warnings = problem%warnings
+      if (found < problem%settings%next%count) call warn(warnings, 'only '//to_text(found)//' of ' &
+         & //to_text(problem%settings%next%count)//' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+      call document%put('warnings', warnings)
+      call document%end_object()
+      text = document%text()
+   end function written
+end module next_grains

@@ -1,0 +1,179 @@
+!> The posterior that a problem asks for, over a surrogate.
+module problem_posterior
+   use abstract_sampler, only: sampler_type
+   use constants_posterior, only: likelihood_type, new_posterior, posterior_type
+   use constants_prior, only: default_bounds, knowledge_type, new_prior, prior_type
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: degree, wp
+   use memory, only: check_memory
+   use namelist_file, only: place
+   use problem, only: problem_type
+   use quantities, only: check_quantity, new_quantity, quantity_type
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use surrogate_model, only: surrogate_type
+   use text, only: to_text
+   use threads, only: thread_count
+   implicit none
+   private
+   public :: check_step_2, check_target, new_problem_posterior, sample_posterior, sample_prior
+
+   !> Bytes of a number, and how often a draw is kept at a time.
+   real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
+
+contains
+
+   !> Refuse what Step 2 would refuse whatever the surrogate: unknown quantities, more draws than memory holds.
+   subroutine check_step_2(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(knowledge_type), allocatable :: knowledge(:)
+
+      call read_knowledge(problem, knowledge, error)
+      if (allocated(error)) return
+      associate (s => problem%settings%sampler)
+         call check_memory(copies*bytes*(problem%class%n_constants + 2)*s%samples*s%chains, to_text(s%chains)//' chains of ' &
+            & //to_text(s%samples)//' samples', error)
+      end associate
+      if (allocated(error)) then
+         error%message = place(problem%path, 'sampler', 'samples')//error%message
+         error%status = exit_bad_input
+      end if
+   end subroutine check_step_2
+
+   !> Refuse a target of &next that is none.
+   subroutine check_target(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(quantity_type) :: quantity
+
+      if (problem%settings%next%target == 'all') return
+      call new_quantity(problem%settings%next%target, quantity, error)
+      if (.not. allocated(error)) call check_quantity(quantity, problem%class, error)
+      if (allocated(error)) error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
+   end subroutine check_target
+
+   !> What &knowledge says.
+   subroutine read_knowledge(problem, knowledge, error)
+      type(problem_type), intent(in) :: problem
+      type(knowledge_type), allocatable, intent(out) :: knowledge(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      associate (known => problem%settings%knowledge)
+         if (.not. allocated(known%quantity)) then
+            allocate (knowledge(0))
+            return
+         end if
+         allocate (knowledge(size(known%quantity)))
+         do i = 1, size(knowledge)
+            call new_quantity(trim(known%quantity(i)), knowledge(i)%quantity, error)
+            if (.not. allocated(error)) call check_quantity(knowledge(i)%quantity, problem%class, error)
+            if (allocated(error)) then
+               error%message = place(problem%path, 'knowledge', 'quantity')//error%message
+               return
+            end if
+            knowledge(i)%mean = known%mean(i)
+            knowledge(i)%sd = known%sd(i)
+         end do
+      end associate
+   end subroutine read_knowledge
+
+   !> The density of the constants given the problem's measurements, or of the prior alone.
+   subroutine new_problem_posterior(problem, surrogate, prior_only, posterior, error)
+      type(problem_type), intent(in) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      !> Leave the data out.
+      logical, intent(in) :: prior_only
+      type(posterior_type), intent(out) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+      type(prior_type) :: prior
+      type(likelihood_type) :: likelihood
+      real(wp), allocatable :: sd(:)
+
+      if (.not. allocated(problem%measurements)) then
+         call raise(error, place(problem%path, 'measurements', '')//'there are no measurements: at least one grain is needed', &
+            & exit_bad_input)
+         return
+      end if
+      call new_problem_prior(problem, surrogate, prior, error)
+      if (allocated(error)) return
+      associate (m => problem%settings%measurements)
+         likelihood%modulus_kind = m%modulus_kind
+         likelihood%indenter_modulus = m%indenter_modulus_gpa
+         likelihood%indenter_nu = m%indenter_nu
+         likelihood%sample_nu = m%sample_nu
+         likelihood%calibration_sd = m%calibration_sd
+         likelihood%errors = m%likelihood
+         likelihood%student_dof = m%student_dof
+         likelihood%infer_scale = m%scale == 'inferred'
+      end associate
+      likelihood%surrogate_uncertainty = problem%settings%sampler%surrogate_variance == 'full'
+      likelihood%prior_only = prior_only
+      associate (measured => problem%measurements)
+         sd = measured%sd_gpa
+         ! Only where the sds are one unknown common value may they be absent.
+         if (.not. all(sd > 0.0_wp)) sd = 1.0_wp
+         call new_posterior(surrogate, prior, likelihood, measured%euler_deg*degree, measured%modulus_gpa, sd, posterior, error)
+      end associate
+      if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
+   end subroutine new_problem_posterior
+
+   !> &prior and &knowledge over the surrogate's domain. A bound that is not stated is the surrogate's.
+   subroutine new_problem_prior(problem, surrogate, prior, error)
+      type(problem_type), intent(in) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      type(prior_type), intent(out) :: prior
+      type(error_type), allocatable, intent(out) :: error
+      type(knowledge_type), allocatable :: knowledge(:)
+      real(wp), allocatable :: lower(:), upper(:)
+      real(wp) :: cap
+
+      call read_knowledge(problem, knowledge, error)
+      if (allocated(error)) return
+      call default_bounds(surrogate, lower, upper)
+      cap = surrogate%anisotropy_cap
+      associate (stated => problem%settings%prior)
+         if (allocated(stated%c_min)) lower = stated%c_min
+         if (allocated(stated%c_max)) upper = stated%c_max
+         if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
+      end associate
+      call new_prior(surrogate, lower, upper, cap, knowledge, prior, error)
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine new_problem_prior
+
+   !> The chains that &sampler asks for.
+   subroutine sample_posterior(problem, posterior, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+      class(sampler_type), allocatable :: sampler
+
+      call check_step_2(problem, error)
+      if (allocated(error)) return
+      associate (s => problem%settings%sampler)
+         call new_sampler(s%method, s%burn_in, sampler, error)
+         if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_type(samples=s%samples, &
+            & chains=s%chains, threads=thread_count(problem%settings%execution%workers), seed=problem%settings%problem%seed), &
+            & chains, error)
+      end associate
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine sample_posterior
+
+   !> The prior by the sampler that mixes best, from random streams of its own.
+   subroutine sample_prior(problem, prior, chains, error)
+      type(problem_type), intent(in) :: problem
+      !> A density without the data.
+      type(posterior_type), intent(in) :: prior
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+      !> No posterior has so many chains.
+      integer, parameter :: first_stream = 1000001
+      class(sampler_type), allocatable :: sampler
+
+      call new_sampler('ensemble', 5000, sampler, error)
+      if (.not. allocated(error)) call sample_chains(prior, sampler, run_settings_type(2500, 4, &
+         & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, first_stream), chains, error)
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine sample_prior
+end module problem_posterior

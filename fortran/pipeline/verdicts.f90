@@ -1,0 +1,158 @@
+!> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
+module verdicts
+   use chain_diagnostics, only: diagnostics_type
+   use kinds, only: wp
+   use posterior_summary, only: combination_type, decided_by_data, decided_by_prior
+   use text, only: fixed, to_text
+   use warning_lists, only: warn, warning_type
+   implicit none
+   private
+   public :: judge_coverage, judge_mixing, judge_ridges, judge_bound, judge_grains, powers_text
+
+   !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
+   !> al., Bayesian Anal. 16, 667, 2021).
+   real(wp), parameter :: greatest_r_hat = 1.01_wp
+   integer, parameter :: least_size = 100
+
+contains
+
+   !> A surrogate that knows only a part of the prior.
+   subroutine judge_coverage(share_inside, warnings)
+      !> Share of the stated crystals that are in the surrogate's domain.
+      real(wp), intent(in) :: share_inside
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+
+      if (share_inside < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share_inside, 0)//' % of the ' &
+         & //'crystals within the stated bounds; the posterior is cut to these')
+   end subroutine judge_coverage
+
+   !> Poor R-hat and effective sample sizes of the parameter `name` over all `chains`; NaN has not mixed.
+   subroutine judge_mixing(name, diagnostics, chains, method, warnings)
+      character(len=*), intent(in) :: name
+      type(diagnostics_type), intent(in) :: diagnostics
+      integer, intent(in) :: chains
+      !> Of the sampler.
+      character(len=*), intent(in) :: method
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=:), allocatable :: said, remedy
+      real(wp) :: size
+
+      size = min(diagnostics%ess_bulk, diagnostics%ess_tail)
+      if ((diagnostics%r_hat < greatest_r_hat .or. chains == 1) .and. size > least_size*chains) return
+      said = 'there is one chain'
+      if (chains > 1) said = 'R-hat is '//fixed(diagnostics%r_hat, 3)//' (below '//to_text(greatest_r_hat)//' is well)'
+      remedy = 'take more samples'
+      if (method /= 'ensemble') remedy = remedy//', or method ''ensemble'''
+      call warn(warnings, 'the chains of '//name//' have not mixed: '//said//', and they are worth '//fixed(size, 0) &
+         & //' independent samples; '//remedy)
+   end subroutine judge_mixing
+
+   !> The constants that trade off, with what the data decided and what the prior did.
+   subroutine judge_ridges(names, correlation, combinations, warnings)
+      !> Of the constants.
+      character(len=*), intent(in) :: names(:)
+      !> (constant, constant).
+      real(wp), intent(in) :: correlation(:, :)
+      type(combination_type), intent(in) :: combinations(:)
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: strong = 0.7_wp
+      character(len=:), allocatable :: pairs, known, hidden
+      integer :: i, j
+
+      pairs = ''
+      known = ''
+      hidden = ''
+      do i = 1, size(combinations)
+         if (combinations(i)%contraction > decided_by_data) known = listed(known, powers_text(names, combinations(i)%exponents))
+         if (combinations(i)%contraction < decided_by_prior) hidden = listed(hidden, powers_text(names, combinations(i)%exponents))
+      end do
+      if (len(hidden) == 0) return
+      do i = 1, size(names)
+         do j = 1, i - 1
+            if (abs(correlation(i, j)) > strong) pairs = pairs//trim(names(i))//' and '//trim(names(j)) &
+               & //' trade off (correlation '//fixed(correlation(i, j), 2)//'); '
+         end do
+      end do
+      if (len(known) == 0) known = 'no combination by themselves'
+      call warn(warnings, pairs//'the data decided '//known//'; the prior decided '//hidden)
+   end subroutine judge_ridges
+
+   !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count are left out.
+   pure function powers_text(names, exponents) result(words)
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in) :: exponents(:)
+      character(len=:), allocatable :: words
+      real(wp), parameter :: least = 0.05_wp
+      integer :: i
+
+      words = ''
+      do i = 1, size(names)
+         if (abs(exponents(i)) >= least) words = words//' '//trim(names(i))//'^'//fixed(exponents(i), 2)
+      end do
+      words = words(2:)
+   end function powers_text
+
+   pure function listed(list, item) result(longer)
+      character(len=*), intent(in) :: list, item
+      character(len=:), allocatable :: longer
+
+      longer = item
+      if (len(list) > 0) longer = list//', '//item
+   end function listed
+
+   !> Draws of the constant `name` that crowd at a bound: the last of twenty bins ends there and is not empty.
+   subroutine judge_bound(name, draws, lower, upper, warnings)
+      character(len=*), intent(in) :: name
+      !> (sample, chain), and the bounds, GPa.
+      real(wp), intent(in) :: draws(:, :), lower, upper
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      integer, parameter :: bins = 20
+      real(wp), parameter :: crowded = 0.35_wp, at_bound = 0.01_wp
+      integer :: counts(bins), i, j, k
+      real(wp) :: low, high
+
+      low = minval(draws)
+      high = maxval(draws)
+      if (.not. high > low) return
+      counts = 0
+      do j = 1, size(draws, 2)
+         do i = 1, size(draws, 1)
+            k = min(bins, 1 + int(bins*((draws(i, j) - low)/(high - low))))
+            counts(k) = counts(k) + 1
+         end do
+      end do
+      if (low - lower < at_bound*(high - low) .and. counts(1) > crowded*maxval(counts)) call tell(lower, 'lower')
+      if (upper - high < at_bound*(high - low) .and. counts(bins) > crowded*maxval(counts)) call tell(upper, 'upper')
+
+   contains
+
+      subroutine tell(bound, word)
+         real(wp), intent(in) :: bound
+         character(len=*), intent(in) :: word
+
+         call warn(warnings, name//' piles up at its bound of '//to_text(bound)//' GPa: the '//word &
+            & //' bound, not the data, ends its distribution there')
+      end subroutine tell
+   end subroutine judge_bound
+
+   !> Grains whose modulus disagrees with all others; the `likelihood` may take that into account.
+   subroutine judge_grains(measured, predicted, scale, likelihood, warnings)
+      !> Measured moduli, means of what is predicted, and the errors' sds; GPa, (grain).
+      real(wp), intent(in) :: measured(:), predicted(:), scale(:)
+      character(len=*), intent(in) :: likelihood
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: far = 3.0_wp
+      character(len=:), allocatable :: advice
+      real(wp) :: residual
+      integer :: i
+
+      advice = '; likelihood ''student'' gives such grains less weight'
+      if (likelihood == 'student') advice = ''
+      do i = 1, size(measured)
+         residual = (measured(i) - predicted(i))/scale(i)
+         if (.not. abs(residual) > far) cycle
+         call warn(warnings, 'grain '//to_text(i)//' disagrees with the others: its modulus is '//fixed(abs(residual), 1)//' sd ' &
+            & //trim(merge('above', 'below', residual > 0.0_wp))//' what all grains together predict'//advice)
+      end do
+   end subroutine judge_grains
+end module verdicts

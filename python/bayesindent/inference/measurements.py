@@ -1,0 +1,96 @@
+"""Measurements in the ways that Python has tables."""
+
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..core import InputError, native
+from ..crystal.elasticity import constant_names
+from ..settings.problem import Problem, schema
+
+__all__ = ["measurements_of", "problem_of"]
+
+#: Groups whose variables are keywords of `extract` and `next_grain`.
+GROUPS = ("measurements", "prior", "sampler", "next")
+
+
+def problem_of(
+    origin: str, surrogate, measurements, *, bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1,
+    workers: int = 0, **variables,
+) -> Problem:  # fmt: skip
+    """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
+
+    `measurements`: a CSV file, or what `measurements_of` takes. `bounds` maps constants to (low, high) in GPa, either of them perhaps
+    None; `knowledge` maps quantities to (mean, sd). `variables` are those of `GROUPS`.
+    """
+    groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
+    asked: dict[str, dict] = {group: {} for group in GROUPS}
+    for name, value in variables.items():
+        asked[groups.get(name, "measurements")][name] = value
+    table = None
+    if isinstance(measurements, str | os.PathLike):
+        asked["measurements"]["file"] = measurements
+    else:
+        table = measurements_of(measurements)
+    if bounds:
+        asked["prior"] |= bounds_of(origin, surrogate, bounds)
+    if knowledge:
+        means, sds = zip(*knowledge.values(), strict=True)
+        asked["knowledge"] = {"quantity": list(knowledge), "mean": list(means), "sd": list(sds)}
+    return Problem.from_keywords(
+        origin, table, problem={"symmetry": surrogate.symmetry, "seed": seed}, execution={"workers": workers}, **asked
+    )
+
+
+def bounds_of(origin: str, surrogate, bounds: Mapping) -> dict:
+    """`c_min` and `c_max` from bounds of some constants: the others are the surrogate's, or wide enough for any metal."""
+    names = constant_names(surrogate.symmetry)
+    low, high = (dict(zip(names, values)) for values in native.prior_default_bounds(surrogate.handle, len(names)))
+    for name, (least, greatest) in bounds.items():
+        if name not in low:
+            raise InputError(f"{origin}: bounds: a {surrogate.symmetry} crystal has no constant {name}; it has {', '.join(names)}")
+        low[name] = low[name] if least is None else least
+        high[name] = high[name] if greatest is None else greatest
+    return {"c_min": list(low.values()), "c_max": list(high.values())}
+
+
+def measurements_of(table) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Angles (n, 3) in degrees, moduli (n,) and sds (n,) or None, of a mapping, data frame or structured array of the columns of a
+    measurements' file, a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1,
+    Phi, phi2, modulus and sd."""
+    if isinstance(table, list | tuple):
+        named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
+        table = {name: [row.get(name) for row in table] for name in table[0]} if named else _array(table)
+    if isinstance(table, np.ndarray):
+        if table.dtype.names:
+            table = {name: table[name] for name in table.dtype.names}
+        elif table.ndim == 2 and table.shape[1] in (4, 5):
+            table = {"euler_deg": table[:, :3], "modulus_gpa": table[:, 3]} | ({"sd_gpa": table[:, 4]} if table.shape[1] == 5 else {})
+        else:
+            raise InputError(f"an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), not {table.shape}")
+    if hasattr(table, "euler_deg"):
+        angles, modulus, sd = table.euler_deg, table.modulus_gpa, table.sd_gpa
+    else:
+        try:
+            if "euler_deg" in table:
+                angles = _array(table["euler_deg"])
+            else:
+                angles = np.column_stack([_array(table[name]) for name in ("phi1_deg", "Phi_deg", "phi2_deg")])
+            sd = _array(table["sd_gpa"]) if "sd_gpa" in table else None
+            modulus = _array(table["modulus_gpa"])
+        except KeyError as error:
+            raise InputError(f"the measurements have no column {error}") from None
+    angles = np.asarray(angles, dtype=float).reshape(-1, 3)
+    modulus = np.atleast_1d(np.asarray(modulus, dtype=float))
+    if len(modulus) == 0:
+        raise InputError("there are no measurements: at least one grain is needed")
+    return angles, modulus, None if sd is None else np.atleast_1d(np.asarray(sd, dtype=float))
+
+
+def _array(values) -> np.ndarray:
+    """Numbers of a table."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"the measurements are no table of numbers: {str(values)[:60]}") from None

@@ -1,0 +1,85 @@
+"""Step 2 of a problem: its posterior, kept in the output folder, and what to measure next."""
+
+import json
+from contextlib import nullcontext
+from pathlib import Path
+
+from ..common.result_files import whole_file
+from ..core import InputError
+from ..inference.extract import inference_data, summary
+from ..inference.next_grain import draws_of
+from ..inference.posterior import EXTRACTION, Posterior
+from ..settings.problem import stages
+from ..surrogate.lookup import find_surrogate
+from .inputs_identity import inputs_of
+
+__all__ = ["check_stage", "extract_stage", "next_stage"]
+
+
+def surrogate_of(problem, output: Path):
+    """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
+    from ..surrogate.surrogate import Surrogate
+
+    name, symmetry = problem.settings.surrogate.file, problem.settings.problem.symmetry
+    try:
+        surrogate = Surrogate.load(find_surrogate(name, Path(output), problem.folder) or name)
+    except InputError as error:
+        raise InputError(f"{problem.path}: &surrogate file: {error}") from None
+    if surrogate.symmetry != symmetry:
+        raise InputError(f"{problem.path}: &surrogate file: {name} is for {surrogate.symmetry} crystals, not {symmetry} ones")
+    return surrogate
+
+
+def check_stage(problem, output: Path) -> None:
+    """Refuse what `extract_stage` would refuse before it samples."""
+    Posterior(problem, surrogate_of(problem, output))
+
+
+def extract_stage(problem, output: Path, progress=None) -> dict:
+    """Step 2 of a problem: posterior.nc, and the document of `extract`."""
+    surrogate = surrogate_of(problem, output)
+    with progress.bar("sampling", 1) if progress else nullcontext(lambda steps=1: None) as advance:
+        found = Posterior(problem, surrogate, EXTRACTION)
+        advance(1)
+    result = inference_data(found)
+    result.posterior.attrs["inputs"] = json.dumps(step_2_inputs(problem, output))
+    output.mkdir(parents=True, exist_ok=True)
+    with whole_file(output / "posterior.nc") as file:
+        result.to_netcdf(str(file), engine="h5netcdf")
+    return summary(result)
+
+
+def stored_posterior(problem, output: Path):
+    """The posterior that `extract` left in the output folder, if it was made from the present inputs; else None."""
+    import arviz as az
+
+    path = output / "posterior.nc"
+    if not path.is_file():
+        return None
+    try:
+        result = az.from_netcdf(str(path), engine="h5netcdf")
+        same = result.posterior.attrs["inputs"] == json.dumps(step_2_inputs(problem, output))
+    except (OSError, ValueError, KeyError, AttributeError):
+        return None
+    return result if same else None
+
+
+def step_2_inputs(problem, output: Path) -> dict[str, str]:
+    """Digests of what a posterior follows from: groups, tables and the surrogate."""
+    groups = next(stage.groups for stage in stages() if stage.name == "extract")
+    return inputs_of(problem, groups, output)
+
+
+def next_stage(problem, output: Path, progress=None) -> dict:
+    """The grains worth measuring next of a problem, after its posterior, which is sampled unless `extract` left it in the folder."""
+    surrogate = surrogate_of(problem, output)
+    stored = stored_posterior(problem, output)
+    with progress.bar("next grain", 1) if progress else nullcontext(lambda steps=1: None) as advance:
+        if stored is not None:
+            document = Posterior(problem, surrogate).suggest(problem, draws_of(stored))
+        else:
+            found = Posterior(problem, surrogate, EXTRACTION)
+            draws = found.values("found_draws")
+            document = found.suggest(problem, draws.reshape(found.dimension, -1, order="F").T)
+        advance(1)
+    return document
