@@ -147,6 +147,7 @@ class Indentation(NativeObject):
             raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
 
         def one(item):
+            result: IndentationResult | BayesindentError
             try:
                 result = self.run(*item)
             except BayesindentError as error:

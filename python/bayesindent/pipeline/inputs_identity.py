@@ -25,7 +25,7 @@ DOCUMENTS = {
 MANIFEST = "inputs.json"
 
 #: What no result follows from.
-IMMATERIAL = {"problem": ("title",), "execution": None}
+IMMATERIAL: dict[str, tuple[str, ...] | None] = {"problem": ("title",), "execution": None}
 
 
 def inputs_of(problem, groups, output: Path) -> dict[str, str]:
@@ -33,9 +33,9 @@ def inputs_of(problem, groups, output: Path) -> dict[str, str]:
     tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates}
     inputs = {}
     for group in groups:
-        if IMMATERIAL.get(group, ()) is not None:
-            immaterial = ("given", *IMMATERIAL.get(group, ()))
-            values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in immaterial}
+        immaterial = IMMATERIAL.get(group, ())
+        if immaterial is not None:
+            values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in ("given", *immaterial)}
             table = tables.get(group)
             inputs[group] = digest(json.dumps([plain(values), table and [table.columns, table.rows]], sort_keys=True).encode())
     surrogate = find_surrogate(problem.settings.surrogate.file, output, problem.folder) if "surrogate" in inputs else None

@@ -80,7 +80,7 @@ class Problem(NativeObject):
     """
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
-        self._made_of = (path, command)
+        self._made_of: tuple = (path, command)
         self._fill(native.problem_read(os.fsencode(path), command), Path(path))
 
     @classmethod
@@ -179,11 +179,17 @@ def _read(result: tuple, table: int) -> Points:
 @cache
 def _types() -> dict[str, type]:
     """A frozen class for each group of the schema, and under '' one that holds them all."""
-    names = {}
+    names: dict[str, list[str]] = {}
     for variable in schema():
         names.setdefault(variable.group, ["given"]).append(variable.name)
     types = {group: make_dataclass(f"{group}_settings", fields, frozen=True, eq=False) for group, fields in names.items()}
     return types | {"": make_dataclass("settings", names, frozen=True, eq=False)}
+
+
+def _frozen(values: list) -> np.ndarray:
+    array = np.array(values, dtype=float)
+    array.flags.writeable = False
+    return array
 
 
 def _settings(namelist: str, given: list[str]):
@@ -194,9 +200,7 @@ def _settings(namelist: str, given: list[str]):
         value = values[variable.group].get(variable.name)
         if value is not None and variable.shape != "one":
             value = value if isinstance(value, list) else [value]
-            value = np.array(value, dtype=float) if variable.kind == "real" else tuple(value)
-            if variable.kind == "real":
-                value.flags.writeable = False
+            value = _frozen(value) if variable.kind == "real" else tuple(value)
         elif value is not None and variable.kind == "real":
             value = float(value)
         groups[variable.group][variable.name] = value
@@ -219,7 +223,7 @@ def _items(text: bytes) -> list[str]:
     return [item.decode(errors="replace") for item in text.split(b"\x1f")[:-1]]
 
 
-def _points(handle: int, table: int) -> Points | None:
+def _points(handle: int, table: int):
     n, status, message = native.problem_table_rows(handle, table)
     check(status, message)
     if n < 0:
