@@ -16,6 +16,9 @@ DOMAIN = {
     "hexagonal": "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90, anisotropy_cap = 66.2 /\n",
 }
 
+# Modules that tests share with the benchmarks.
+sys.path.append(str(SOURCE / "tests" / "benchmarks"))
+
 
 @pytest.fixture
 def bayesindent(tmp_path):

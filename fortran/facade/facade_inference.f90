@@ -67,19 +67,30 @@ subroutine quantity_values(symmetry, names, m, k, n, constants, values, status, 
 end subroutine quantity_values
 
 !> Bounds lower and upper (GPa) of the k constants of a surrogate where none are stated.
-subroutine prior_default_bounds(surrogate, k, lower, upper)
+subroutine prior_default_bounds(surrogate, k, lower, upper, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use constants_prior, only: default_bounds
    use kinds, only: wp
-   use surrogate_model, only: surrogate_from_handle
+   use errors, only: error_to_status, error_type
+   use surrogate_handles, only: find_surrogate_object
+   use surrogate_model, only: surrogate_type
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: surrogate
    integer(c_int), intent(in) :: k
    real(c_double), intent(out) :: lower(k), upper(k)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(surrogate_type), pointer :: model
+   type(error_type), allocatable :: error
    real(wp), allocatable :: low(:), high(:)
 
-   call default_bounds(surrogate_from_handle(surrogate), low, high)
+   lower = 0
+   upper = 0
+   call find_surrogate_object(surrogate, model, error)
+   call error_to_status(error, status, message)
+   if (status /= 0) return
+   call default_bounds(model, low, high)
    lower = low
    upper = high
 end subroutine prior_default_bounds
@@ -174,6 +185,7 @@ end subroutine posterior_evaluate
 !> given the data, and factor, one plus the calibration error drawn likewise.
 subroutine posterior_moduli(handle, parameters, n, x, m, euler, seed, moduli, factor)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use abstract_basis, only: grain_model_type
    use errors, only: error_type
    use posterior_objects, only: posterior_object_type, posterior_of_handle
    use random, only: new_random_stream, random_stream_type
@@ -186,17 +198,17 @@ subroutine posterior_moduli(handle, parameters, n, x, m, euler, seed, moduli, fa
    type(posterior_object_type), pointer :: self
    type(random_stream_type) :: stream
    type(error_type), allocatable :: error
-   real(c_double), allocatable :: harmonics(:, :)
+   class(grain_model_type), allocatable :: grains
    integer :: i
 
    moduli = 0
    factor = 0
    call posterior_of_handle(handle, self, error)
    if (allocated(error)) return
-   harmonics = self%density%grains%harmonics(euler)
+   call self%density%new_grains(euler, grains)
    stream = new_random_stream(seed, 0)
    do i = 1, n
-      call self%density%draw_moduli(x(:, i), harmonics, stream, moduli(:, i), factor(i))
+      call self%density%draw_moduli(x(:, i), grains, stream, moduli(:, i), factor(i))
    end do
 end subroutine posterior_moduli
 

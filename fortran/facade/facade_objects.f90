@@ -1,4 +1,4 @@
-! Objects that Python holds, for f2py.
+! Objects that Python holds, for f2py. status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
 !> Give back the memory of an object of any kind; a handle that is not known any more does no harm.
 subroutine object_release(handle)
@@ -10,3 +10,79 @@ subroutine object_release(handle)
 
    call release_object(handle)
 end subroutine object_release
+
+!> Length in bytes of the JSON document of an object of a kind ('basis', 'surrogate', 'learner'): its numbers and texts, arrays by
+!> their lengths.
+subroutine object_document_length(handle, kind, length, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+   use described_values, only: described_values_type
+   use errors, only: error_to_status, error_type
+   use surrogate_handles, only: describe_object
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   character(len=*), intent(in) :: kind
+   integer(c_int), intent(out) :: length, status
+   character(len=512), intent(out) :: message
+   type(described_values_type) :: visitor
+   type(error_type), allocatable :: error
+
+   length = 0
+   call describe_object(handle, kind, visitor, error)
+   call error_to_status(error, status, message)
+   if (status == 0) length = len(visitor%document%text())
+end subroutine object_document_length
+
+!> The document itself: a text of this length, of an object of this kind.
+subroutine object_document(handle, kind, length, text, status, message)
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
+   use described_values, only: described_values_type
+   use errors, only: error_to_status, error_type
+   use surrogate_handles, only: describe_object
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   character(len=*), intent(in) :: kind
+   integer(c_int), intent(in) :: length
+   character(kind=c_char, len=1), intent(out) :: text(length)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(described_values_type) :: visitor
+   type(error_type), allocatable :: error
+
+   text = ' '
+   call describe_object(handle, kind, visitor, error)
+   call error_to_status(error, status, message)
+   if (status == 0) text = transfer(visitor%document%text(), text, length)
+end subroutine object_document
+
+!> The values of one array, by its label, of an object of this kind; the document gives the length.
+subroutine object_values(handle, kind, label, length, values, status, message)
+   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+   use described_values, only: described_values_type
+   use errors, only: error_to_status, error_type, raise
+   use surrogate_handles, only: describe_object
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle
+   character(len=*), intent(in) :: kind, label
+   integer(c_int), intent(in) :: length
+   real(c_double), intent(out) :: values(length)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(described_values_type) :: visitor
+   type(error_type), allocatable :: error
+
+   values = 0
+   visitor%wanted = label
+   call describe_object(handle, kind, visitor, error)
+   if (.not. allocated(error)) then
+      if (.not. allocated(visitor%values)) allocate (visitor%values(0))
+      if (size(visitor%values) /= length) then
+         call raise(error, 'the '//kind//' has no '//label//' of this length')
+      else
+         values = visitor%values
+      end if
+   end if
+   call error_to_status(error, status, message)
+end subroutine object_values

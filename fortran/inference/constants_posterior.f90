@@ -5,24 +5,22 @@
 !> is inferred. The surrogate's own uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
 module constants_posterior
-   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_ptr
+   use abstract_basis, only: grain_model_type
    use abstract_error_model, only: error_model_type
    use constants_prior, only: prior_type
    use dimensionless_coordinates, only: from_logarithms, log_volume_of, to_logarithms
    use error_models, only: new_error_model
    use errors, only: error_type, exit_bad_input, raise
-   use grain_surrogate, only: grain_surrogate_type, new_grain_surrogate
-   use kinds, only: i8, wp
+   use kinds, only: wp
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    use random, only: random_stream_type
    use sampling_target, only: target_type
    use small_matrices, only: sum_of_logs
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
    implicit none
    private
    public :: posterior_type, new_posterior, likelihood_type
-   public :: posterior_to_handle, posterior_from_handle
 
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
@@ -54,16 +52,17 @@ module constants_posterior
       type(prior_type) :: prior
       type(likelihood_type) :: likelihood
       integer :: n_grains = 0, n_constants = 0
-      type(grain_surrogate_type) :: grains
+      !> What the surrogate gives the measured grains.
+      class(grain_model_type), allocatable :: grains
       type(modulus_map_type) :: kind
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, one a harmonic, then the calibration's.
+      !> Errors that the grains share: the surrogate's, then the calibration's.
       integer, private :: n_shared = 0
       !> Measured values and their sds, GPa.
       real(wp), allocatable :: measured(:), sd(:)
       !> Scales of their errors, GPa.
       real(wp), allocatable, private :: scale(:)
-      !> Variance of y that grains do not share, times the square of the errors' scale for an sd of one.
+      !> Variance of y that grains do not share.
       real(wp), private :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales.
       real(wp), private :: log_scales = 0.0_wp
@@ -75,30 +74,13 @@ module constants_posterior
       procedure :: draw_moduli
       procedure :: draw_measurements
       procedure :: stiffness
+      procedure :: new_grains
       procedure :: to_working
       procedure :: from_working
       procedure :: log_volume
    end type posterior_type
 
 contains
-
-   !> A posterior of the heap as a 64-bit integer, to cross into Python.
-   function posterior_to_handle(posterior) result(handle)
-      type(posterior_type), pointer, intent(in) :: posterior
-      integer(i8) :: handle
-
-      handle = transfer(c_loc(posterior), handle)
-   end function posterior_to_handle
-
-   !> The posterior that a handle stands for.
-   function posterior_from_handle(handle) result(posterior)
-      integer(i8), intent(in) :: handle
-      type(posterior_type), pointer :: posterior
-      type(c_ptr) :: address
-
-      address = transfer(handle, address)
-      call c_f_pointer(address, posterior)
-   end function posterior_from_handle
 
    !> The posterior for n grains.
    subroutine new_posterior(surrogate, prior, likelihood, euler, measured, sd, posterior, error)
@@ -131,9 +113,10 @@ contains
       posterior%sd = sd
       posterior%scale = posterior%errors%scale*sd
       posterior%log_scales = sum(log(posterior%scale))
-      call new_grain_surrogate(surrogate, prior%n_constants, euler, likelihood%surrogate_uncertainty, posterior%grains)
-      posterior%scatter = posterior%errors%scale**2*posterior%grains%scatter
-      if (likelihood%surrogate_uncertainty) posterior%n_shared = posterior%grains%n_harmonics
+      call new_grain_model(surrogate, euler, likelihood%surrogate_uncertainty, posterior%grains, error)
+      if (allocated(error)) return
+      if (likelihood%surrogate_uncertainty) posterior%scatter = surrogate%sd_inflation**2/surrogate%beta
+      posterior%n_shared = posterior%grains%n_columns
       if (likelihood%calibration_sd > 0.0_wp) posterior%n_shared = posterior%n_shared + 1
       posterior%dimension = prior%n_constants
       posterior%lower = prior%lower
@@ -233,29 +216,28 @@ contains
       !> (dimension), (grain).
       real(wp), intent(in) :: x(:)
       real(wp), intent(out), contiguous :: values(:)
-      real(wp) :: y(self%grains%n_harmonics), coordinates(self%grains%n_coordinates), scale, slope(self%n_grains)
+      real(wp) :: slope(self%n_grains)
 
-      call self%grains%evaluate(x, y, scale, coordinates)
-      call self%grains%moduli(self%grains%k, y, scale, values, slope)
+      call self%grains%evaluate_moduli(self%stiffness(x), values, slope)
    end subroutine moduli
 
    !> Logarithm of Eq. 13 and its extensions at a point `x`, normalised over the measurements.
    pure real(wp) function log_likelihood(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
-      real(wp) :: y(self%grains%n_harmonics), coordinates(self%grains%n_coordinates), scale, factor
+      real(wp) :: c(6, 6), factor
       real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains)
       real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
 
-      call self%grains%evaluate(x, y, scale, coordinates)
-      call self%grains%moduli(self%grains%k, y, scale, model, slope)
+      c = self%stiffness(x)
+      call self%grains%evaluate_moduli(c, model, slope)
       call self%kind%apply(model, slope)
       factor = scale_factor(self, x)
       if (self%n_shared == 0) then
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
          return
       end if
-      call whiten(self, coordinates, model, slope, factor, scales, u)
+      call whiten(self, c, model, slope, factor, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function log_likelihood
@@ -270,73 +252,75 @@ contains
    end function scale_factor
 
    !> Scales of the errors that grains do not share, and over them the columns of U: the surrogate's shared errors, the calibration's.
-   pure subroutine whiten(self, coordinates, model, slope, factor, scales, u)
+   pure subroutine whiten(self, c, model, slope, factor, scales, u)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: coordinates(:), model(:), slope(:), factor
+      real(wp), intent(in) :: c(6, 6), model(:), slope(:), factor
       real(wp), intent(out) :: scales(:), u(:, :)
-      real(wp) :: lower(self%grains%n_harmonics, self%grains%n_harmonics), ratio(size(scales))
-      integer :: h, g
+      real(wp) :: ratio(size(scales))
+      integer :: g
 
       scales = factor*self%scale
-      if (self%scatter > 0.0_wp) scales = sqrt(scales**2 + self%scatter*slope**2)
-      if (self%likelihood%surrogate_uncertainty) then
-         call self%grains%covariance_factor(coordinates, lower)
+      if (self%scatter > 0.0_wp) scales = sqrt(scales**2 + self%scatter*(self%errors%scale*slope)**2)
+      if (self%grains%n_columns > 0) then
+         call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
          ratio = slope/scales
-         do g = 1, self%grains%n_harmonics
-            u(:, g) = 0.0_wp
-            do h = g, self%grains%n_harmonics
-               u(:, g) = u(:, g) + self%grains%k(:, h)*lower(h, g)
-            end do
+         do g = 1, self%grains%n_columns
             u(:, g) = u(:, g)*ratio
          end do
       end if
       if (self%likelihood%calibration_sd > 0.0_wp) u(:, self%n_shared) = self%likelihood%calibration_sd*model/scales
    end subroutine whiten
 
-   !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision, and the
-   !> surrogate at the point.
-   pure subroutine infer_shared(self, x, y, scale, b, precision, lower)
+   !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
+   pure subroutine infer_shared(self, x, b, precision)
       class(posterior_type), intent(in) :: self
       !> (dimension).
       real(wp), intent(in) :: x(:)
-      !> Of the surrogate, (harmonic), GPa.
-      real(wp), intent(out) :: y(:), scale
       !> (shared error), in sds of the prior.
       real(wp), intent(out) :: b(:), precision(:, :)
-      !> Lower factor of the covariance of y, (harmonic, harmonic); 0 if the surrogate is taken as certain.
-      real(wp), intent(out) :: lower(:, :)
-      real(wp) :: coordinates(self%grains%n_coordinates), value
+      real(wp) :: c(6, 6), value
       real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains), u(self%n_grains, self%n_shared)
 
-      call self%grains%evaluate(x, y, scale, coordinates)
-      lower = 0.0_wp
-      if (self%likelihood%surrogate_uncertainty) call self%grains%covariance_factor(coordinates, lower)
       if (self%n_shared == 0) return
-      call self%grains%moduli(self%grains%k, y, scale, model, slope)
+      c = self%stiffness(x)
+      call self%grains%evaluate_moduli(c, model, slope)
       call self%kind%apply(model, slope)
-      call whiten(self, coordinates, model, slope, scale_factor(self, x), scales, u)
+      call whiten(self, c, model, slope, scale_factor(self, x), scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
+   !> What the surrogate gives other grains, for `draw_moduli` and `draw_measurements`.
+   subroutine new_grains(self, euler, grains)
+      class(posterior_type), intent(in) :: self
+      !> Bunge-Euler angles (radians), (3, n).
+      real(wp), intent(in) :: euler(:, :)
+      class(grain_model_type), allocatable, intent(out) :: grains
+
+      allocate (grains, source=self%grains)
+      call grains%set_grains(euler)
+   end subroutine new_grains
+
    !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
    !> calibration error drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factor is 1.
-   subroutine draw_moduli(self, x, k, stream, values, factor)
+   subroutine draw_moduli(self, x, grains, stream, values, factor)
       class(posterior_type), intent(in) :: self
       !> (dimension).
       real(wp), intent(in) :: x(:)
-      !> Harmonics k(grain, harmonic).
-      real(wp), intent(in), contiguous :: k(:, :)
+      class(grain_model_type), intent(in) :: grains
       type(random_stream_type), intent(inout) :: stream
       !> (grain).
       real(wp), intent(out), contiguous :: values(:)
       real(wp), intent(out) :: factor
-      real(wp) :: y(self%grains%n_harmonics), scale, slope(size(values)), lower(self%grains%n_harmonics, self%grains%n_harmonics)
+      real(wp) :: c(6, 6), slope(size(values)), columns(size(values), grains%n_columns)
       real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared)
 
-      call infer_shared(self, x, y, scale, b, precision, lower)
-      call self%grains%moduli(k, y, scale, values, slope)
+      c = self%stiffness(x)
+      call infer_shared(self, x, b, precision)
+      call grains%evaluate_moduli(c, values, slope)
       call draw_shared(self, stream, b, precision, factor)
-      if (self%likelihood%surrogate_uncertainty) values = values + slope*matmul(k, matmul(lower, b(:self%grains%n_harmonics)))
+      if (grains%n_columns == 0) return
+      call grains%evaluate_columns(c, columns)
+      values = values + slope*matmul(columns, b(:grains%n_columns))
    end subroutine draw_moduli
 
    !> Shared errors from their mean and precision, in place, and one plus the calibration error.
@@ -362,33 +346,33 @@ contains
    end subroutine draw_shared
 
    !> What a further measurement of any grains would give at a point, of the kind that was measured, without its own error.
-   subroutine draw_measurements(self, x, k, stream, values, shared_variance, own_variance)
+   subroutine draw_measurements(self, x, grains, stream, values, shared_variance, own_variance)
       class(posterior_type), intent(in) :: self
       !> (dimension).
       real(wp), intent(in) :: x(:)
-      !> Harmonics k(grain, harmonic).
-      real(wp), intent(in), contiguous :: k(:, :)
+      class(grain_model_type), intent(in) :: grains
       type(random_stream_type), intent(inout) :: stream
       !> GPa, (grain), the shared errors drawn given the data.
       real(wp), intent(out), contiguous :: values(:)
       !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp) :: y(self%grains%n_harmonics), scale, slope(size(values)), lower(self%grains%n_harmonics, self%grains%n_harmonics)
+      real(wp) :: c(6, 6), slope(size(values)), influence(size(values), grains%n_columns)
       real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared), columns(size(values), self%n_shared), factor
-      real(wp) :: mean(size(values)), mean_slope(size(values)), influence(size(values), self%grains%n_harmonics)
+      real(wp) :: mean(size(values)), mean_slope(size(values))
       integer :: i, j
 
-      call infer_shared(self, x, y, scale, b, precision, lower)
-      call self%grains%moduli(k, y, scale, values, slope)
+      c = self%stiffness(x)
+      call infer_shared(self, x, b, precision)
+      call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
       call self%kind%apply(mean, mean_slope)
       if (self%likelihood%calibration_sd > 0.0_wp) columns(:, self%n_shared) = self%likelihood%calibration_sd*mean
       call draw_shared(self, stream, b, precision, factor)
-      if (self%likelihood%surrogate_uncertainty) then
-         influence = matmul(k, lower)
-         values = values + slope*matmul(influence, b(:self%grains%n_harmonics))
-         do i = 1, self%grains%n_harmonics
+      if (grains%n_columns > 0) then
+         call grains%evaluate_columns(c, influence)
+         values = values + slope*matmul(influence, b(:grains%n_columns))
+         do i = 1, grains%n_columns
             columns(:, i) = mean_slope*influence(:, i)
          end do
       end if
@@ -403,6 +387,6 @@ contains
          columns(:, j) = columns(:, j)/precision(j, j)
          shared_variance = shared_variance + columns(:, j)**2
       end do
-      own_variance = self%grains%scatter*mean_slope**2
+      own_variance = self%scatter*mean_slope**2
    end subroutine draw_measurements
 end module constants_posterior

@@ -4,13 +4,13 @@
 !> The support is the box of the stated bounds cut by Born's criterion, by the cap on Eq. 14 and by the surrogate's domain.
 !> On it the density is uniform in the constants, times one normal factor for each piece of normal knowledge.
 module constants_prior
+   use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, raw_coordinates
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
@@ -33,8 +33,8 @@ module constants_prior
       real(wp) :: share_inside = 1.0_wp
       type(quantity_type), allocatable, private :: known(:)
       real(wp), allocatable, private :: known_mean(:), known_sd(:)
-      integer, private :: coordinates = coordinates_box
-      real(wp), allocatable, private :: range_lower(:), range_upper(:)
+      !> Of the surrogate: it says which crystals are covered.
+      class(basis_type), allocatable, private :: basis
    contains
       procedure :: admits
       procedure :: log_density
@@ -51,12 +51,12 @@ contains
       real(wp), allocatable, intent(out) :: lower(:), upper(:)
       integer :: j
 
-      if (surrogate%basis%coordinates == coordinates_box) then
-         lower = surrogate%basis%lower
-         upper = surrogate%basis%upper
+      if (.not. surrogate%basis%logarithmic) then
+         lower = surrogate%basis%domain%lower
+         upper = surrogate%basis%domain%upper
          return
       end if
-      associate (names => surrogate%basis%class%constants)
+      associate (names => surrogate%basis%domain%class%constants)
          lower = [(merge(10.0_wp, 1.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
          upper = [(merge(1000.0_wp, 600.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
       end associate
@@ -74,8 +74,8 @@ contains
       character(len=3), allocatable :: names(:)
       integer :: k, j
 
-      k = surrogate%basis%class%n_constants
-      names = surrogate%basis%class%constants
+      k = surrogate%basis%domain%class%n_constants
+      names = surrogate%basis%domain%class%constants
       if (size(lower) /= k .or. size(upper) /= k) then
          call raise(error, 'bounds are needed for each of '//to_text(k)//' constants, not '//to_text(size(lower)), &
             & exit_bad_input)
@@ -99,7 +99,7 @@ contains
             return
          end if
       end do
-      prior%class = surrogate%basis%class
+      prior%class = surrogate%basis%domain%class
       prior%n_constants = k
       prior%lower = lower
       prior%upper = upper
@@ -110,9 +110,7 @@ contains
       end do
       prior%known_mean = knowledge%mean
       prior%known_sd = knowledge%sd
-      prior%coordinates = surrogate%basis%coordinates
-      prior%range_lower = surrogate%basis%lower
-      prior%range_upper = surrogate%basis%upper
+      allocate (prior%basis, source=surrogate%basis)
       call cut_to_surrogate(surrogate, prior, error)
    end subroutine new_prior
 
@@ -128,13 +126,13 @@ contains
 
       names = prior%class%constants
       stated_cap = prior%anisotropy_cap
-      prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%anisotropy_cap)
-      if (prior%coordinates == coordinates_box) then
+      prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%basis%domain%anisotropy_cap)
+      if (.not. prior%basis%logarithmic) then
          do j = 1, prior%n_constants
-            if (prior%lower(j) < prior%range_lower(j) .or. prior%upper(j) > prior%range_upper(j)) then
+            if (prior%lower(j) < prior%basis%domain%lower(j) .or. prior%upper(j) > prior%basis%domain%upper(j)) then
                call raise(error, names(j)//': the bounds '//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j)) &
-                  & //' GPa are outside the surrogate''s domain; allowed: '//to_text(prior%range_lower(j))//' .. ' &
-                  & //to_text(prior%range_upper(j))//' GPa, or a surrogate in dimensionless coordinates', exit_bad_input)
+                  & //' GPa are outside the surrogate''s domain; allowed: '//to_text(prior%basis%domain%lower(j))//' .. ' &
+                  & //to_text(prior%basis%domain%upper(j))//' GPa, or a surrogate in dimensionless coordinates', exit_bad_input)
                return
             end if
          end do
@@ -166,21 +164,18 @@ contains
    pure logical function admits(self, c)
       class(prior_type), intent(in) :: self
       real(wp), intent(in) :: c(:)
-      real(wp) :: raw(4), scale
+      real(wp) :: stiffness(6, 6)
       integer :: j
 
       admits = .false.
       do j = 1, self%n_constants
          if (.not. (c(j) >= self%lower(j) .and. c(j) <= self%upper(j))) return
       end do
-      if (.not. anisotropy_index(self%class%stiffness(c)) <= self%anisotropy_cap) return
-      if (self%coordinates == coordinates_dimensionless) then
-         call raw_coordinates(self%class, self%coordinates, c, raw(:self%n_constants - 1), scale)
-         do j = 1, self%n_constants - 1
-            if (.not. (raw(j) >= self%range_lower(j) .and. raw(j) <= self%range_upper(j))) return
-         end do
+      stiffness = self%class%stiffness(c(:self%n_constants))
+      if (self%anisotropy_cap < self%basis%domain%anisotropy_cap) then
+         if (.not. anisotropy_index(stiffness) <= self%anisotropy_cap) return
       end if
-      admits = .true.
+      admits = self%basis%covers(stiffness)
    end function admits
 
    !> Logarithm of the normal factors at a crystal `c` (GPa) of the support; the constant of the uniform part is left out.

@@ -277,7 +277,7 @@ contains
       do c = 1, size(chains%draws, 3)
          do i = 1, n
             s = 1 + (i - 1)*predictions%stride
-            call posterior%draw_moduli(chains%draws(:, s, c), posterior%grains%k, stream, predictions%moduli(:, i, c), &
+            call posterior%draw_moduli(chains%draws(:, s, c), posterior%grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(i, c))
             slope = 1.0_wp
             call posterior%kind%apply(predictions%moduli(:, i, c), slope)

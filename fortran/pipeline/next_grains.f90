@@ -1,5 +1,6 @@
 !> The grain orientations worth measuring next, from draws of a posterior.
 module next_grains
+   use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type
@@ -75,7 +76,8 @@ contains
       real(wp), allocatable, intent(out) :: euler_deg(:, :)
       type(region_type) :: region
       type(random_stream_type) :: stream
-      real(wp), allocatable :: directions(:, :), harmonics(:, :), own_variance(:, :)
+      real(wp), allocatable :: directions(:, :), own_variance(:, :)
+      class(grain_model_type), allocatable :: grains
       integer :: i, j, n
 
       call new_region(posterior%prior%class, region)
@@ -90,12 +92,12 @@ contains
             candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
          end do
       end do
-      harmonics = posterior%grains%harmonics(euler_deg*degree)
+      call posterior%new_grains(euler_deg*degree, grains)
       allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
          & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
       stream = new_random_stream(seed, 0)
       do i = 1, size(draws, 2)
-         call posterior%draw_measurements(draws(:, i), harmonics, stream, candidates%predicted(:, i), &
+         call posterior%draw_measurements(draws(:, i), grains, stream, candidates%predicted(:, i), &
             & candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)

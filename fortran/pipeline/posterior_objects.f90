@@ -11,7 +11,8 @@ module posterior_objects
    use problem_handles, only: problem_of_handle
    use problem_posterior, only: new_problem_posterior
    use samplers, only: chains_type
-   use surrogate_model, only: surrogate_from_handle
+   use surrogate_handles, only: find_surrogate_object
+   use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
    private
@@ -42,20 +43,22 @@ contains
       type(posterior_object_type), pointer :: self
       class(*), pointer :: object
       type(problem_type), pointer :: problem
+      type(surrogate_type), pointer :: surrogate
 
       handle = 0
       call problem_of_handle(problem_handle, problem, error)
+      if (.not. allocated(error)) call find_surrogate_object(surrogate_handle, surrogate, error)
       if (allocated(error)) return
       allocate (self)
       if (what == all_of_step_2) then
          allocate (self%found)
-         call extract(problem, surrogate_from_handle(surrogate_handle), self%found, error)
+         call extract(problem, surrogate, self%found, error)
          if (.not. allocated(error)) then
             self%density = self%found%posterior
             self%document = write_extraction(problem, self%found)
          end if
       else
-         call new_problem_posterior(problem, surrogate_from_handle(surrogate_handle), what == prior_alone, self%density, error)
+         call new_problem_posterior(problem, surrogate, what == prior_alone, self%density, error)
       end if
       if (allocated(error)) then
          deallocate (self)

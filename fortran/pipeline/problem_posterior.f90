@@ -131,7 +131,7 @@ contains
       call read_knowledge(problem, knowledge, error)
       if (allocated(error)) return
       call default_bounds(surrogate, lower, upper)
-      cap = surrogate%anisotropy_cap
+      cap = surrogate%basis%domain%anisotropy_cap
       associate (stated => problem%settings%prior)
          if (allocated(stated%c_min)) lower = stated%c_min
          if (allocated(stated%c_max)) upper = stated%c_max

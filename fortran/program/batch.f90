@@ -3,7 +3,7 @@ program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use batch_sample, only: check_sampling, sample_constants
    use batch_simulate, only: simulate_crystals
-   use batch_stages, only: fit_simulations, fits_surrogate
+   use batch_stages, only: check_fit, fit_simulations, fits_surrogate
    use errors, only: error_type, exit_bad_input, exit_status
    use files, only: make_folder, replace_file
    use choices, only: all_choices
@@ -71,6 +71,8 @@ contains
       call read_problem(path, 'run', self, error)
       call stop_on(error)
       call tell(self%warnings)
+      if (fits_surrogate(self)) call check_fit(self, output, error)
+      call stop_on(error)
       if (check_only) then
          if (self%settings%measurements%given) call check_sampling(self, output, error)
          call stop_on(error)
@@ -141,7 +143,7 @@ contains
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: simulations.csv', &
-         & '  &design        fits the surrogate to simulations.csv: surrogate.nml (so does &surrogate beside &crystals)', &
+         & '  &design        fits the surrogate to simulations.csv: surrogate.txt (so does &surrogate beside &crystals)', &
          & '  &measurements  samples the constants: posterior.csv, summary.json', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &

@@ -1,16 +1,19 @@
 !> The last stage of the batch program: samples of the constants behind the measured moduli.
 module batch_sample
-   use batch_stages, only: fits_surrogate, surrogate_name
+   use batch_stages, only: fits_surrogate
    use constants_posterior, only: posterior_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: judge_extraction, write_extraction
-   use files, only: file_exists, new_file_type, replace_file, resolve_path
+   use files, only: new_file_type, replace_file
    use namelist_file, only: place
    use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior
-   use surrogate_model, only: load_surrogate, surrogate_type
+   use surrogate_lookup, only: load_named_surrogate, places_type
+   use surrogate_model, only: surrogate_type
+   use system, only: data_folder
    use text, only: join, to_text
+   use version, only: shipped_surrogates
    use warning_lists, only: warning_type
    implicit none
    private
@@ -29,7 +32,7 @@ contains
       type(surrogate_type) :: surrogate
       type(extraction_type) :: found
 
-      call find_surrogate(self, output, surrogate, error)
+      call load_surrogate_of(self, output, surrogate, error)
       if (.not. allocated(error)) call extract(self, surrogate, found, error)
       if (.not. allocated(error)) call write_draws(found, output//'/posterior.csv', error)
       if (.not. allocated(error)) call replace_file(output//'/summary.json', write_extraction(self, found), error)
@@ -48,56 +51,22 @@ contains
       type(surrogate_type) :: surrogate
       type(posterior_type) :: posterior
 
-      if (fits_surrogate(self) .and. surrogate_path(self, output) == fitted_path(output)) return
-      call find_surrogate(self, output, surrogate, error)
+      if (fits_surrogate(self)) return
+      call load_surrogate_of(self, output, surrogate, error)
       if (.not. allocated(error)) call new_problem_posterior(self, surrogate, .false., posterior, error)
    end subroutine check_sampling
 
-   !> The surrogate that a fit leaves in the output folder.
-   pure function fitted_path(output) result(path)
-      character(len=*), intent(in) :: output
-      character(len=:), allocatable :: path
-
-      path = output//'/'//surrogate_name
-   end function fitted_path
-
-   !> The surrogate of the output folder, or the text file that &surrogate names, there or in the namelist's folder.
-   function surrogate_path(self, output) result(path)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: output
-      character(len=:), allocatable :: path, name
-
-      name = self%settings%surrogate%file
-      path = fitted_path(output)
-      if (len(name) <= 4) return
-      if (name(len(name) - 3:) /= '.nml') return
-      path = resolve_path(output//'/', name)
-      if (path == fitted_path(output) .and. fits_surrogate(self)) return
-      if (.not. file_exists(path)) path = resolve_path(self%folder, name)
-   end function surrogate_path
-
-   !> Load the surrogate, of the right symmetry.
-   subroutine find_surrogate(self, output, surrogate, error)
+   !> The surrogate that &surrogate names, for crystals of the problem's class.
+   subroutine load_surrogate_of(self, output, surrogate, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: path
 
-      path = surrogate_path(self, output)
-      if (.not. file_exists(path)) then
-         call raise(error, place(self%path, 'surrogate', 'file')//path//': there is no such surrogate; the batch program reads ' &
-            & //'text, which it fits itself or Surrogate.write_text of the Python package writes', exit_bad_input)
-         return
-      end if
-      call load_surrogate(path, surrogate, error)
-      if (allocated(error)) then
-         error%message = place(self%path, 'surrogate', 'file')//error%message
-      else if (surrogate%basis%class%name /= self%class%name) then
-         call raise(error, place(self%path, 'surrogate', 'file')//path//' is for '//surrogate%basis%class%name &
-            & //' crystals, not '//self%class%name//' ones', exit_bad_input)
-      end if
-   end subroutine find_surrogate
+      call load_named_surrogate(self%settings%surrogate%file, self%class%name, places_type(output//'/', self%folder, &
+         & data_folder(), shipped_surrogates), surrogate, error)
+      if (allocated(error)) error%message = place(self%path, 'surrogate', 'file')//error%message
+   end subroutine load_surrogate_of
 
    !> Every draw, a line each.
    subroutine write_draws(found, path, error)

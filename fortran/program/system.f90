@@ -1,9 +1,11 @@
 !> What a program asks of the operating system, through the C library: arguments, exit status, the threads of BLAS.
 module system
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr, c_loc
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_long, c_null_char, c_null_ptr, c_ptr, c_loc
+   use files, only: folder_of, is_folder
+   use version, only: installed_data
    implicit none
    private
-   public :: argument, end_process, settle_blas
+   public :: argument, end_process, settle_blas, data_folder
 
    interface
       subroutine c_exit(status) bind(c, name='exit')
@@ -15,6 +17,13 @@ module system
          character(kind=c_char), intent(in) :: name(*), value(*)
          integer(c_int), value :: overwrite
       end function c_setenv
+      integer(c_long) function c_readlink(path, buffer, size) bind(c, name='readlink')
+         import :: c_char, c_long
+         character(kind=c_char), intent(in) :: path(*)
+         ! allow(C072)
+         character(kind=c_char), intent(out) :: buffer(*)
+         integer(c_long), value :: size
+      end function c_readlink
       integer(c_int) function c_execv(path, arguments) bind(c, name='execv')
          import :: c_char, c_int, c_ptr
          character(kind=c_char), intent(in) :: path(*)
@@ -38,6 +47,31 @@ contains
       allocate (character(len=length) :: text)
       if (length > 0) call get_command_argument(i, text)
    end function argument
+
+   !> The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program,
+   !> installed or in the build folder.
+   function data_folder() result(folder)
+      character(len=:), allocatable :: folder
+      character(len=*), parameter :: built_data = '../python/bayesindent/data/'
+      integer(c_long), parameter :: longest = 4096
+      character(kind=c_char, len=longest) :: program_path
+      integer :: length, status
+
+      call get_environment_variable('BAYESINDENT_DATA', length=length, status=status)
+      if (status == 0 .and. length > 0) then
+         allocate (character(len=length) :: folder)
+         call get_environment_variable('BAYESINDENT_DATA', folder)
+         folder = folder//'/'
+         return
+      end if
+      length = int(c_readlink('/proc/self/exe'//c_null_char, program_path, longest))
+      folder = folder_of(program_path(:max(0, length)))
+      if (is_folder(folder//installed_data)) then
+         folder = folder//installed_data
+      else
+         folder = folder//built_data
+      end if
+   end function data_folder
 
    !> End with this status; unlike STOP it prints nothing.
    subroutine end_process(status)

@@ -4,7 +4,7 @@
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index, rotation_matrix
+   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: all_alike, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: folder_of, printable, resolve_path
@@ -127,28 +127,19 @@ contains
       character(len=*), intent(in) :: name
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: prefix
-      integer :: i, n, outside
+      integer :: i
 
       prefix = place(self%path, 'design', 'candidates')
       allocate (self%candidates)
       call read_crystals(resolve_path(self%folder, name), prefix//printable(name)//': ', self%class, self%candidates, error)
       if (allocated(error)) return
-      outside = 0
-      n = self%class%n_constants
       do i = 1, self%candidates%n
          if (self%candidates%class(i)%name /= self%class%name) then
             call raise(error, prefix//printable(name)//': line '//to_text(self%candidates%table%line(i)) &
                & //': the crystal is not of the symmetry of &problem', exit_bad_input)
             return
          end if
-         if (.not. allocated(self%settings%domain%c_min)) cycle
-         associate (c => self%candidates%constants(:n, i), domain => self%settings%domain)
-            if (any(c < domain%c_min .or. c > domain%c_max) &
-               & .or. anisotropy_index(self%class%stiffness(c)) > domain%anisotropy_cap) outside = outside + 1
-         end associate
       end do
-      if (outside > 0) call self%warn(prefix//to_text(outside)//' of '//to_text(self%candidates%n)//' rows of ' &
-         & //printable(name)//' lie outside &domain')
    end subroutine load_candidates
 
    !> What is odd about measurements, but may be meant.

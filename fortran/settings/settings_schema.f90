@@ -61,16 +61,16 @@ contains
          & 'largest universal anisotropy index (Eq. 14)')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
-      call v%text('file', s%surrogate%file, 'surrogate.nc', 'its file in the output folder, or the name of a shipped model')
-      call v%choice('coordinates', s%surrogate%coordinates, 'dimensionless', 'box, dimensionless', &
+      call v%text('file', s%surrogate%file, 'surrogate.txt', 'its file in the output folder, or the name of a shipped model')
+      call v%choice('coordinates', s%surrogate%coordinates, 'dimensionless', v%words('coordinates'), &
          & 'the constants scaled to their bounds (the paper), or dimensionless ratios of them')
-      call v%choice('truncation', s%surrogate%truncation, 'total', 'tensor, total', &
+      call v%choice('truncation', s%surrogate%truncation, 'total', v%words('truncation'), &
          & '`degree` limits each factor of a product (the paper), or their sum')
       call v%integer('degree', s%surrogate%degree, '4', '[0, 12]', '', &
          & 'degree of the Legendre products in the constants (Q)')
       call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', '', &
          & 'highest degree of the surface harmonics in the orientation (L)')
-      call v%choice('prior', s%surrogate%prior, 'theory', 'zero, theory', &
+      call v%choice('prior', s%surrogate%prior, 'theory', v%words('coefficient_prior'), &
          & 'centre of the prior of the coefficients: zero (Eq. 6), or those of the half-space theory')
       call v%text('scan', s%surrogate%scan, '', &
          & 'other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
@@ -87,8 +87,8 @@ contains
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
       call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', '', &
          & 'directions of each crystal of factorial candidates')
-      call v%choice('variance_of', s%design%variance_of, 'modulus', 'modulus, log_modulus', &
-         & 'whose variance chooses with dimensionless coordinates (a box: always the modulus)')
+      call v%choice('variance_of', s%design%variance_of, 'modulus', v%words('acquisition'), &
+         & 'whose variance chooses the next simulation: that of the modulus, or of its logarithm')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', '', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', '', 'simulations chosen at a time')
       call v%integer('refit', s%design%refit, '1', '[1, 100000]', '', &

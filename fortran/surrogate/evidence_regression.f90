@@ -173,15 +173,18 @@ contains
 
    !> The alpha and beta of largest evidence, 1/beta >= least_noise^2. For a given ratio of the two the best beta is known in
    !> closed form: one search along ln(alpha/beta), each step O(terms), finds the global maximum.
-   subroutine maximise_evidence(regression, error)
+   subroutine maximise_evidence(regression, error, evidence)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
+      !> ln evidence there.
+      real(wp), intent(out), optional :: evidence
       type(spectrum_type) :: spectrum
       integer, parameter :: n_grid = 240
       real(wp), parameter :: golden = 0.6180339887498949_wp
       real(wp) :: scale, low, high, x(n_grid), value(n_grid), a, b, c, d, fc, fd
       integer :: i, best
 
+      if (present(evidence)) evidence = 0.0_wp
       call compute_spectrum(regression, spectrum, error)
       if (allocated(error) .or. spectrum%n_data == 0) return
       scale = max(maxval(spectrum%values), tiny(1.0_wp))
@@ -216,6 +219,7 @@ contains
       end do
       a = exp(0.5_wp*(a + b))
       b = best_beta(spectrum, a, regression%least_noise)
+      if (present(evidence)) evidence = log_evidence(spectrum, a*b, b)
       call set_precisions(regression, a*b, b, error)
 
    contains

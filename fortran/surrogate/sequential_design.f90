@@ -4,23 +4,21 @@
 !> simulated, exactly, at frozen alpha and beta.
 !>
 !> A choice changes the covariance by one outer product and every variance by one square; done at once, both are limited by the
-!> memory they touch. So a few choices are kept apart as vectors, and are taken in together by matrix products. Until then the
+!> memory they touch. So a few choices are deferred: kept as vectors, and absorbed together by matrix products. Until then the
 !> variances that lack them are upper bounds, since variances only fall: only candidates that might still be the largest are
 !> brought up to date, and the choice is that of the full computation.
 module sequential_design
-   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_null_ptr, c_ptr
    use errors, only: error_type, raise
    use evidence_regression, only: compute_posterior, new_regression, refresh_interval, regression_type, symmetric_product, whiten
-   use kinds, only: i8, wp
+   use kinds, only: wp
    use linear_algebra, only: add_gram, multiply
    use vector_math, only: dot
    implicit none
    private
-   public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, take_in_choices, settle, &
-      & design_to_handle, design_from_handle
+   public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, absorb_choices, update_posterior_mean
 
-   !> Choices that are kept apart before they are taken in together.
-   integer, parameter :: max_apart = 8
+   !> Choices that are deferred before they are absorbed together.
+   integer, parameter :: max_deferred = 8
    !> Candidates of one matrix product.
    integer, parameter :: block_size = 256
    !> Values closer than this share are equal: rounding does not decide between them.
@@ -34,32 +32,15 @@ module sequential_design
       logical, allocatable :: available(:)
       !> Choices since the last exact variances.
       integer :: n_choices = 0
-      !> The last `n_apart` choices, which the regression's covariance lacks: it is -Σ v vᵀ short, v the columns
-      !> (n_terms, max_apart).
-      integer :: n_apart = 0
-      real(wp), allocatable :: apart(:, :)
+      !> The last `n_deferred` choices, which the regression's covariance lacks: it is -Σ v vᵀ short, v the columns
+      !> (n_terms, max_deferred).
+      integer :: n_deferred = 0
+      real(wp), allocatable :: deferred(:, :)
       !> How many of them the variance of each candidate has already.
       integer, allocatable :: included(:)
    end type design_type
 
 contains
-
-   function design_to_handle(design) result(handle)
-      type(design_type), intent(in), pointer :: design
-      integer(i8) :: handle
-
-      handle = transfer(c_loc(design), handle)
-   end function design_to_handle
-
-   function design_from_handle(handle) result(design)
-      integer(i8), intent(in) :: handle
-      type(design_type), pointer :: design
-      type(c_ptr) :: address
-
-      address = c_null_ptr
-      address = transfer(handle, address)
-      call c_f_pointer(address, design)
-   end function design_from_handle
 
    !> A design without candidates and without data; arguments as of `new_regression`.
    subroutine new_design(weights, prior_mean, least_noise, design, error)
@@ -69,7 +50,7 @@ contains
 
       call new_regression(weights, prior_mean, least_noise, design%regression, error)
       allocate (design%candidates(size(weights), 0), design%variance(0), design%available(0), design%included(0))
-      allocate (design%apart(size(weights), max_apart))
+      allocate (design%deferred(size(weights), max_deferred))
    end subroutine new_design
 
    !> Give the candidates' terms (n_terms, n), all of them available.
@@ -78,7 +59,7 @@ contains
       real(wp), intent(in) :: terms(:, :)
       integer :: n
 
-      call take_in_choices(design)
+      call absorb_choices(design)
       n = size(terms, 2)
       deallocate (design%candidates, design%variance, design%available, design%included)
       allocate (design%candidates(size(terms, 1), n), design%variance(n), design%available(n), design%included(n))
@@ -103,7 +84,7 @@ contains
          deallocate (product)
       end do
       design%n_choices = 0
-      design%n_apart = 0
+      design%n_deferred = 0
       design%included = 0
    end subroutine compute_variances
 
@@ -123,7 +104,7 @@ contains
 
       squared = importance**2
       do k = 1, size(chosen)
-         if (design%n_apart == max_apart) call take_in_choices(design, threads)
+         if (design%n_deferred == max_deferred) call absorb_choices(design, threads)
          chosen(k) = most_uncertain(design, squared)
          if (chosen(k) == 0) then
             call raise(error, 'no candidate is left to choose')
@@ -166,25 +147,25 @@ contains
       integer, intent(in) :: candidate
       integer :: k
 
-      do k = design%included(candidate) + 1, design%n_apart
+      do k = design%included(candidate) + 1, design%n_deferred
          design%variance(candidate) = max(0.0_wp, design%variance(candidate) &
-            & - dot(design%candidates(:, candidate), design%apart(:, k))**2)
+            & - dot(design%candidates(:, candidate), design%deferred(:, k))**2)
       end do
-      design%included(candidate) = design%n_apart
+      design%included(candidate) = design%n_deferred
    end subroutine bring_up_to_date
 
-   !> As if candidate `chosen` were simulated: one vector more that is kept apart.
+   !> As if candidate `chosen` were simulated: one vector more that is deferred.
    subroutine condition_on(design, chosen)
       type(design_type), intent(inout) :: design
       integer, intent(in) :: chosen
       integer :: n
 
       design%available(chosen) = .false.
-      n = design%n_apart + 1
-      call present_product(design, design%candidates(:, chosen), design%apart(:, n))
-      design%apart(:, n) = design%apart(:, n) &
-         & /sqrt(1.0_wp/design%regression%beta + dot(design%candidates(:, chosen), design%apart(:, n)))
-      design%n_apart = n
+      n = design%n_deferred + 1
+      call present_product(design, design%candidates(:, chosen), design%deferred(:, n))
+      design%deferred(:, n) = design%deferred(:, n) &
+         & /sqrt(1.0_wp/design%regression%beta + dot(design%candidates(:, chosen), design%deferred(:, n)))
+      design%n_deferred = n
       design%n_choices = design%n_choices + 1
    end subroutine condition_on
 
@@ -196,24 +177,24 @@ contains
       integer :: k
 
       call symmetric_product(design%regression%covariance, vector, product)
-      do k = 1, design%n_apart
-         product = product - dot(design%apart(:, k), vector)*design%apart(:, k)
+      do k = 1, design%n_deferred
+         product = product - dot(design%deferred(:, k), vector)*design%deferred(:, k)
       end do
    end subroutine present_product
 
    !> Bring the regression's covariance and the variances of all candidates up to date with all choices. The result does not
    !> depend on the number of threads (1 unless stated).
-   subroutine take_in_choices(design, threads)
+   subroutine absorb_choices(design, threads)
       type(design_type), intent(inout) :: design
       integer, intent(in), optional :: threads
-      real(wp) :: vectors(design%n_apart, design%regression%n_terms), product(design%n_apart, block_size)
+      real(wp) :: vectors(design%n_deferred, design%regression%n_terms), product(design%n_deferred, block_size)
       integer :: n, first, last, j, n_threads
 
-      n = design%n_apart
+      n = design%n_deferred
       if (n == 0) return
       n_threads = 1
       if (present(threads)) n_threads = threads
-      vectors = transpose(design%apart(:, :n))
+      vectors = transpose(design%deferred(:, :n))
       !$omp parallel do num_threads(n_threads) private(last, j, product) schedule(static) if(n_threads > 1)
       do first = 1, size(design%variance), block_size
          last = min(first + block_size - 1, size(design%variance))
@@ -223,14 +204,14 @@ contains
          end do
       end do
       !$omp end parallel do
-      call add_gram(design%apart(:, :n), -1.0_wp, design%regression%covariance, transposed=.false.)
-      design%n_apart = 0
+      call add_gram(design%deferred(:, :n), -1.0_wp, design%regression%covariance, transposed=.false.)
+      design%n_deferred = 0
       design%included = 0
-   end subroutine take_in_choices
+   end subroutine absorb_choices
 
    !> After the values of all chosen candidates were added as data: the posterior mean. From time to time, and always if
    !> `exactly` (a choice that failed and gave no value), everything is computed afresh.
-   subroutine settle(design, exactly, error)
+   subroutine update_posterior_mean(design, exactly, error)
       type(design_type), intent(inout) :: design
       logical, intent(in) :: exactly
       type(error_type), allocatable, intent(out) :: error
@@ -241,5 +222,5 @@ contains
       else
          call present_product(design, design%regression%beta*design%regression%moment, design%regression%mean)
       end if
-   end subroutine settle
+   end subroutine update_posterior_mean
 end module sequential_design

@@ -1,5 +1,6 @@
 """The one door to the compiled core: its procedures, with status integers turned into exceptions."""
 
+import json
 import os
 import platform
 from pathlib import Path
@@ -28,6 +29,8 @@ def _choose_blas_kernels() -> None:
 
 
 _choose_blas_kernels()
+
+import numpy as np  # noqa: E402
 
 from . import _core  # type: ignore[attr-defined] # noqa: E402
 
@@ -64,6 +67,9 @@ class NativeObject:
     handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
     """
 
+    #: What the core calls it: 'surrogate', 'posterior', ..
+    kind = ""
+
     def _hold(self, handle: int) -> None:
         object.__setattr__(self, "_handle", int(handle))
 
@@ -81,6 +87,21 @@ class NativeObject:
         handle = self.__dict__.pop("_handle", 0)
         if handle:
             native.object_release(handle)
+
+    def _document(self) -> dict:
+        """Numbers and texts of the core's object; arrays by their lengths."""
+        length, status, message = native.object_document_length(self._handle, self.kind)
+        check(status, message)
+        text, status, message = native.object_document(self._handle, self.kind, length)
+        check(status, message)
+        return json.loads(text.tobytes())
+
+    def _array(self, label: str, length: int) -> np.ndarray:
+        """An array (length,) of the core's object, which cannot be written to."""
+        values, status, message = native.object_values(self._handle, self.kind, label, length)
+        check(status, message)
+        values.flags.writeable = False
+        return values
 
     def __reduce__(self):
         raise TypeError(f"a {type(self).__name__} lives in this process alone: it cannot be copied or pickled; make a new one")

@@ -1,15 +1,14 @@
-"""Sequential updates of the hexagonal paper case (729 terms, 3200 candidates) against refits, on one thread and in one run.
+"""Sequential updates of the hexagonal paper case (729 terms, 3200 candidates) beside refits, on one thread and in one run.
 
 A step is: the candidate of largest predictive variance is chosen, its modulus becomes data, and mean, covariance and the variances of
 all candidates are those of the new posterior. Moduli are those of the half-space theory, since no simulation is timed here.
 
 Alpha and beta frozen:
-- updates: this package.
+- update: this package.
 - Cholesky: numpy and scipy; the Gram matrix is updated, factored anew, and solved for the candidates' variances.
-
-Alpha and beta maximised anew, from all data, halfway through the steps:
-- refit: this package, and the variances of all candidates.
-- BayesianRidge: scikit-learn, and the sd of all candidates.
+Alpha and beta anew, the same data and candidates:
+- refit: this package; the evidence is maximised, then mean, covariance and the candidates' variances.
+- BayesianRidge: scikit-learn fits alpha, beta and the posterior, and predicts the sd of the candidates.
 """
 
 import argparse
@@ -17,11 +16,12 @@ import time
 from contextlib import nullcontext
 
 import numpy as np
+from paper_domains import DOMAINS
 from scipy.linalg import cho_factor, solve_triangular
 
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from bayesindent.surrogate.domain import Domain
-from bayesindent.surrogate.surrogate import Basis, Design
+from bayesindent.surrogate.basis import Basis
+from bayesindent.surrogate.learner import Learner
 
 
 def main(argv=None) -> int:
@@ -30,7 +30,7 @@ def main(argv=None) -> int:
     parser.add_argument("--initial", type=int, default=760, help="points before the first step (760)")
     parser.add_argument("--steps", type=int, default=2040, help="sequential steps (1440 + 600)")
     parser.add_argument("--candidates", type=int, default=3200, help="points in all to choose from (3200)")
-    parser.add_argument("--refits", type=int, default=3, help="refits timed of each peer (3)")
+    parser.add_argument("--refits", type=int, default=3, help="refits timed of each (3)")
     arguments = parser.parse_args(argv)
     with one_thread():
         return run(arguments)
@@ -47,63 +47,60 @@ def one_thread():
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the benchmark."""
-    domain = Domain.default("hexagonal")
+    domain = DOMAINS["hexagonal"]
     points = domain.latin(arguments.candidates, 1, n_angles=1)
     constants, angles = points[:, :-1], np.column_stack([np.zeros(len(points)), 90 * points[:, -1], np.zeros(len(points))])
-    basis = Basis("hexagonal", "box", "tensor", 2, 4, *domain.ranges("box"))
+    basis = Basis(domain, "box", "tensor", 2, 4)
     terms, _ = basis.terms(constants, angles)
-    y = halfspace_modulus(stiffness_rows("hexagonal", constants), angles)
-    print(f"{basis.n_terms} terms, {len(y)} candidates, {arguments.initial} + {arguments.steps} points, one thread")
+    modulus = halfspace_modulus(stiffness_rows("hexagonal", constants), angles)
+    print(f"{basis.n_terms} terms, {len(modulus)} candidates, {arguments.initial} + {arguments.steps} points, one thread")
 
-    design = Design(np.ones(basis.n_terms), np.zeros(basis.n_terms), 0.05)
-    design.set_candidates(terms)
+    learner = Learner(basis, "zero")
+    learner.set_candidates(constants, angles)
     first = np.arange(arguments.initial)
-    design.exclude(first)
-    design.add(terms[:, first], y[first])
-    alpha, beta, _ = design.fit()
+    learner.exclude(first)
+    learner.add(constants[first], angles[first], modulus[first], chosen=True)
+    learner.fit()
     order = list(first)
     start = time.perf_counter()
     for _ in range(arguments.steps):
-        chosen, _ = design.choose(1)
-        design.add(terms[:, chosen], y[chosen])
-        design.settle()
+        chosen, _ = learner.choose(1)
+        learner.add(constants[chosen], angles[chosen], modulus[chosen], chosen=True)
+        learner.update()
         order.append(int(chosen[0]))
     step = (time.perf_counter() - start) / arguments.steps
 
-    middle = np.array(order[: arguments.initial + arguments.steps // 2])
-    refit = time_refit(terms, y, middle, arguments.refits)
-    ridge = time_bayesian_ridge(terms, y, middle, arguments.refits)
-    cholesky, difference = time_cholesky(terms, y, np.array(order), alpha, beta, arguments.refits, design)
+    cholesky, difference = time_cholesky(terms, modulus, np.array(order), arguments.refits, learner)
     print(f"largest difference of mean and variances from a refit after all steps: {difference:.1e} (relative)")
-    print(f"{'':42}{'ms':>12}{'times ours':>14}")
-    rows = [
-        ("alpha, beta frozen: update", step, step),
-        ("alpha, beta frozen: Cholesky", cholesky, step),
-        ("alpha, beta anew: refit", refit, refit),
-        ("alpha, beta anew: BayesianRidge", ridge, refit),
-    ]
-    for name, seconds, ours in rows:
-        if seconds is not None:
-            print(f"{name:42}{1e3 * seconds:12.2f}{seconds / ours:14.1f}")
+    middle = np.array(order[: arguments.initial + arguments.steps // 2])
+    refit = time_refit(basis, constants, angles, modulus, middle, arguments.refits)
+    ridge = time_bayesian_ridge(terms, modulus, middle, arguments.refits)
+    print_table("alpha, beta frozen", {"update": step, "Cholesky refit": cholesky})
+    print_table(f"alpha, beta anew, {len(middle)} points", {"refit": refit} | ({} if ridge is None else {"BayesianRidge": ridge}))
     return 0
 
 
-def time_refit(terms, y, data, refits: int) -> float:
-    """Seconds of a refit by this package and the variances of all candidates, from data to numbers."""
-    seconds = []
+def print_table(title: str, seconds: dict[str, float]) -> None:
+    """Milliseconds of each, and how many times those of the first."""
+    print(f"{title:36}{'ms':>10}{'times':>10}")
+    first = next(iter(seconds.values()))
+    for name, value in seconds.items():
+        print(f"  {name:34}{1e3 * value:10.2f}{value / first:10.1f}")
+
+
+def time_refit(basis: Basis, constants, angles, modulus, data, refits: int) -> float:
+    """Seconds in which this package learns alpha, beta and the posterior, and the variances of all candidates, halfway through the steps."""
+    learner = Learner(basis, "zero")
+    learner.set_candidates(constants, angles)
+    learner.add(constants[data], angles[data], modulus[data], chosen=True)
+    start = time.perf_counter()
     for _ in range(refits):
-        design = Design(np.ones(len(terms)), np.zeros(len(terms)), 0.05)
-        start = time.perf_counter()
-        design.set_candidates(terms)
-        design.add(terms[:, data], y[data])
-        design.fit()
-        design.variances()
-        seconds.append(time.perf_counter() - start)
-    return float(np.mean(seconds))
+        learner.fit()
+    return (time.perf_counter() - start) / refits
 
 
 def time_bayesian_ridge(terms, y, data, refits: int) -> float | None:
-    """Seconds of a refit by scikit-learn and the sd of all candidates, halfway through the steps."""
+    """Seconds of the same by scikit-learn."""
     try:
         from sklearn.linear_model import BayesianRidge
     except ImportError:
@@ -116,9 +113,10 @@ def time_bayesian_ridge(terms, y, data, refits: int) -> float | None:
     return (time.perf_counter() - start) / refits
 
 
-def time_cholesky(terms, y, data, alpha: float, beta: float, refits: int, design: Design) -> tuple[float, float]:
-    """Seconds of a refit by Cholesky factorisation, and how far the updated posterior is from it."""
-    n = len(terms)
+def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float, float]:
+    """Seconds of a refit by Cholesky factorisation at the learner's alpha and beta, and how far the updated posterior is from it."""
+    n, precisions = len(terms), learner.precisions()
+    alpha, beta = precisions["alpha"], precisions["beta"]
     matrix = alpha * np.eye(n) + beta * terms[:, data] @ terms[:, data].T
     moment = beta * terms[:, data] @ y[data]
     last = terms[:, data[-1]]
@@ -133,9 +131,9 @@ def time_cholesky(terms, y, data, alpha: float, beta: float, refits: int, design
         variance = np.sum(solve_triangular(factor, terms, lower=True) ** 2, axis=0)
     seconds = (time.perf_counter() - start) / refits
     left = np.setdiff1d(np.arange(terms.shape[1]), data)
-    differences = [np.abs(design.mean() - mean).max() / np.abs(mean).max()]
+    differences = [np.abs(learner.values("mean") - mean).max() / np.abs(mean).max()]
     if len(left):
-        differences.append(np.abs(design.variances()[left] / variance[left] - 1).max())
+        differences.append(np.abs(learner.variances(terms.shape[1])[left] / variance[left] - 1).max())
     return seconds, max(differences)
 
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 from bench_learning import simulated
+from paper_domains import DOMAINS
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.build import build
 from bayesindent.settings.problem import Problem
-from bayesindent.surrogate.domain import DEFAULT_BOUNDS, Domain
 from bayesindent.surrogate.surrogate import Surrogate
 
 
@@ -33,8 +33,9 @@ def main(argv=None) -> int:
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"learning_{arguments.symmetry}_{arguments.mesh}"
     output.mkdir(parents=True, exist_ok=True)
-    constants, angles, modulus, failed = simulated(arguments, Domain.default(arguments.symmetry), output)
-    theory = halfspace_modulus(stiffness_rows(arguments.symmetry, constants), angles)
+    constants, angles, modulus, failed = simulated(arguments, DOMAINS[arguments.symmetry], output)
+    stiffness = stiffness_rows(arguments.symmetry, constants)
+    theory = halfspace_modulus(stiffness, angles)
     budgets = [int(word) for word in (arguments.budgets or {"cubic": "20,40", "hexagonal": "40,80"}[arguments.symmetry]).split(",")]
     print(f"{len(modulus)} unseen, {failed} failed, {arguments.designs} designs")
     header = ["simulations", "error, GPa", "theory x ratio", "factor", "within 1 sd", "within 2 sd", "99 % of |z|", "without:", "", ""]
@@ -43,7 +44,7 @@ def main(argv=None) -> int:
         rows = []
         for seed in range(1, arguments.designs + 1):
             document, surrogate = built(arguments, budget, seed, output / f"design_{seed}")
-            mean, sd = surrogate.predict(constants, angles)
+            mean, sd = surrogate.predict(stiffness, angles)
             z = np.abs(mean - modulus) / sd
             error = [np.mean(np.abs(value - modulus)) for value in (mean, document["baselines"]["ratio"] * theory)]
             rows.append([*error, surrogate.sd_inflation, *shares(z), *shares(z * surrogate.sd_inflation)])
@@ -60,15 +61,16 @@ def built(arguments, budget: int, seed: int, folder: Path) -> tuple[dict, Surrog
     """The document and the surrogate of a build with the defaults."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"build_{budget}.nml"
-    low, high, cap = DEFAULT_BOUNDS[arguments.symmetry]
+    domain = DOMAINS[arguments.symmetry]
     path.write_text(
         f"&problem symmetry = '{arguments.symmetry}', seed = {seed} /\n"
         f"&simulation simulator = '{arguments.simulator}', mesh = '{arguments.mesh}' /\n"
-        f"&domain c_min = {', '.join(map(str, low))}, c_max = {', '.join(map(str, high))}, anisotropy_cap = {cap} /\n"
+        f"&domain c_min = {', '.join(map(str, domain.c_min))}, c_max = {', '.join(map(str, domain.c_max))}, "
+        f"anisotropy_cap = {domain.anisotropy_cap} /\n"
         f"&design budget = {budget} /\n&execution workers = {arguments.workers} /\n"
     )
     document = build(Problem(path, "build"), folder, Progress(True))
-    return document, Surrogate.load(folder / "surrogate.nc")
+    return document, Surrogate.load(folder / "surrogate.txt")
 
 
 if __name__ == "__main__":

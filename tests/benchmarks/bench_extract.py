@@ -18,7 +18,6 @@ import arviz as az
 import numpy as np
 from theory_cases import SYMMETRIES, Case
 
-from bayesindent.core import native
 from bayesindent.inference.posterior import Posterior
 
 #: Moves of emcee and their weights; those of differential evolution are what emcee's documentation recommends for hard targets.
@@ -111,14 +110,13 @@ def run_emcee(case: Case, log_posterior, walkers: int, budget: float, move: str)
 def numpy_posterior(case: Case):
     """The log posterior of many points at once, as a NumPy user would write it with care."""
     surrogate, basis = case.surrogate, case.surrogate.basis
-    m, degree = basis.n_coordinates, basis.degree
+    m, degree = len(basis.lower), basis.degree
     # The order of the products: by total degree, the last coordinate fastest.
     degrees = np.array(sorted((c for c in itertools.product(range(degree + 1), repeat=m) if sum(c) <= degree), key=lambda c: (sum(c), c)))
-    angles = np.radians(case.euler_deg)
-    sine = np.sin(angles[:, 1])
-    directions = np.array([np.sin(angles[:, 2]) * sine, np.cos(angles[:, 2]) * sine, np.cos(angles[:, 1])])
-    harmonics, _, _ = native.basis_harmonics(case.symmetry, basis.bandlimit, basis.n_harmonics, np.asfortranarray(directions))
-    matrix = harmonics.T @ surrogate.coefficients.reshape(basis.n_polynomials, basis.n_harmonics).T
+    # The first terms are the harmonics, since the first polynomial is 1.
+    n_harmonics = np.count_nonzero(basis.polynomial_degrees == 0)
+    harmonics = basis.terms(np.tile(case.truth, (len(case.euler_deg), 1)), case.euler_deg)[0][:n_harmonics]
+    matrix = harmonics.T @ surrogate.coefficients.reshape(-1, n_harmonics).T
     norms = np.sqrt(2 * np.arange(degree + 1) + 1)[:, None, None]
     middle, half = (basis.lower + basis.upper)[:, None] / 2, (basis.upper - basis.lower)[:, None] / 2
     weight = 1 / case.sd_gpa[:, None]

@@ -2,7 +2,7 @@
 
 Random crystals of the paper's domain are simulated once and kept in campaign.sqlite (run again to go on). For each seed some of them
 are unseen, and the design chooses among the others. Compared are the four combinations of coordinates and prior; other ways to choose,
-and other falls of the prior's variance per degree; and the baselines: theory alone, and theory times one ratio that the same number of
+and the baselines: theory alone, and theory times one ratio that the same number of
 random simulations fits.
 """
 
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from paper_domains import DOMAINS
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
@@ -20,46 +21,33 @@ from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.engines import LocalEngine
 from bayesindent.pipeline.simulator import Simulator, physics_identity, simulate_into
 from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.domain import Domain
+from bayesindent.surrogate.learner import Learner
 from bayesindent.surrogate.learning import FIRST_SD
-from bayesindent.surrogate.surrogate import Basis, Design, coefficient_prior, sd_factor
-
-#: The fall of the prior's variance per degree that the package has.
-FALL = 8
 
 
 @dataclass(frozen=True)
 class Model:
-    """A way to learn: coordinates, prior, what decides the next simulation, fall of the prior's variance per degree."""
+    """A way to learn: coordinates, prior, what decides the next simulation."""
 
     coordinates: str
     prior: str
-    choice: str = "variance of M"
-    fall: int = FALL
+    choice: str = "modulus"
 
     @property
     def label(self) -> str:
-        choice = "" if self.choice == "variance of M" else f", {self.choice}"
-        return f"{self.coordinates}, {self.prior}{choice}{'' if self.fall == FALL else f', fall {self.fall}'}"
+        return f"{self.coordinates}, {self.prior}{'' if self.choice == 'modulus' else f', {self.choice}'}"
 
     def bases(self, domain: Domain) -> list[Basis]:
         """Total truncations (degree, bandlimit); a flat prior needs one that grows with the data."""
         sizes = [(4, 8)] if self.prior == "theory" else [(1, 4), (2, 4), (3, 4), (3, 6), (4, 8)]
-        return [Basis(domain.symmetry, self.coordinates, "total", *size, *domain.ranges(self.coordinates)) for size in sizes]
-
-    def design(self, basis: Basis, domain: Domain) -> Design:
-        """A regression without data."""
-        weights, mean, least_noise = coefficient_prior(basis, domain, self.prior)
-        weights[1:] **= np.log(self.fall) / np.log(FALL)
-        return Design(weights, mean, least_noise)
+        return [Basis(domain, self.coordinates, "total", *size) for size in sizes]
 
 
 OURS = Model("dimensionless", "theory")
 COMBINATIONS = (OURS, Model("dimensionless", "zero"), Model("box", "theory"), Model("box", "zero"))
-VARIANTS = (
-    *(Model("dimensionless", "theory", choice) for choice in ("variance of log M", "random")),
-    *(Model("dimensionless", "theory", "random", fall) for fall in (2, 4, 16)),
-)
+VARIANTS = tuple(Model("dimensionless", "theory", choice) for choice in ("log_modulus", "random"))
 COLORS = {"dimensionless": "tab:blue", "box": "tab:orange"}
 
 
@@ -78,7 +66,7 @@ def main(argv=None) -> int:
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"learning_{arguments.symmetry}_{arguments.mesh}"
     output.mkdir(parents=True, exist_ok=True)
-    domain = Domain.default(arguments.symmetry)
+    domain = DOMAINS[arguments.symmetry]
     constants, angles, modulus, failed = simulated(arguments, domain, output)
     theory = halfspace_modulus(stiffness_rows(arguments.symmetry, constants), angles)
     ratio = modulus / theory
@@ -142,42 +130,30 @@ def curve(domain, model: Model, constants, angles, modulus, unseen, pool, sizes,
         fit = [basis for basis in bases if model.prior == "theory" or basis.n_terms <= n]
         if fit and n != 1:
             stages.setdefault(fit[-1], []).append(n)
+    stiffness = stiffness_rows(domain.symmetry, constants)
     for basis, stops in stages.items():
-        terms, scale = basis.terms(constants, angles)
-        y = basis.to_y(modulus, scale)
-        design = model.design(basis, domain)
-        design.set_candidates(terms[:, pool])
-        _, beta, _ = design.fit(*(sd**-2 for sd in FIRST_SD[model.prior, model.coordinates]))
-        data = np.array([], dtype=int)
+        learner, data = Learner(basis, model.prior), 0
+        learner.set_candidates(constants[pool], angles[pool], "modulus" if model.choice == "random" else model.choice)
+        learner.fit(*(sd**-2 for sd in FIRST_SD[model.prior, model.coordinates]))
         for stop in stops:
-            while len(data) < stop:
-                count = min(8, stop) if len(data) == 0 else 1
-                chosen = pool[choose(model, design, basis, terms[:, pool], scale[pool], count, len(data))]
-                design.add(terms[:, chosen], y[chosen])
-                data = np.concatenate([data, chosen])
-                if basis.n_terms <= 100 or len(data) % 10 == 0 or len(data) == stop:
-                    _, beta, _ = design.fit()
+            while data < stop:
+                count = min(8, stop) if data == 0 else 1
+                random = model.choice == "random"
+                chosen = pool[np.arange(data, data + count) if random else learner.choose(count)[0]]
+                learner.add(constants[chosen], angles[chosen], modulus[chosen], chosen=not random)
+                data += count
+                if basis.n_terms <= 100 or data % 10 == 0 or data == stop:
+                    learner.fit()
                 else:
-                    design.settle()
-            mean = design.mean() @ terms[:, unseen]
-            error = np.mean(np.abs(basis.to_modulus(mean, scale[unseen]) - modulus[unseen]))
+                    learner.update()
+            error = np.abs(learner.predict(constants[unseen], angles[unseen]) - modulus[unseen])
             row = {"model": model.label, "simulations": stop, "seed": seed, "degree": basis.degree, "bandlimit": basis.bandlimit,
-                   "error_gpa": error}  # fmt: skip
+                   "error_gpa": error.mean()}  # fmt: skip
             if stop > 1:
-                residual, sd = design.leave_out(np.arange(stop))
-                variance = np.einsum("in,in->n", terms[:, unseen], design.covariance() @ terms[:, unseen]) + 1 / beta
-                z = np.abs(mean - y[unseen]) / (sd_factor(basis, domain, model.prior, design, residual / sd) * np.sqrt(variance))
+                z = error / learner.surrogate().predict(stiffness[unseen], angles[unseen])[1]
                 row |= {"within_1_sd": np.mean(z <= 1), "within_2_sd": np.mean(z <= 2), "z_99": np.quantile(z, 0.99)}
             rows.append(row)
     return rows
-
-
-def choose(model: Model, design: Design, basis: Basis, terms, scale, count: int, used: int) -> np.ndarray:
-    """Numbers of the next candidates."""
-    if model.choice == "random":
-        return np.arange(used, used + count)
-    relative = model.choice == "variance of M" and model.coordinates == "dimensionless"
-    return design.choose(count, basis.to_modulus(design.mean() @ terms, scale) if relative else None)[0]
 
 
 def summary(rows, name: str) -> dict:

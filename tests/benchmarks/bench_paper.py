@@ -86,11 +86,11 @@ def variant(arguments, seed: int, folder: Path) -> Problem:
 
 def on_same_unseen(problem, folder: Path, document: dict, seed: int) -> list[dict]:
     """Errors of ours, learning from some of the simulations behind the paper's surrogate, on those that it has not seen."""
-    data, validation = Surrogate.load(folder / "surrogate.nc").data, document["validation"]
+    data, validation = Surrogate.load(folder / "surrogate.txt").data, document["validation"]
     constants, angles = (np.vstack([data[name], validation[name]]) for name in ("constants", "euler_deg"))
     modulus = np.concatenate([data["modulus_gpa"], validation["simulated"]])
     symmetry, covered = problem.settings.problem.symmetry, problem.settings.domain
-    domain = Domain(symmetry, tuple(covered.c_min), tuple(covered.c_max), covered.anisotropy_cap)
+    domain = Domain(symmetry, covered.c_min, covered.c_max, covered.anisotropy_cap)
     pool, unseen = np.split(np.arange(len(modulus)), [len(data["modulus_gpa"])])
     pool = np.random.default_rng(seed).permutation(pool)
     theory = halfspace_modulus(stiffness_rows(symmetry, constants), angles)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import stats
 from theory_cases import SYMMETRIES, Case
 
+from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.inference.extract import extract, summary
 from bayesindent.inference.posterior import PRIOR, Posterior
 
@@ -81,7 +82,7 @@ def study_sbc(cases, arguments) -> int:
         names = [*case.names, *exponents, "log likelihood"]
         table, covered, least = [], [], np.inf
         for k, truth in enumerate(prior_draws(case, repeats, arguments.seed)):
-            moduli, _ = case.surrogate.predict(np.repeat([truth], len(case.euler_deg), axis=0), case.euler_deg)
+            moduli, _ = case.surrogate.predict(stiffness_rows(case.symmetry, [truth])[0], case.euler_deg)
             measured = moduli + case.sd_gpa * rng.normal(size=len(moduli))
             posterior, draws = sample(case, case.euler_deg, measured, case.sd_gpa, 1000 * arguments.seed + k, arguments.threads)
             size = effective_size(draws)

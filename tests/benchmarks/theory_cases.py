@@ -4,11 +4,12 @@ import json
 from pathlib import Path
 
 import numpy as np
+from paper_domains import DOMAINS
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness
 from bayesindent.settings.problem import read_measurements
-from bayesindent.surrogate.domain import Domain
-from bayesindent.surrogate.surrogate import Basis, Surrogate
+from bayesindent.surrogate.basis import Basis
+from bayesindent.surrogate.surrogate import Surrogate
 
 __all__ = ["SYMMETRIES", "Case"]
 
@@ -42,15 +43,13 @@ class Case:
 
 def theory_surrogate(symmetry: str, points: int = 6000) -> Surrogate:
     """Least squares on the half-space theory over the paper's domain, in dimensionless coordinates."""
-    domain = Domain.default(symmetry)
+    domain = DOMAINS[symmetry]
     constants, angles = domain.crystals(points, seed=2)
-    basis = Basis(symmetry, "dimensionless", "total", *SIZES[symmetry], *domain.ranges("dimensionless"))
+    basis = Basis(domain, "dimensionless", "total", *SIZES[symmetry])
     modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
     y = basis.to_y(modulus, scale)
     normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
     coefficients = np.linalg.solve(normal, terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
-    return Surrogate(
-        basis, coefficients, variance * np.linalg.inv(normal), anisotropy_cap=domain.anisotropy_cap, alpha=1.0, beta=1 / variance
-    )
+    return Surrogate(basis, coefficients, variance * np.linalg.inv(normal), alpha=1.0, beta=1 / variance)

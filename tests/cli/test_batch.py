@@ -14,7 +14,7 @@ import pytest
 from bayesindent import Problem
 from bayesindent.inference.extract import inference_data, summary
 from bayesindent.inference.posterior import EXTRACTION, Posterior
-from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
+from bayesindent.surrogate.surrogate import Surrogate
 from conftest import DOMAIN, SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
@@ -25,8 +25,9 @@ BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n
 def batch(tmp_path):
     """`batch(*arguments)` in an empty folder gives the finished process."""
 
-    def run(*arguments) -> subprocess.CompletedProcess:
-        return subprocess.run([PROGRAM, *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    def run(*arguments, **options) -> subprocess.CompletedProcess:
+        command = [PROGRAM, *map(str, arguments)]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, **options)
 
     return run
 
@@ -141,7 +142,7 @@ def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
     assert all(len(row["force_mn"].split()) == len(row["depth_um"].split()) for row in again)
     assert all(bool(row["force_mn"]) == (int(row["elements"]) > 0) for row in again)
     # The same simulations give the same surrogate.
-    one, other = Surrogate.load(built / "surrogate.nc"), Surrogate.read_text(tmp_path / "again" / "surrogate.nml")
+    one, other = (Surrogate.load(folder / "surrogate.txt") for folder in (built, tmp_path / "again"))
     assert other.coefficients == pytest.approx(one.coefficients, abs=1e-10)
     assert other.covariance == pytest.approx(one.covariance, abs=1e-10)
     assert (other.alpha, other.beta) == pytest.approx((one.alpha, one.beta), rel=1e-6)
@@ -149,7 +150,10 @@ def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
     # A fit in the folder of the Python program reads what that wrote.
     done = batch("small.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
-    assert (built / "surrogate.nml").read_text() == (tmp_path / "again" / "surrogate.nml").read_text()
+    refitted = Surrogate.load(built / "surrogate.txt")
+    assert np.array_equal(refitted.coefficients, other.coefficients)
+    assert np.array_equal(refitted.covariance, other.covariance)
+    assert np.array_equal(refitted.data["modulus_gpa"], one.data["modulus_gpa"])
 
 
 def test_goes_on_where_it_was(batch, tmp_path):
@@ -227,7 +231,7 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
     done = batch("sample.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     problem = Problem(path, "extract")
-    surrogate = Surrogate.read_text(tmp_path / "out" / "surrogate.nml")
+    surrogate = Surrogate.load(tmp_path / "out" / "surrogate.txt")
     result = inference_data(Posterior(problem, surrogate, EXTRACTION))
     rows = table(tmp_path / "out" / "posterior.csv")
     assert len(rows) == 400
@@ -251,7 +255,7 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
 
 def test_surrogate_of_another_symmetry(batch, tmp_path):
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n168.4,121.4,75.4,0,0,0\n")
-    head = "&simulation simulator = 'theory' /\n&surrogate degree = 2, bandlimit = 4, file = 'surrogate.nml' /\n"
+    head = "&simulation simulator = 'theory' /\n&surrogate degree = 2, bandlimit = 4 /\n"
     (tmp_path / "a.nml").write_text(head + DOMAIN["cubic"] + "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n")
     done = batch("a.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
@@ -259,16 +263,15 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
     (tmp_path / "b.nml").write_text(head + f"&problem symmetry = 'hexagonal' /\n&measurements file = '{data}' /\n")
     done = batch("b.nml", "--output", "out")
     assert done.returncode == 2
-    assert done.stderr == "b.nml: &surrogate file: out/surrogate.nml is for cubic crystals, not hexagonal ones\n"
+    assert done.stderr == "b.nml: &surrogate file: out/surrogate.txt is for cubic crystals, not hexagonal ones\n"
     done = batch("b.nml")
     assert done.returncode == 2
-    assert done.stderr.startswith("b.nml: &surrogate file: surrogate.nml: there is no such surrogate")
+    assert done.stderr.startswith("b.nml: &surrogate file: 'surrogate.txt': there is no such surrogate")
 
 
 def test_one_chain_has_no_r_hat(batch, tmp_path):
-    Surrogate.load("cubic").write_text(tmp_path / "surrogate.nml")
     (tmp_path / "a.nml").write_text(
-        f"&problem symmetry = 'cubic' /\n&surrogate file = 'surrogate.nml' /\n&measurements file = '{FE3SI}' /\n"
+        f"&problem symmetry = 'cubic' /\n&surrogate file = 'cubic' /\n&measurements file = '{FE3SI}' /\n"
         "&sampler method = 'scmh', samples = 50, burn_in = 100, chains = 1 /\n"
     )
     done = batch("a.nml", "--output", "out")
@@ -297,19 +300,19 @@ def spoil(path):
             "c_min = 300, 1, 1, c_max = 400, 2, 2, anisotropy_cap = 1000",
             "&prior: the bounds are outside the surrogate's domain: none of",
         ),
-        ("cubic", spoil, "", "&surrogate file: {path}: is not a surrogate, or is damaged: "),
-        ("cubic", Path.unlink, "", "&surrogate file: surrogate.nml: there is no such surrogate; "),
+        ("cubic", spoil, "", "&surrogate file: {path}: the surrogate is damaged: line "),
+        ("cubic", Path.unlink, "", "&surrogate file: 'surrogate.txt': there is no such surrogate; "),
         ("hexagonal", None, "", "&surrogate file: {path} is for hexagonal crystals, not cubic ones"),
     ],
     ids=["right", "bounds", "damaged", "missing", "symmetry"],
 )
 def test_check_says_what_sampling_says(batch, tmp_path, folder, name, spoiled, prior, expected):
     (tmp_path / "out").mkdir()
-    path = tmp_path / folder / "surrogate.nml"
-    Surrogate.load(name).write_text(path)
+    path = tmp_path / folder / "surrogate.txt"
+    Surrogate.load(name).save(path)
     if spoiled:
         spoiled(path)
-    (tmp_path / "a.nml").write_text(CHECKED.format(file="surrogate.nml", data=FE3SI) + f"&prior {prior} /\n")
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="surrogate.txt", data=FE3SI) + f"&prior {prior} /\n")
     checked, sampled = (batch("a.nml", "--output", "out", *option) for option in (["--check"], []))
     if expected:
         expected = expected.format(path=path.relative_to(tmp_path))
@@ -322,8 +325,6 @@ def test_check_says_what_sampling_says(batch, tmp_path, folder, name, spoiled, p
 
 
 def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
-    (tmp_path / "out").mkdir()
-    Surrogate.load("cubic").write_text(tmp_path / "out" / "surrogate.nml")
     prior = "&prior c_min = 300, 1, 1, c_max = 400, 2, 2, anisotropy_cap = 1000 /\n"
     (tmp_path / "a.nml").write_text(CHECKED.format(file="cubic", data=FE3SI) + prior)
     done = bayesindent("run", "a.nml", "--output", "out", "--check")
@@ -333,26 +334,55 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
     assert done.stderr == bayesindent("run", "a.nml", "--output", "out").stderr
 
 
-def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
-    # A surrogate that the file's own fit replaces is not looked at; another one is.
-    (tmp_path / "surrogate.nml").write_text("")
-    text = CHECKED.format(file="surrogate.nml", data=FE3SI) + DOMAIN["cubic"] + "&design /\n"
+#: Names under which no new surrogate is kept, and why.
+NAMES = {
+    "campaign.sqlite": "'campaign.sqlite' is no name of a new surrogate; allowed: a name that ends in .txt, for example surrogate.txt",
+    "../other/surrogate.txt": "'../other/surrogate.txt': a new surrogate is kept in the output folder; allowed: a name that ends in .txt",
+    "notes.txt": "out/notes.txt: is there and is not a surrogate, so it is not replaced; give the surrogate another name",
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_program_replaces_what_is_no_surrogate(batch, bayesindent, tmp_path, name):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "small.nml").write_text(SMALL.format(symmetry="cubic", domain=DOMAIN["cubic"], simulator="theory", budget=12))
+    assert bayesindent("build", "small.nml", "--output", "out").returncode == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.suffix in (".sqlite", ".txt")}
+    text = (tmp_path / "small.nml").read_text().replace("&surrogate ", f"&surrogate file = '{name}', ")
     (tmp_path / "a.nml").write_text(text)
-    (tmp_path / "b.nml").write_text(text.replace("surrogate.nml", "other.nml"))
+    for done in (
+        *(
+            bayesindent(command, "a.nml", "--output", "out", *option)
+            for command, option in (("build", []), ("run", ["--check"]), ("run", []))
+        ),
+        *(batch("a.nml", "--output", "out", *option) for option in (["--check"], [])),
+    ):
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.splitlines()[-1].startswith(f"a.nml: &surrogate file: {NAMES[name]}")
+    assert before == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.name in before}
+
+
+def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
+    # The surrogate that the file's own fit makes is not looked for.
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="mine.txt", data=FE3SI) + DOMAIN["cubic"] + "&design /\n")
     done = batch("a.nml", "--check")
     assert (done.returncode, done.stderr) == (0, "")
-    done = batch("b.nml", "--check")
-    assert (done.returncode, "other.nml: there is no such surrogate" in done.stderr) == (2, True)
+
+
+def test_the_shipped_surrogates_are_where_the_environment_says(batch, bayesindent, tmp_path):
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="mine", data=FE3SI))
+    (tmp_path / "elsewhere").mkdir()
+    Surrogate.load("cubic").save(tmp_path / "elsewhere" / "cubic.txt")
+    (tmp_path / "a.nml").write_text(CHECKED.format(file="cubic", data=FE3SI))
+    for folder, status in (("elsewhere", 0), ("nowhere", 2)):
+        environment = os.environ | {"BAYESINDENT_DATA": str(tmp_path / folder)}
+        for done in (batch("a.nml", "--check", env=environment), bayesindent("run", "a.nml", "--check", env=environment)):
+            assert done.returncode == status, done.stderr
+            assert (status == 0) or "'cubic': there is no such surrogate" in done.stderr
 
 
 @pytest.mark.parametrize("path", sorted((SOURCE / "inputs").glob("*.nml")) + sorted((SOURCE / "inputs" / "case_studies").glob("*.nml")))
 def test_inputs_are_right(batch, tmp_path, path):
-    # The batch program reads surrogates as text, those of the package, too.
-    problem = Problem(path, "run")
-    if "extract" in problem.stages and problem.settings.surrogate.file in SHIPPED:
-        done = batch(path, "--check", "--output", "out")
-        assert (done.returncode, "there is no such surrogate" in done.stderr) == (2, True)
-        (tmp_path / "out").mkdir()
-        Surrogate.load(problem.settings.surrogate.file).write_text(tmp_path / "out" / "surrogate.nml")
     done = batch(path, "--check", "--output", "out")
     assert done.returncode == 0, done.stderr

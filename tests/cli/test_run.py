@@ -21,7 +21,7 @@ FILES = [
     "resolved.nml",
     "run.log",
     "summary.json",
-    "surrogate.nc",
+    "surrogate.txt",
 ]
 
 
@@ -68,7 +68,7 @@ def test_whole_path(finished, bayesindent):
     assert again["build"]["new_simulations"] == 0
     assert again["extract"]["parameters"] == document["extract"]["parameters"]
     # A larger budget goes on from there; a shipped or built surrogate predicts.
-    predicted = bayesindent("predict", "--surrogate", output / "surrogate.nc", "--points", SOURCE / "inputs" / "data" / "isotropic.csv")
+    predicted = bayesindent("predict", "--surrogate", output / "surrogate.txt", "--points", SOURCE / "inputs" / "data" / "isotropic.csv")
     assert predicted.returncode == 0, predicted.stderr
     header, row = predicted.stdout.splitlines()
     assert header == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"

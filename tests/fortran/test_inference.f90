@@ -10,21 +10,14 @@ program test_inference
    use kinds, only: pi, wp
    use known_targets, only: banana_type
    use modulus_kinds, only: modulus_map_type, new_modulus_map
-   use polynomial_products, only: covariance_polynomial, evaluate_products, new_products, products_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
-   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_polynomials, new_basis, &
-      & truncation_tensor, truncation_total
    use testing, only: check, check_close, check_refused, check_success, class_of, finish
    use text, only: to_text
    use vector_math, only: exp_all, transposed_product
    implicit none
 
    call test_kernels()
-   call test_covariance('total', coordinates_dimensionless, truncation_total, 3, [-0.5_wp, -1.0_wp, -1.5_wp, -1.0_wp], &
-      & [0.5_wp, 1.0_wp, 1.5_wp, 1.0_wp])
-   call test_covariance('tensor', coordinates_box, truncation_tensor, 1, [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], &
-      & [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp])
    call test_error_models()
    call test_mixture()
    ! Some four standard errors of chains that are worth a few thousand independent draws.
@@ -50,63 +43,6 @@ contains
       call transposed_product(37, 6, a, x, z)
       call check('transposed_product', maxval(abs(z - matmul(transpose(a), x))) < 1.0e-11_wp)
    end subroutine test_kernels
-
-   !> T(c) as a polynomial against the double sum, and the products against those of the basis.
-   subroutine test_covariance(name, coordinates, truncation, degree, lower, upper)
-      character(len=*), intent(in) :: name
-      integer, intent(in) :: coordinates, truncation, degree
-      real(wp), intent(in) :: lower(:), upper(:)
-      real(wp), parameter :: crystal(5) = [162.0_wp, 92.0_wp, 47.0_wp, 180.0_wp, 69.0_wp]
-      type(basis_type) :: basis
-      type(products_type) :: terms, squares
-      type(error_type), allocatable :: error
-      type(random_stream_type) :: stream
-      real(wp), allocatable :: covariance(:, :), root(:, :), coefficients(:, :), p(:), own(:), high(:), t(:)
-      real(wp) :: direct, worst, scale, x(size(lower))
-      integer :: n, i, j, g, h, q, r, column, nh
-
-      call new_basis(class_of('hexagonal'), coordinates, truncation, degree, 4, lower, upper, basis, error)
-      call check_success(name//': a basis', error)
-      n = basis%n_terms
-      nh = basis%n_harmonics
-      allocate (root(n, n), covariance(n, n), p(basis%n_polynomials), own(basis%n_polynomials))
-      stream = new_random_stream(3, 1)
-      do j = 1, n
-         do i = 1, n
-            call stream%normal(root(i, j))
-         end do
-      end do
-      covariance = matmul(root, transpose(root))
-      call evaluate_polynomials(basis, crystal, p, scale)
-      terms = new_products(basis%degrees)
-      ! The first-degree polynomials are sqrt(3) x.
-      do i = 1, size(x)
-         do q = 1, basis%n_polynomials
-            if (sum(basis%degrees(:, q)) == 1 .and. basis%degrees(i, q) == 1) x(i) = p(q)/sqrt(3.0_wp)
-         end do
-      end do
-      call evaluate_products(terms, x, own)
-      call check(name//': products are those of the basis', maxval(abs(own - p)) < 1.0e-12_wp*maxval(abs(p)))
-      call covariance_polynomial(basis, covariance, squares, coefficients)
-      allocate (high(squares%n_products), t(size(coefficients, 2)))
-      call evaluate_products(squares, x, high)
-      call transposed_product(size(high), size(t), coefficients, high, t)
-      worst = 0.0_wp
-      column = 0
-      do g = 1, nh
-         do h = g, nh
-            column = column + 1
-            direct = 0.0_wp
-            do q = 1, basis%n_polynomials
-               do r = 1, basis%n_polynomials
-                  direct = direct + p(q)*p(r)*covariance(h + (q - 1)*nh, g + (r - 1)*nh)
-               end do
-            end do
-            worst = max(worst, abs(direct - t(column))/maxval(t))
-         end do
-      end do
-      call check(name//': T(c) equals the double sum', worst < 1.0e-11_wp)
-   end subroutine test_covariance
 
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()

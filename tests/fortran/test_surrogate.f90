@@ -1,180 +1,417 @@
-!> Basis and surrogate: orthonormality, symmetry, counts, predictions, the text form.
+!> Domain, basis and surrogate: membership, orthonormality, counts, predictions, the model of grains, and the file with all its damages.
 program test_surrogate
-   use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix
-   use errors, only: error_type
+   use abstract_basis, only: basis_type, grain_model_type
+   use bases, only: new_basis
+   use crystal_elasticity, only: anisotropy_index, is_stable
+   use errors, only: error_type, exit_bad_input
+   use files, only: read_text_file
    use kinds, only: pi, wp
+   use paper_basis, only: new_paper_basis, paper_basis_type
    use random, only: new_random_stream, random_stream_type
-   use surrogate_basis, only: basis_type, coordinates_box, coordinates_dimensionless, evaluate_harmonics, &
-      & evaluate_polynomials, evaluate_terms, new_basis, truncation_tensor, truncation_total
-   use surrogate_model, only: is_outside, load_surrogate, predict, save_surrogate, surrogate_type
-   use symmetric_harmonics, only: harmonics_of => evaluate_harmonics
-   use testing, only: check, check_close, check_refused, check_success, class_of, clenshaw_curtis_weight, finish
+   use settings_groups, only: surrogate_settings_type
+   use surrogate_domain, only: domain_type, new_domain, spread_crystals
+   use surrogate_file, only: load_surrogate, save_surrogate
+   use surrogate_model, only: new_grain_model, predict, surrogate_type
+   use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, finish
    implicit none
 
    real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp]
-   real(wp), parameter :: cubic_lower(3) = [50.0_wp, 40.0_wp, 15.0_wp], cubic_upper(3) = [250.0_wp, 150.0_wp, 120.0_wp]
-   real(wp), parameter :: hexagonal_lower(5) = [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp]
-   real(wp), parameter :: hexagonal_upper(5) = [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, 90.0_wp]
+   real(wp), parameter :: zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
+   character(len=*), parameter :: path = 'test_surrogate.txt'
+   character, parameter :: newline = achar(10)
 
+   call test_domain()
    call test_counts()
-   call test_direction()
    call test_polynomials()
    call test_homogeneity()
-   call test_prediction()
+   call test_prediction('dimensionless')
+   call test_prediction('box')
+   call test_grain_model('dimensionless', 'total', 3, 4)
+   call test_grain_model('box', 'tensor', 1, 4)
+   call test_damages()
    call finish()
 
 contains
 
-   subroutine make_basis(symmetry, coordinates, truncation, degree, bandlimit, basis)
+   !> The paper's domain of a class.
+   function domain_of(symmetry) result(domain)
       character(len=*), intent(in) :: symmetry
-      integer, intent(in) :: coordinates, truncation, degree, bandlimit
-      type(basis_type), intent(out) :: basis
+      type(domain_type) :: domain
       type(error_type), allocatable :: error
-      type(crystal_class_type) :: crystal
 
-      crystal = class_of(symmetry)
-      if (coordinates == coordinates_dimensionless) then
-         if (symmetry == 'cubic') then
-            call new_basis(crystal, coordinates, truncation, degree, bandlimit, [0.4_wp, -2.0_wp], [0.95_wp, 2.0_wp], basis, &
-               & error)
-         else
-            call new_basis(crystal, coordinates, truncation, degree, bandlimit, [-3.0_wp, -2.0_wp, -1.0_wp, -1.0_wp], &
-               & [0.0_wp, 2.0_wp, 3.0_wp, 1.0_wp], basis, error)
-         end if
-      else if (symmetry == 'cubic') then
-         call new_basis(crystal, coordinates, truncation, degree, bandlimit, cubic_lower, cubic_upper, basis, error)
+      if (symmetry == 'cubic') then
+         call new_domain(symmetry, [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, domain, error)
       else
-         call new_basis(crystal, coordinates, truncation, degree, bandlimit, hexagonal_lower, hexagonal_upper, basis, error)
+         call new_domain(symmetry, [80.0_wp, 40.0_wp, 30.0_wp, 70.0_wp, 40.0_wp], [240.0_wp, 120.0_wp, 90.0_wp, 210.0_wp, &
+            & 90.0_wp], 10.0_wp, domain, error)
       end if
-      if (allocated(error)) call check_success('new_basis', error)
-   end subroutine make_basis
+      if (allocated(error)) call check_success('new_domain', error)
+   end function domain_of
+
+   function basis_of(symmetry, coordinates, truncation, degree, bandlimit) result(basis)
+      character(len=*), intent(in) :: symmetry, coordinates, truncation
+      integer, intent(in) :: degree, bandlimit
+      type(paper_basis_type) :: basis
+      type(error_type), allocatable :: error
+
+      call new_paper_basis(domain_of(symmetry), coordinates, truncation, degree, bandlimit, basis, error)
+      if (allocated(error)) call check_success('new_paper_basis', error)
+   end function basis_of
+
+   subroutine test_domain()
+      type(domain_type) :: domain, none
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: constants(:, :), euler(:, :)
+      real(wp) :: mean_cosine, c(6, 6)
+      logical :: inside
+      integer :: i
+
+      domain = domain_of('cubic')
+      call spread_crystals(domain, 4000, constants, euler, error)
+      call check_success('4000 crystals of the cubic domain', error)
+      inside = .true.
+      do i = 1, 4000
+         c = domain%class%stiffness(constants(:, i))
+         inside = inside .and. is_stable(c) .and. anisotropy_index(c) <= 7.2_wp .and. domain%admits(c) &
+            & .and. all(constants(:, i) >= domain%lower) .and. all(constants(:, i) <= domain%upper)
+      end do
+      call check('all are admissible', inside)
+      ! Uniform on the hemisphere: cos Phi is uniform on 0 .. 1, its mean 1/2 with sd 1/sqrt(12 n) for independent points.
+      mean_cosine = sum(cos(euler(2, :)))/4000
+      call check_close('directions are uniform', mean_cosine, 0.5_wp, 3.0_wp/sqrt(12.0_wp*4000))
+      call check('copper is admitted', domain%admits(domain%class%stiffness(copper)))
+      call check('an unstable crystal is not', .not. domain%admits(domain%class%stiffness([100.0_wp, 120.0_wp, 50.0_wp])))
+      call check('nor one beyond a bound', .not. domain%admits(domain%class%stiffness([260.0_wp, 121.4_wp, 75.4_wp])))
+      call check('nor one beyond the cap', .not. domain%admits(domain%class%stiffness([100.0_wp, 92.0_wp, 100.0_wp])))
+      c = domain%class%stiffness(copper)
+      c(1, 1) = 170.0_wp
+      call check('nor one that is not cubic', .not. domain%admits(c))
+      call new_domain('cubic', [50.0_wp, 60.0_wp, 15.0_wp], [250.0_wp, 60.0_wp, 120.0_wp], 7.2_wp, none, error)
+      call check_refused('equal bounds', error, 'C12 are 60.0 and 60.0')
+      call new_domain('cubic', [50.0_wp, 60.0_wp], [250.0_wp, 60.0_wp], 7.2_wp, none, error)
+      call check_refused('too few bounds', error, '3 constants, not 2 and 2')
+      domain%upper(1) = 51.0_wp
+      domain%lower(2) = 149.0_wp
+      call spread_crystals(domain, 10, constants, euler, error)
+      call check_refused('a domain without stable crystals', error, 'no stable crystal')
+   end subroutine test_domain
 
    subroutine test_counts()
-      type(basis_type) :: basis
+      type(paper_basis_type) :: basis
       type(error_type), allocatable :: error
+      class(basis_type), allocatable :: other
+      integer :: directional(135), polynomial(135)
 
-      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 10, basis)
-      call check('paper, cubic: 27 x 5', basis%n_polynomials == 27 .and. basis%n_harmonics == 5 .and. basis%n_terms == 135)
-      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 12, basis)
-      call check('two cubic harmonics of degree 12', basis%n_harmonics == 7)
-      call check('degrees of the cubic harmonics', all(basis%harmonics%degrees == [0, 4, 6, 8, 10, 12, 12]))
-      call make_basis('hexagonal', coordinates_box, truncation_tensor, 2, 4, basis)
+      basis = basis_of('cubic', 'box', 'tensor', 2, 10)
+      call check('paper, cubic: 27 x 5', basis%polynomials%n_products == 27 .and. basis%harmonics%n == 5 .and. basis%n_terms == 135)
+      call basis%term_degrees(directional, polynomial)
+      call check('degrees of its terms', all(directional(:5) == [0, 4, 6, 8, 10]) .and. polynomial(5) == 0 &
+         & .and. polynomial(6) == 1 .and. polynomial(135) == 6)
+      basis = basis_of('hexagonal', 'box', 'tensor', 2, 4)
       call check('paper, hexagonal: 243 x 3', basis%n_terms == 729)
-      call make_basis('cubic', coordinates_dimensionless, truncation_total, 3, 6, basis)
+      basis = basis_of('cubic', 'dimensionless', 'total', 3, 6)
       call check('dimensionless cubic D3 L6: 30', basis%n_terms == 30)
-      call make_basis('hexagonal', coordinates_dimensionless, truncation_total, 2, 4, basis)
+      call check('the ranges hold the Zener ratios that the cap allows', basis%upper(2) > 2.0_wp .and. basis%upper(2) < 2.3_wp)
+      basis = basis_of('hexagonal', 'dimensionless', 'total', 2, 4)
       call check('dimensionless hexagonal D2 L4: 45', basis%n_terms == 45)
-      call new_basis(class_of('cubic'), coordinates_box, truncation_tensor, 2, 5, cubic_lower, cubic_upper, basis, error)
+      call new_paper_basis(domain_of('cubic'), 'box', 'tensor', 2, 5, basis, error)
       call check_refused('an odd bandlimit is refused', error, 'bandlimit = 5')
-      call new_basis(class_of('cubic'), coordinates_box, truncation_tensor, 2, 4, cubic_upper, cubic_lower, basis, error)
-      call check_refused('an empty range is refused', error, 'empty')
+      call new_paper_basis(domain_of('hexagonal'), 'box', 'tensor', 12, 20, basis, error)
+      call check_refused('more terms than memory is refused before it is asked for', error, '4.084E+006 terms; at most 20000')
+      call new_paper_basis(domain_of('cubic'), 'round', 'tensor', 2, 4, basis, error)
+      call check_refused('unknown coordinates', error, '''round'' is unknown; allowed: box, dimensionless')
+      call new_basis(domain_of('cubic'), surrogate_settings_type(coordinates='box', truncation='total', degree=3, bandlimit=4, &
+         & file='', prior='', scan=''), other, error)
+      call check('as the settings ask for', other%n_terms == 40)
    end subroutine test_counts
 
-   !> The indentation direction of a grain is sample z in crystal axes, g z.
-   subroutine test_direction()
-      type(basis_type) :: basis
-      real(wp) :: k(7), turned(7), g(3, 3), euler(3)
-
-      euler = [0.3_wp, 1.1_wp, 2.2_wp]
-      g = rotation_matrix(euler)
-      call make_basis('cubic', coordinates_dimensionless, truncation_total, 0, 12, basis)
-      call evaluate_harmonics(basis, euler, k)
-      call harmonics_of(basis%harmonics, g(:, 3), turned)
-      call check_close('harmonics of the direction g z', maxval(abs(k - turned)), 0.0_wp, 1.0e-12_wp)
-   end subroutine test_direction
-
    subroutine test_polynomials()
-      type(basis_type) :: basis
-      real(wp), allocatable :: p(:), gram(:, :)
-      real(wp) :: scale, x(3), constants(3), weight
+      type(paper_basis_type) :: basis
+      real(wp) :: p(27), gram(27, 27), scale, x(3), constants(3), weight
       integer :: i, j, k, q
 
-      call make_basis('cubic', coordinates_box, truncation_tensor, 2, 0, basis)
-      allocate (p(27), gram(27, 27))
+      basis = basis_of('cubic', 'box', 'tensor', 2, 0)
       gram = 0.0_wp
-      do k = 0, 8; do j = 0, 8; do i = 0, 8
-            weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
-            x = -cos(pi*[i, j, k]/8)
-            constants = cubic_lower + 0.5_wp*(x + 1)*(cubic_upper - cubic_lower)
-            call evaluate_polynomials(basis, constants, p, scale)
-            do q = 1, 27
-               gram(:, q) = gram(:, q) + weight*p*p(q)
-            end do
-         end do; end do; end do
-      do q = 1, 27
-         gram(q, q) = gram(q, q) - 1
+      associate (domain => basis%domain)
+         do k = 0, 8; do j = 0, 8; do i = 0, 8
+               weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
+               x = -cos(pi*[i, j, k]/8)
+               constants = domain%lower + 0.5_wp*(x + 1)*(domain%upper - domain%lower)
+               call basis%evaluate_terms(domain%class%stiffness(constants), [0.0_wp, 0.0_wp, 0.0_wp], p, scale)
+               do q = 1, 27
+                  gram(:, q) = gram(:, q) + weight*p*p(q)
+               end do
+            end do; end do; end do
+         do q = 1, 27
+            gram(q, q) = gram(q, q) - 1
+         end do
+         call check_close('orthonormal polynomials', maxval(abs(gram)), 0.0_wp, 1.0e-12_wp)
+         call check_close('the scale of a box is 1', scale, 1.0_wp, 0.0_wp)
+         ! Every product is that of its degrees, at the corner x = 1 where each factor is sqrt(2n+1).
+         call basis%evaluate_terms(domain%class%stiffness(domain%upper), [0.0_wp, 0.0_wp, 0.0_wp], p, scale)
+         do q = 1, 27
+            p(q) = p(q) - product(sqrt(2.0_wp*basis%polynomials%degrees(:, q) + 1))
+         end do
+         call check_close('products at a corner', maxval(abs(p)), 0.0_wp, 1.0e-12_wp)
+         call check_close('a corner is on the boundary', basis%reach(domain%class%stiffness(domain%upper)), 1.0_wp, 1.0e-14_wp)
+      end associate
+      do q = 2, 27
+         if (sum(basis%polynomials%degrees(:, q)) < sum(basis%polynomials%degrees(:, q - 1))) exit
+         do k = 1, q - 1
+            if (all(basis%polynomials%degrees(:, q) == basis%polynomials%degrees(:, k))) exit
+         end do
+         if (k < q) exit
       end do
-      call check_close('orthonormal polynomials', maxval(abs(gram)), 0.0_wp, 1.0e-12_wp)
-      call check_close('the scale of a box is 1', scale, 1.0_wp, 0.0_wp)
-      ! Every product is that of its degrees, at the corner x = 1 where each factor is sqrt(2n+1).
-      call evaluate_polynomials(basis, cubic_upper, p, scale)
-      do q = 1, 27
-         p(q) = p(q) - product(sqrt(2.0_wp*basis%degrees(:, q) + 1))
-      end do
-      call check_close('products at a corner', maxval(abs(p)), 0.0_wp, 1.0e-12_wp)
+      call check('each product once, those of lower degree first', q == 28)
    end subroutine test_polynomials
 
    subroutine test_homogeneity()
-      type(basis_type) :: basis
-      real(wp) :: p(15), larger(15), scale, larger_scale
-      real(wp), parameter :: zinc(5) = [161.1_wp, 34.2_wp, 38.3_wp, 61.1_wp, 50.3_wp]
+      type(paper_basis_type) :: basis
+      real(wp) :: p(45), larger(45), scale, larger_scale
+      real(wp), parameter :: euler(3) = [0.3_wp, 0.7_wp, 1.9_wp]
 
-      call make_basis('hexagonal', coordinates_dimensionless, truncation_total, 2, 4, basis)
-      call evaluate_polynomials(basis, zinc, p, scale)
-      call evaluate_polynomials(basis, 7*zinc, larger, larger_scale)
+      basis = basis_of('hexagonal', 'dimensionless', 'total', 2, 4)
+      call basis%evaluate_terms(basis%domain%class%stiffness(zinc), euler, p, scale)
+      call basis%evaluate_terms(basis%domain%class%stiffness(7*zinc), euler, larger, larger_scale)
       call check_close('ratios do not change with the scale', maxval(abs(p - larger)), 0.0_wp, 1.0e-12_wp)
       call check_close('the scale is of degree one', larger_scale/scale, 7.0_wp, 1.0e-12_wp)
+      call check_close('y and modulus', basis%to_modulus(basis%to_y(123.0_wp, scale), scale), 123.0_wp, 1.0e-10_wp)
    end subroutine test_homogeneity
 
-   subroutine test_prediction()
-      type(surrogate_type) :: surrogate, copy
+   !> A surrogate with a random posterior.
+   function random_surrogate(coordinates) result(surrogate)
+      character(len=*), intent(in) :: coordinates
+      type(surrogate_type) :: surrogate
       type(random_stream_type) :: stream
-      type(error_type), allocatable :: error
-      real(wp), allocatable :: terms(:), factor(:, :)
-      real(wp) :: scale, euler(3), modulus, sd, y, variance, again, again_sd, u
-      integer :: i, j, n, unit
+      real(wp), allocatable :: factor(:, :)
+      integer :: i, j, n
 
-      call make_basis('cubic', coordinates_dimensionless, truncation_total, 2, 4, surrogate%basis)
+      allocate (surrogate%basis, source=basis_of('cubic', coordinates, 'total', 2, 4))
       n = surrogate%basis%n_terms
-      surrogate%anisotropy_cap = 10.0_wp
       surrogate%alpha = 3.0_wp
       surrogate%beta = 1.0e4_wp
       surrogate%sd_inflation = 1.25_wp
-      allocate (surrogate%coefficients(surrogate%basis%n_harmonics, surrogate%basis%n_polynomials), factor(n, n), terms(n))
+      allocate (surrogate%coefficients(n), factor(n, n))
       stream = new_random_stream(5, 1)
       do j = 1, n
-         call stream%normal(u)
-         surrogate%coefficients(1 + mod(j - 1, 2), 1 + (j - 1)/2) = 0.1_wp*u
+         call stream%normal(surrogate%coefficients(j))
          do i = 1, n
             call stream%normal(factor(i, j))
          end do
       end do
+      surrogate%coefficients = 0.1_wp*surrogate%coefficients
       surrogate%covariance = 1.0e-4_wp*matmul(factor, transpose(factor))
-      euler = [0.3_wp, 0.7_wp, 1.9_wp]
-      call predict(surrogate, copper, euler, modulus, sd)
-      call evaluate_terms(surrogate%basis, copper, euler, terms, scale)
-      y = sum(terms*reshape(surrogate%coefficients, [n]))
-      variance = sum(terms*matmul(surrogate%covariance, terms)) + 1/surrogate%beta
-      call check_close('modulus is s exp(y)', modulus, scale*exp(y), 1.0e-10_wp)
-      call check_close('sd by the delta method', sd, 1.25_wp*scale*exp(y)*sqrt(variance), 1.0e-9_wp)
-      call check('copper is inside', .not. is_outside(surrogate, copper))
-      call check('an unstable crystal is outside', is_outside(surrogate, [100.0_wp, 120.0_wp, 50.0_wp]))
-      call check('a Zener ratio of 50 is outside', is_outside(surrogate, [100.0_wp, 96.0_wp, 100.0_wp]))
-      call save_surrogate(surrogate, 'test_surrogate.nml', error)
+      surrogate%simulations%constants = reshape([copper, 2*copper], [3, 2])
+      surrogate%simulations%euler_deg = reshape([1.0_wp, 2.0_wp, 3.0_wp, 0.1_wp, 1.0_wp/3, 0.0_wp], [3, 2])
+      surrogate%simulations%modulus = [130.0_wp, 1.0e2_wp/3]
+      surrogate%provenance = '{'//newline//' "title": "a title"'//newline//'}'
+   end function random_surrogate
+
+   subroutine test_prediction(coordinates)
+      character(len=*), intent(in) :: coordinates
+      type(surrogate_type) :: surrogate, copy
+      type(error_type), allocatable :: error
+      class(grain_model_type), allocatable :: model
+      real(wp), allocatable :: terms(:, :), columns(:, :)
+      real(wp) :: scale, euler(3, 4), modulus, sd, y, variance, again, again_sd, c(6, 6), moduli(4), slopes(4), expected(4, 4)
+      logical :: same
+      integer :: i
+
+      surrogate = random_surrogate(coordinates)
+      associate (basis => surrogate%basis)
+         c = basis%domain%class%stiffness(copper)
+         euler = reshape([0.3_wp, 0.7_wp, 1.9_wp, 0.0_wp, 0.0_wp, 0.0_wp, 2.0_wp, 1.2_wp, 3.0_wp, 0.2_wp, 0.5_wp, 0.1_wp], [3, 4])
+         allocate (terms(basis%n_terms, 4), columns(4, 2))
+         do i = 4, 1, -1
+            call basis%evaluate_terms(c, euler(:, i), terms(:, i), scale)
+         end do
+         call predict(surrogate, c, euler(:, 1), modulus, sd)
+         y = dot_product(terms(:, 1), surrogate%coefficients)
+         variance = sum(terms(:, 1)*matmul(surrogate%covariance, terms(:, 1))) + 1/surrogate%beta
+         if (coordinates == 'box') then
+            call check_close('modulus is y', modulus, y, 1.0e-10_wp)
+            call check_close('its sd', sd, 1.25_wp*sqrt(variance), 1.0e-9_wp)
+         else
+            call check_close('modulus is s exp(y)', modulus, scale*exp(y), 1.0e-10_wp)
+            call check_close('sd by the delta method', sd, 1.25_wp*scale*exp(y)*sqrt(variance), 1.0e-9_wp)
+         end if
+         call check('copper is covered', basis%covers(c))
+         call check('an unstable crystal is not', .not. basis%covers(basis%domain%class%stiffness([100.0_wp, 120.0_wp, 50.0_wp])))
+         call check('nor one with a Zener ratio of 50', .not. basis%covers(basis%domain%class%stiffness([100.0_wp, 96.0_wp, &
+            & 100.0_wp])))
+         call check('copper three times as stiff is, if ratios count', basis%covers(3*c) .eqv. coordinates == 'dimensionless')
+         call new_grain_model(surrogate, euler, .true., model, error)
+         call check_success('a model of grains', error)
+         call model%evaluate_moduli(c, moduli, slopes)
+         call check_close('its moduli are the predicted ones', moduli(1), modulus, 1.0e-10_wp)
+         call check_close('its slopes', slopes(1), merge(modulus, 1.0_wp, coordinates /= 'box'), 1.0e-10_wp)
+         call model%evaluate_columns(c, columns)
+         expected = 1.25_wp**2*matmul(transpose(terms), matmul(surrogate%covariance, terms))
+         call check_close('its columns are a factor of the covariance', maxval(abs(matmul(columns, transpose(columns)) &
+            & - expected)), 0.0_wp, 1.0e-12_wp)
+      end associate
+      call save_surrogate(surrogate, path, error)
       call check_success('a surrogate is written', error)
-      call load_surrogate('test_surrogate.nml', copy, error)
+      call save_surrogate(surrogate, path, error)
+      call check_success('and replaced', error)
+      call load_surrogate(path, copy, error)
       call check_success('and read', error)
-      call predict(copy, copper, euler, again, again_sd)
-      call check('to the last bit', again == modulus .and. again_sd == sd .and. copy%anisotropy_cap == surrogate%anisotropy_cap)
-      open (newunit=unit, file='test_surrogate.nml', status='old', action='write')
-      write (unit, '(a)') '&surrogate_model', '  symmetry = ''cubic''', '  degree = 2'
-      close (unit)
-      call load_surrogate('test_surrogate.nml', copy, error)
-      call check_refused('a damaged file is refused', error, 'damaged')
-      open (newunit=unit, file='test_surrogate.nml', status='old')
-      close (unit, status='delete')
-      call load_surrogate('test_surrogate.nml', copy, error)
-      call check_refused('a missing file is refused', error, 'cannot be read')
+      if (allocated(error)) return
+      call predict(copy, c, euler(:, 1), again, again_sd)
+      same = again == modulus .and. again_sd == sd .and. copy%basis%domain%anisotropy_cap == 7.2_wp &
+         & .and. all(copy%simulations%constants == surrogate%simulations%constants) &
+         & .and. all(copy%simulations%euler_deg == surrogate%simulations%euler_deg) &
+         & .and. all(copy%simulations%modulus == surrogate%simulations%modulus) &
+         & .and. copy%provenance == surrogate%provenance
+      call check('to the last bit', same)
+      call remove(path)
+      call load_surrogate(path, copy, error)
+      call check_refused('a missing file is refused', error, path//': the file does not exist')
+      call write_file('campaign.sqlite', 'SQLite format 3')
+      call save_surrogate(surrogate, 'campaign.sqlite', error)
+      call check_refused('a file that is no surrogate is not replaced', error, 'campaign.sqlite: is there and is not a surrogate')
+      call remove('campaign.sqlite')
+      call save_surrogate(surrogate, '.', error)
+      call check_refused('nor a folder', error, 'is a folder')
    end subroutine test_prediction
+
+   !> The moduli of grains and the factor of their covariance against the terms themselves.
+   subroutine test_grain_model(coordinates, truncation, degree, bandlimit)
+      character(len=*), intent(in) :: coordinates, truncation
+      integer, intent(in) :: degree, bandlimit
+      type(surrogate_type) :: surrogate
+      type(random_stream_type) :: stream
+      class(grain_model_type), allocatable :: model
+      type(error_type), allocatable :: error
+      real(wp), parameter :: crystal(5) = [162.0_wp, 92.0_wp, 47.0_wp, 180.0_wp, 69.0_wp]
+      real(wp), allocatable :: terms(:, :), root(:, :), columns(:, :), expected(:, :)
+      real(wp) :: euler(3, 5), scale, c(6, 6), moduli(5), slopes(5)
+      integer :: i, j, n
+
+      allocate (surrogate%basis, source=basis_of('hexagonal', coordinates, truncation, degree, bandlimit))
+      n = surrogate%basis%n_terms
+      allocate (root(n, n), surrogate%coefficients(n), terms(n, 5))
+      stream = new_random_stream(3, 1)
+      do j = 1, n
+         call stream%normal(surrogate%coefficients(j))
+         do i = 1, n
+            call stream%normal(root(i, j))
+         end do
+      end do
+      surrogate%covariance = matmul(root, transpose(root))
+      c = surrogate%basis%domain%class%stiffness(crystal)
+      do i = 1, 5
+         euler(:, i) = [0.1_wp*i, 0.3_wp*i, 0.7_wp]
+         call surrogate%basis%evaluate_terms(c, euler(:, i), terms(:, i), scale)
+      end do
+      call new_grain_model(surrogate, euler(:, :2), .true., model, error)
+      call model%set_grains(euler)
+      call model%evaluate_moduli(c, moduli, slopes)
+      allocate (columns(5, model%n_columns))
+      call model%evaluate_columns(c, columns)
+      expected = matmul(transpose(terms), matmul(surrogate%covariance, terms))
+      call check(truncation//': moduli of grains', maxval(abs(moduli/surrogate%basis%to_modulus(matmul(surrogate%coefficients, &
+         & terms), scale) - 1.0_wp)) < 1.0e-11_wp)
+      call check(truncation//': their covariance', maxval(abs(matmul(columns, transpose(columns)) - expected)) &
+         & < 1.0e-11_wp*maxval(expected))
+      call new_grain_model(surrogate, euler, .false., model, error)
+      call check(truncation//': no columns without covariance', model%n_columns == 0)
+   end subroutine test_grain_model
+
+   !> Every truncation, every change of a byte and every wrong value is one line that names the file.
+   subroutine test_damages()
+      type(surrogate_type) :: surrogate
+      type(error_type), allocatable :: error
+      character(len=:), allocatable :: whole, changed
+      logical :: all_refused
+      integer :: i, step
+
+      surrogate = random_surrogate('dimensionless')
+      call save_surrogate(surrogate, path, error)
+      call read_text_file(path, whole, error)
+      all_refused = .true.
+      step = max(1, len(whole)/97)
+      do i = 1, len(whole) - 1, step
+         all_refused = all_refused .and. is_refused(whole(:i))
+      end do
+      call check('truncated', all_refused)
+      all_refused = .true.
+      do i = 1, len(whole), step
+         changed = whole
+         changed(i:i) = merge('7', '8', whole(i:i) /= '7')
+         all_refused = all_refused .and. is_refused(changed)
+         changed(i:i) = newline
+         if (whole(i:i) /= newline) all_refused = all_refused .and. is_refused(changed)
+      end do
+      call check('one byte changed', all_refused)
+      call check('a line more', is_refused(whole//'more'//newline))
+      call check_damage(whole, 'beta 1.0', 'beta -1.0', 'beta = -10000.0', path//': the surrogate is damaged: ')
+      call check_damage(whole, 'alpha 3.0', 'alpha NaN', '''alpha'': ''NaN''', 'line 18: ')
+      call check_damage(whole, 'alpha 3.0', 'alpha 1.0E999', 'is not a finite number', 'line 18: ')
+      call check_damage(whole, 'sd_inflation 1.25', 'sd_inflation 0.0', 'must be positive', '')
+      call check_damage(whole, 'coefficients 12', 'coefficients 11', 'too short or too long', '')
+      call check_damage(whole, 'coefficients 12', 'coefficients 999999', 'cannot have 999999 values', '')
+      call check_damage(whole, 'covariance 78', 'covariance 7', 'too short or too long', '')
+      call check_damage(whole, 'covariance 78'//newline, 'covariance 78'//newline//'-', 'variance of coefficient 1', '')
+      call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', '5 constants, not 3 and 3', '')
+      call check_damage(whole, 'symmetry cubic', 'symmetry wood', 'wood', '')
+      call check_damage(whole, 'bandlimit 4', 'bandlimit 6', 'coefficients and 78 covariances', '')
+      call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')
+      call check_damage(whole, 'degree 2', 'degre 2', '''degree'' is expected, not ''degre 2''', '')
+      call check_damage(whole, 'surrogate 1', 'surrogate 2', 'version 2', 'version 1 is known')
+      call check_damage(whole, 'model paper', 'model plastic', '''plastic'' is unknown', '')
+      call check_damage(whole, 'title', 'tiger', 'checksum', '')
+      call check('no surrogate at all', is_refused('phi1_deg, Phi_deg'//newline))
+      call check('empty', is_refused(''))
+      call remove(path)
+      surrogate%covariance(2, 1) = 2*sqrt(surrogate%covariance(1, 1)*surrogate%covariance(2, 2))
+      call save_surrogate(surrogate, path, error)
+      call load_surrogate(path, surrogate, error)
+      call check_refused('a covariance that is not positive', error, 'the covariance is not one')
+      call remove(path)
+   end subroutine test_damages
+
+   !> The refusal of a file with `old` replaced by `new` has both fragments.
+   subroutine check_damage(whole, old, new, first, second)
+      character(len=*), intent(in) :: whole, old, new, first, second
+      type(surrogate_type) :: surrogate
+      type(error_type), allocatable :: error
+      integer :: i
+
+      i = index(whole, old)
+      call check('there is what is changed to get: '//first, i > 0)
+      call write_file(path, whole(:i - 1)//new//whole(i + len(old):))
+      call load_surrogate(path, surrogate, error)
+      call check_refused('damaged: '//first, error, first)
+      call check_refused('damaged: '//first, error, second)
+   end subroutine check_damage
+
+   logical function is_refused(content)
+      character(len=*), intent(in) :: content
+      type(surrogate_type) :: surrogate
+      type(error_type), allocatable :: error
+
+      call write_file(path, content)
+      call load_surrogate(path, surrogate, error)
+      is_refused = allocated(error)
+      if (is_refused) is_refused = index(error%message, path//': ') == 1 .and. error%status == exit_bad_input &
+         & .and. index(error%message, newline) == 0
+   end function is_refused
+
+   subroutine write_file(name, content)
+      character(len=*), intent(in) :: name, content
+      integer :: unit
+
+      open (newunit=unit, file=name, access='stream', form='unformatted', status='replace', action='write')
+      write (unit) content
+      close (unit)
+   end subroutine write_file
+
+   subroutine remove(name)
+      character(len=*), intent(in) :: name
+      integer :: unit
+
+      open (newunit=unit, file=name, status='old')
+      close (unit, status='delete')
+   end subroutine remove
 end program test_surrogate

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper_domains import DOMAINS
 
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
@@ -49,11 +50,11 @@ def test_build_writes_what_it_promises(tmp_path):
     assert {"simulations", "new_simulations", "failed", "terms", "loocv_gpa", "alpha", "beta", "history"} <= set(document)
     assert (document["simulations"], document["new_simulations"], document["failed"], document["terms"]) == (16, 16, 0, 12)
     assert document["history"][-1]["simulations"] == 16
-    surrogate = Surrogate.load(tmp_path / "out" / "surrogate.nc")
+    surrogate = Surrogate.load(tmp_path / "out" / "surrogate.txt")
     data = surrogate.data
     assert len(data["modulus_gpa"]) == 16
     assert surrogate.provenance["physics"] == '{"simulator": "theory"}'
-    assert np.mean(np.abs(surrogate.predict(data["constants"], data["euler_deg"])[0] - data["modulus_gpa"])) < 2.0
+    assert np.mean(np.abs(surrogate.predict(stiffness_rows("cubic", data["constants"]), data["euler_deg"])[0] - data["modulus_gpa"])) < 2.0
 
 
 @pytest.mark.parametrize("workers, batch", [(1, 1), (2, 4)])
@@ -179,9 +180,9 @@ def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, c
 
 def test_surrogates_share_a_campaign(tmp_path):
     build(make_problem(tmp_path), tmp_path)
-    document = build(make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 4, "file": "'other.nc'"}), tmp_path)
+    document = build(make_problem(tmp_path, surrogate={"degree": 3, "bandlimit": 4, "file": "'other.txt'"}), tmp_path)
     assert document["new_simulations"] == 0
-    assert (tmp_path / "other.nc").exists()
+    assert (tmp_path / "other.txt").exists()
     theory = build(make_problem(tmp_path, design={"n_candidates": 200, "budget": 8, "reuse": "'chosen'"}), tmp_path)
     assert theory["simulations"] == 8
     assert theory["new_simulations"] == 0
@@ -280,14 +281,14 @@ def test_ask_and_tell(tmp_path):
 
 
 def test_candidates_of_a_table(tmp_path):
-    rows = bi.Domain.default("cubic").crystals(30, 3)
+    rows = DOMAINS["cubic"].crystals(30, 3)
     outside = "100,99,120,0,0,0"
     lines = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(",".join(map(repr, row)) for row in np.hstack(rows).tolist()), outside]
     (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
     document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 12}), tmp_path)
     assert document["warnings"] == ["1 of 31 candidates are outside the domain and are left out"]
     known = {tuple(row) for row in np.hstack(rows).tolist()}
-    data = Surrogate.load(tmp_path / "surrogate.nc").data
+    data = Surrogate.load(tmp_path / "surrogate.txt").data
     assert {tuple(row) for row in np.hstack([data["constants"], data["euler_deg"]]).tolist()} <= known
     document = build(make_problem(tmp_path, design={"candidates": "'mine.csv'", "budget": 31}), tmp_path)
     assert document["simulations"] == 30

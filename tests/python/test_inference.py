@@ -5,17 +5,18 @@ import json
 import arviz as az
 import numpy as np
 import pytest
+from paper_domains import DOMAINS
 from scipy import stats
 from scipy.linalg import block_diag
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names
+from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
 from bayesindent.inference.posterior import PRIOR, Posterior
 from bayesindent.inference.quantities import quantity_names
 from bayesindent.pipeline.step_2 import extract_stage, next_stage
 from bayesindent.settings.problem import read_measurements
-from bayesindent.surrogate.surrogate import Basis
+from bayesindent.surrogate.basis import Basis
 from conftest import REFERENCE
 
 NAMES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}
@@ -30,9 +31,9 @@ def reference(symmetry):
 
 def theory_surrogate(symmetry, degree, bandlimit, coordinates="dimensionless", points=4000, truncation="total"):
     """Least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
-    domain = bi.Domain.default(symmetry)
+    domain = DOMAINS[symmetry]
     constants, angles = domain.crystals(points, seed=2)
-    basis = Basis(symmetry, coordinates, truncation, degree, bandlimit, *domain.ranges(coordinates))
+    basis = Basis(domain, coordinates, truncation, degree, bandlimit)
     modulus = bi.halfspace_modulus(bi.stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
     normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
@@ -40,9 +41,7 @@ def theory_surrogate(symmetry, degree, bandlimit, coordinates="dimensionless", p
     coefficients = np.linalg.solve(normal, terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
     covariance = variance * np.linalg.inv(normal)
-    return bi.Surrogate(
-        basis, coefficients, covariance, anisotropy_cap=domain.anisotropy_cap, alpha=1.0, beta=1 / variance, sd_inflation=1.3
-    )
+    return bi.Surrogate(basis, coefficients, covariance, alpha=1.0, beta=1 / variance, sd_inflation=1.3)
 
 
 @pytest.fixture(scope="module", params=["cubic", "hexagonal"])
@@ -65,10 +64,7 @@ def rough():
         model = theory_surrogate(symmetry, 2, 4, coordinates, 1500, truncation)
         root = np.random.default_rng(1).normal(size=(model.basis.n_terms, 6))
         size = (0.005 if coordinates == "dimensionless" else 0.5) / np.sqrt(model.basis.n_terms)
-        model = bi.Surrogate(
-            model.basis, model.coefficients, size**2 * root @ root.T, anisotropy_cap=model.anisotropy_cap, alpha=1.0, beta=model.beta,
-            sd_inflation=1.3,
-        )  # fmt: skip
+        model = bi.Surrogate(model.basis, model.coefficients, size**2 * root @ root.T, alpha=1.0, beta=model.beta, sd_inflation=1.3)
         models[symmetry, coordinates] = model
     return models
 
@@ -454,7 +450,7 @@ def test_simulation_based_calibration(surrogates):
     truths = prior.sample(method="ensemble", samples=2000, burn_in=5000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
     ranks = []
     for k, truth in enumerate(truths):
-        modulus, _ = model.predict(np.repeat([truth], len(angles), axis=0), angles)
+        modulus, _ = model.predict(stiffness_rows("cubic", [truth])[0], angles)
         posterior = Posterior.of(
             model, table_of(angles, modulus + sd * rng.normal(size=len(sd)), sd), surrogate_variance="none", **settings
         )
@@ -545,10 +541,10 @@ def test_a_precise_next_measurement_is_no_burden(surrogates, results, sd_gpa):
 
 
 def test_stages(tmp_path, surrogates):
-    surrogates["cubic"].save(tmp_path / "model.nc")
+    surrogates["cubic"].save(tmp_path / "model.txt")
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.nc' /\n&measurements file = 'data.csv' /\n"
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n"
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
         "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
     )
@@ -560,7 +556,7 @@ def test_stages(tmp_path, surrogates):
     suggestions = next_stage(problem, tmp_path / "out", None)
     assert len(suggestions["suggestions"]) == 3
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.nc' /\n&measurements file = 'data.csv' /\n&sampler samples = 100 /\n"
+        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n&sampler samples = 100 /\n"
     )
     with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
         extract_stage(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", None)

@@ -1,174 +1,184 @@
-"""Evidence regression and sequential design against closed forms, brute force and direct densities."""
+"""Evidence regression and sequential design against closed forms, brute force and direct densities, on the terms of real bases."""
 
 import numpy as np
 import pytest
+from paper_domains import DOMAINS
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
-from bayesindent.surrogate.surrogate import Design
+import bayesindent as bi
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.surrogate.basis import Basis
+from bayesindent.surrogate.learner import Learner
+
+CUBIC = DOMAINS["cubic"]
+#: 12 and 60 terms.
+SMALL, LARGE = (2, 4), (4, 8)
 
 
-def problem(n_terms, n_data, seed=0, noise=0.05):
-    rng = np.random.default_rng(seed)
-    terms = rng.normal(size=(n_terms, n_data))
-    weights = 4.0 ** rng.integers(0, 4, n_terms)
-    prior_mean = rng.normal(size=n_terms)
-    coefficients = prior_mean + rng.normal(size=n_terms) / np.sqrt(weights)
-    y = coefficients @ terms + noise * rng.normal(size=n_data)
-    return terms, weights, prior_mean, y
+def crystals(n, seed=0):
+    return CUBIC.crystals(n, seed)
 
 
-def closed_form(terms, weights, prior_mean, y, alpha, beta):
-    covariance = np.linalg.inv(alpha * np.diag(weights) + beta * terms @ terms.T)
-    return covariance @ (alpha * weights * prior_mean + beta * terms @ y), covariance
+class Case:
+    """A learner with n simulations, and its model written out: terms, y, weights and mean of the prior."""
+
+    def __init__(self, size, n_data, prior="theory", noise=0.02, seed=1):
+        self.basis = Basis(CUBIC, "dimensionless", "total", *size)
+        self.learner = Learner(self.basis, prior)
+        self.constants, self.angles = crystals(n_data, seed)
+        theory = bi.halfspace_modulus(stiffness_rows("cubic", self.constants), self.angles)
+        self.modulus = theory * np.exp(0.1 + noise * np.random.default_rng(seed).normal(size=n_data))
+        self.learner.add(self.constants, self.angles, self.modulus, chosen=True)
+        self.terms, self.scale = self.basis.terms(self.constants, self.angles)
+        self.y = self.basis.to_y(self.modulus, self.scale)
+        self.weights, self.prior_mean = self.learner.values("weights"), self.learner.values("prior_mean")
+
+    def closed_form(self, terms, y, alpha, beta):
+        covariance = np.linalg.inv(alpha * np.diag(self.weights) + beta * terms @ terms.T)
+        return covariance @ (alpha * self.weights * self.prior_mean + beta * terms @ y), covariance
 
 
-@pytest.mark.parametrize("n_terms, n_data", [(12, 40), (40, 12), (5, 5)])
-def test_posterior_is_the_conjugate_one(n_terms, n_data):
-    terms, weights, prior_mean, y = problem(n_terms, n_data)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    design.fit(2.0, 300.0)
-    mean, covariance = closed_form(terms, weights, prior_mean, y, 2.0, 300.0)
-    assert design.mean() == pytest.approx(mean, rel=1e-9, abs=1e-10)
-    assert design.covariance() == pytest.approx(covariance, rel=1e-9, abs=1e-12)
+@pytest.mark.parametrize("prior", ["zero", "theory"])
+@pytest.mark.parametrize("size, n_data", [(SMALL, 40), (LARGE, 12), (SMALL, 12)])
+def test_posterior_is_the_conjugate_one(size, n_data, prior):
+    case = Case(size, n_data, prior)
+    case.learner.fit(2.0, 300.0)
+    mean, covariance = case.closed_form(case.terms, case.y, 2.0, 300.0)
+    assert case.learner.values("mean") == pytest.approx(mean, rel=1e-8, abs=1e-9)
+    assert case.learner.covariance() == pytest.approx(covariance, rel=1e-8, abs=1e-11)
+    assert case.learner.predict(case.constants, case.angles) == pytest.approx(case.scale * np.exp(mean @ case.terms), rel=1e-9)
 
 
-@pytest.mark.parametrize("n_terms, n_data", [(12, 40), (40, 12)])
-def test_evidence_is_the_density_of_the_data(n_terms, n_data):
-    terms, weights, prior_mean, y = problem(n_terms, n_data)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    for alpha, beta in [(1.0, 100.0), (30.0, 4.0), (1e-2, 1e3)]:
-        covariance = np.eye(n_data) / beta + terms.T @ np.diag(1 / (alpha * weights)) @ terms
-        expected = multivariate_normal(prior_mean @ terms, covariance).logpdf(y)
-        assert design.evidence([alpha], [beta])[0] == pytest.approx(expected, rel=1e-8, abs=1e-6)
+@pytest.mark.parametrize("size, n_data", [(SMALL, 40), (LARGE, 12)])
+def test_evidence_is_the_density_of_the_data(size, n_data):
+    case = Case(size, n_data)
+    for alpha, beta in [(100.0, 100.0), (3e3, 4.0), (10.0, 1e3)]:
+        covariance = np.eye(n_data) / beta + case.terms.T @ np.diag(1 / (alpha * case.weights)) @ case.terms
+        expected = multivariate_normal(case.prior_mean @ case.terms, covariance).logpdf(case.y)
+        assert case.learner.evidence([alpha], [beta])[0] == pytest.approx(expected, rel=1e-8, abs=1e-6)
 
 
-@pytest.mark.parametrize("n_terms, n_data", [(12, 60), (30, 25)])
-def test_evidence_is_maximised(n_terms, n_data):
-    terms, weights, prior_mean, y = problem(n_terms, n_data, seed=3, noise=0.3)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    alpha, beta, evidence = design.fit()
-    found = minimize(
-        lambda x: -design.evidence([np.exp(x[0])], [np.exp(x[1])])[0],
-        [0.0, 0.0],
+@pytest.mark.parametrize("size, n_data", [(SMALL, 60), (LARGE, 25)])
+def test_evidence_is_maximised(size, n_data):
+    learner = Case(size, n_data, noise=0.1).learner
+    learner.fit()
+    found = learner.precisions()
+    best = minimize(
+        lambda x: -learner.evidence([np.exp(x[0])], [np.exp(x[1])])[0],
+        np.log([found["alpha"] * 2, found["beta"] / 2]),
         method="Nelder-Mead",
         options={"xatol": 1e-9, "fatol": 1e-11, "maxiter": 4000},
     )
-    assert evidence == pytest.approx(-found.fun, abs=1e-7)
-    assert [alpha, beta] == pytest.approx(np.exp(found.x), rel=1e-3)
-    grid = np.meshgrid(np.geomspace(1e-4, 1e4, 60), np.geomspace(1e-2, 1e4, 60))
-    assert np.all(design.evidence(grid[0].ravel(), grid[1].ravel()) <= evidence + 1e-9)
+    assert found["log_evidence"] == pytest.approx(-best.fun, abs=1e-7)
+    assert [found["alpha"], found["beta"]] == pytest.approx(np.exp(best.x), rel=1e-3)
+    grid = np.meshgrid(np.geomspace(1e-4, 1e8, 60), np.geomspace(1e-2, 1e6, 60))
+    assert np.all(learner.evidence(grid[0].ravel(), grid[1].ravel()) <= found["log_evidence"] + 1e-9)
 
 
 def test_noise_is_bounded_below():
-    terms, weights, prior_mean, y = problem(40, 12, noise=0.0)
-    design = Design(weights, prior_mean, 1e-2)
-    design.add(terms, y)
-    _, beta, _ = design.fit()
-    assert beta <= 1e4 * (1 + 1e-12)
+    case = Case(LARGE, 12, noise=0.0)
+    case.learner.fit()
+    assert case.learner.precisions()["beta"] <= case.basis.least_noise**-2 * (1 + 1e-12)
 
 
 def test_more_than_two_thousand_updates_equal_a_refit():
-    rng = np.random.default_rng(1)
-    # Not a multiple of the interval at which the posterior is computed afresh.
-    n_terms, n_data = 135, 2499
-    # Terms of very different size and a weak prior: a hard case for covariance updates.
-    terms = rng.normal(size=(n_terms, n_data)) * np.geomspace(1, 1e-3, n_terms)[:, None]
-    y = rng.normal(size=n_terms) @ terms + 0.01 * rng.normal(size=n_data)
-    updated = Design(np.ones(n_terms), np.zeros(n_terms), 1e-3)
+    # Not a multiple of the interval at which the posterior is computed afresh; precisions of the prior over five decades.
+    case = Case(LARGE, 2499)
+    assert case.weights.max() / case.weights.min() > 1e7
+    case.learner.fit(1e-2, 1e4)
+    updated = Learner(case.basis, "theory")
     updated.fit(1e-2, 1e4)
-    for k in range(n_data):
-        updated.update(terms[:, k], y[k])
-    refit = Design(np.ones(n_terms), np.zeros(n_terms), 1e-3)
-    refit.add(terms, y)
-    refit.fit(1e-2, 1e4)
-    assert np.abs(updated.mean() - refit.mean()).max() <= 1e-8 * np.abs(refit.mean()).max()
-    assert np.abs(updated.covariance() - refit.covariance()).max() <= 1e-8 * np.abs(refit.covariance()).max()
+    updated.add(case.constants, case.angles, case.modulus)
+    for values, expected in (
+        (updated.values("mean"), case.learner.values("mean")),
+        (updated.covariance(), case.learner.covariance()),
+    ):
+        assert np.abs(values - expected).max() <= 1e-8 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("n_terms, n_data", [(12, 40), (40, 24)])
-def test_leaving_out_equals_brute_force(n_terms, n_data):
-    terms, weights, prior_mean, y = problem(n_terms, n_data, noise=0.2)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    alpha, beta = 1.5, 20.0
-    design.fit(alpha, beta)
-    rng = np.random.default_rng(2)
-    for groups in (np.arange(n_data), rng.integers(0, 6, n_data)):
-        residual, sd = design.leave_out(groups)
+@pytest.mark.parametrize("size, n_data", [(SMALL, 40), (LARGE, 24)])
+def test_leaving_out_equals_brute_force(size, n_data):
+    case = Case(size, n_data)
+    alpha, beta = 1.5, 2000.0
+    case.learner.fit(alpha, beta)
+    for groups in (np.arange(n_data), np.random.default_rng(2).integers(0, 6, n_data)):
+        modulus, z = case.learner.leave_out(groups)
         for i in range(n_data):
             rest = groups != groups[i]
-            mean, covariance = closed_form(terms[:, rest], weights, prior_mean, y[rest], alpha, beta)
-            assert residual[i] == pytest.approx(y[i] - mean @ terms[:, i], rel=1e-7, abs=1e-9)
-            assert sd[i] == pytest.approx(np.sqrt(1 / beta + terms[:, i] @ covariance @ terms[:, i]), rel=1e-7)
+            mean, covariance = case.closed_form(case.terms[:, rest], case.y[rest], alpha, beta)
+            predicted, sd = mean @ case.terms[:, i], np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i])
+            assert modulus[i] == pytest.approx(case.scale[i] * np.exp(predicted), rel=1e-7)
+            assert z[i] == pytest.approx((case.y[i] - predicted) / sd, rel=1e-6, abs=1e-7)
+    with pytest.raises(bi.InputError, match=f"each of {n_data} simulations"):
+        case.learner.leave_out([1, 2])
 
 
-def test_choices_equal_exhaustive_search():
-    terms, weights, prior_mean, y = problem(12, 20)
-    rng = np.random.default_rng(4)
-    candidates = rng.normal(size=(12, 50))
-    importance = rng.uniform(0.5, 2.0, 50)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    design.set_candidates(candidates)
+@pytest.mark.parametrize("rule", ["modulus", "log_modulus"])
+def test_choices_equal_exhaustive_search(rule):
+    case = Case(SMALL, 20)
+    constants, angles = crystals(50, seed=4)
+    terms, scale = case.basis.terms(constants, angles)
+    case.learner.set_candidates(constants, angles, rule)
     alpha, beta = 1.0, 50.0
-    design.fit(alpha, beta)
-    # Across the number of choices that are kept apart, one by one and several at once.
-    parts = [design.choose(count, importance) for count in (5, 1, 1, 4, 1, 19)]
+    case.learner.fit(alpha, beta)
+    importance = scale * np.exp(case.learner.values("mean") @ terms) if rule == "modulus" else np.ones(50)
+    # Across the number of choices that are deferred, one by one and several at once.
+    parts = [case.learner.choose(count) for count in (5, 1, 1, 4, 1, 19)]
     chosen, variance = (np.concatenate(part) for part in zip(*parts, strict=True))
-    data, left = terms, list(range(50))
+    data, left = case.terms, list(range(50))
     for choice, stated in zip(chosen, variance, strict=True):
-        _, covariance = closed_form(data, weights, prior_mean, np.zeros(data.shape[1]), alpha, beta)
-        values = np.einsum("ij,ik,kj->j", candidates, covariance, candidates)
+        _, covariance = case.closed_form(data, np.zeros(data.shape[1]), alpha, beta)
+        values = np.einsum("ij,ik,kj->j", terms, covariance, terms)
         best = max(left, key=lambda j: importance[j] ** 2 * values[j])
         assert choice == best
         assert stated == pytest.approx(values[best], rel=1e-8)
-        data = np.column_stack([data, candidates[:, best]])
+        data = np.column_stack([data, terms[:, best]])
         left.remove(best)
-    values_chosen = rng.normal(size=len(chosen))
-    design.add(candidates[:, chosen], values_chosen)
-    design.settle()
-    mean, covariance = closed_form(data, weights, prior_mean, np.concatenate([y, values_chosen]), alpha, beta)
-    assert design.mean() == pytest.approx(mean, rel=1e-7, abs=1e-9)
-    assert design.variances() == pytest.approx(np.einsum("ij,ik,kj->j", candidates, covariance, candidates), rel=1e-8)
-    assert design.covariance() == pytest.approx(covariance, rel=1e-8, abs=1e-12)
+    modulus = np.random.default_rng(4).uniform(100, 200, len(chosen))
+    case.learner.add(constants[chosen], angles[chosen], modulus, chosen=True)
+    case.learner.update()
+    y = np.concatenate([case.y, case.basis.to_y(modulus, scale[chosen])])
+    mean, covariance = case.closed_form(data, y, alpha, beta)
+    assert case.learner.values("mean") == pytest.approx(mean, rel=1e-7, abs=1e-8)
+    assert case.learner.variances(50) == pytest.approx(np.einsum("ij,ik,kj->j", terms, covariance, terms), rel=1e-7)
+    assert case.learner.covariance() == pytest.approx(covariance, rel=1e-7, abs=1e-11)
 
 
 def test_equal_candidates_lowest_first_and_threads_alike():
-    rng = np.random.default_rng(7)
-    base = rng.normal(size=(6, 1))
-    design = Design(np.ones(6), np.zeros(6), 1e-3)
-    design.set_candidates(np.repeat(base, 5, axis=1))
-    assert design.choose(3)[0].tolist() == [0, 1, 2]
-    # Copies far apart among many others, over more choices than are kept apart.
-    many = rng.normal(size=(6, 700)) / 10
+    basis = Basis(CUBIC, "dimensionless", "total", *SMALL)
+    one, angle = (part[:1] for part in crystals(1, seed=7))
+    learner = Learner(basis, "zero")
+    learner.set_candidates(np.repeat(one, 5, axis=0), np.repeat(angle, 5, axis=0))
+    assert learner.choose(3)[0].tolist() == [0, 1, 2]
+    # Copies of the farthest candidate far apart among many others.
+    constants, angles = crystals(700, seed=8)
+    best = Learner(basis, "zero")
+    best.set_candidates(constants, angles)
+    first = best.choose(1)[0][0]
     copies = [3, 260, 301, 555, 698]
-    many[:, copies] = base
-    design = Design(np.ones(6), np.zeros(6), 0.5)
-    design.set_candidates(many)
-    order = [number for _ in range(4) for number in design.choose(5)[0] if number in copies]
-    assert order == copies[: len(order)] and len(order) >= 3
-    candidates = rng.normal(size=(20, 3000))
+    constants[copies], angles[copies] = constants[first], angles[first]
+    learner = Learner(basis, "zero")
+    learner.set_candidates(constants, angles)
+    learner.fit(1.0, 1e-4)
+    order = [number for _ in range(4) for number in learner.choose(5)[0] if number in {*copies, first}]
+    expected = sorted({*copies, first})
+    assert order == expected[: len(order)] and len(order) >= 3
     sequences = []
     for threads in (1, 2, 4):
-        design = Design(np.ones(20), np.zeros(20), 1e-3)
-        design.set_candidates(candidates)
-        chosen, variance = design.choose(60, threads=threads)
+        learner = Learner(Basis(CUBIC, "dimensionless", "total", *LARGE), "theory")
+        learner.set_candidates(*crystals(3000, seed=9))
+        chosen, variance = learner.choose(60, threads=threads)
         sequences.append((chosen.tolist(), variance.tolist()))
     assert sequences[0] == sequences[1] == sequences[2]
 
 
 def test_a_failed_choice_is_undone():
-    terms, weights, prior_mean, y = problem(12, 20)
-    design = Design(weights, prior_mean, 1e-3)
-    design.add(terms, y)
-    design.set_candidates(np.random.default_rng(4).normal(size=(12, 30)))
-    design.fit(1.0, 50.0)
-    before = design.variances()
-    design.choose(3)
-    assert not np.allclose(design.variances(), before, rtol=1e-3)
-    design.settle(exactly=True)
-    assert design.variances() == pytest.approx(before, rel=1e-10)
+    case = Case(SMALL, 20)
+    case.learner.set_candidates(*crystals(30, seed=4))
+    case.learner.fit(1.0, 50.0)
+    before = case.learner.variances(30)
+    case.learner.choose(3)
+    assert not np.allclose(case.learner.variances(30), before, rtol=1e-3)
+    case.learner.update(exactly=True)
+    assert case.learner.variances(30) == pytest.approx(before, rel=1e-10)

@@ -97,13 +97,8 @@ def oriented_crystals(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
     return matrices, np.radians(angles)
 
 
-def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: int = 1) -> np.ndarray:
-    """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
-
-    `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
-    `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse. Raises `InputError` for
-    a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
-    """
+def crystal_columns(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:
+    """Stiffness (6, 6, n) in GPa and angles (3, n) in radians as the core takes them, and the shape to which the two broadcast."""
     matrices, angles = oriented_crystals(stiffness, euler_deg)
     try:
         shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
@@ -111,6 +106,17 @@ def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: 
         raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
     matrices = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     angles = np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)
-    modulus, vlassak_nix, status, message = native.theory_moduli(np.moveaxis(matrices, 0, -1), angles.T, threads)
+    return np.moveaxis(matrices, 0, -1), angles.T, shape
+
+
+def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: int = 1) -> np.ndarray:
+    """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
+
+    `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
+    `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse. Raises `InputError` for
+    a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
+    """
+    matrices, angles, shape = crystal_columns(stiffness, euler_deg)
+    modulus, vlassak_nix, status, message = native.theory_moduli(matrices, angles, threads)
     check(status, message)
     return (vlassak_nix if circular else modulus).reshape(shape)

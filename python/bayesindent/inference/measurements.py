@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..core import InputError, native
+from ..core import InputError, check, native
 from ..crystal.elasticity import constant_names
 from ..settings.problem import Problem, schema
 
@@ -46,7 +46,9 @@ def problem_of(
 def bounds_of(origin: str, surrogate, bounds: Mapping) -> dict:
     """`c_min` and `c_max` from bounds of some constants: the others are the surrogate's, or wide enough for any metal."""
     names = constant_names(surrogate.symmetry)
-    low, high = (dict(zip(names, values)) for values in native.prior_default_bounds(surrogate.handle, len(names)))
+    *ends, status, message = native.prior_default_bounds(surrogate.handle, len(names))
+    check(status, message)
+    low, high = (dict(zip(names, values)) for values in ends)
     for name, (least, greatest) in bounds.items():
         if name not in low:
             raise InputError(f"{origin}: bounds: a {surrogate.symmetry} crystal has no constant {name}; it has {', '.join(names)}")

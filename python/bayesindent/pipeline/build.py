@@ -15,13 +15,14 @@ from ..crystal.elasticity import constant_names, halfspace_modulus, stiffness_ro
 from ..pipeline.campaign import IMPORTED, Campaign
 from ..pipeline.simulator import Simulator, engine_of, physics_identity, resolution_warnings, simulate_into
 from ..pipeline.validation import validate
+from ..surrogate.basis import Basis
 from ..surrogate.candidates import candidates_of, outside
 from ..surrogate.choice import Choice, initial_set
 from ..surrogate.domain import Domain
 from ..surrogate.learning import Learning
+from ..surrogate.lookup import check_replaceable
 from ..surrogate.scan import scan_pairs, scan_truncations
 from ..surrogate.stopping import why_to_stop
-from ..surrogate.surrogate import Basis
 
 __all__ = ["Loop", "build"]
 
@@ -38,15 +39,13 @@ class Loop:
     def __init__(self, problem, output: Path, progress: Progress | None = None):
         self.problem, self.output, self.progress = problem, output, progress or Progress()
         self.symmetry, design = problem.settings.problem.symmetry, problem.settings.design
-        self.domain = domain_of(problem)
-        basis = basis_of(problem, self.domain)
-        refuse(problem, basis)
+        basis = checked_basis(problem, output)
         self.engine = engine_of(problem)
-        candidates, self.warnings = candidates_of(problem, self.domain, basis)
+        candidates, self.warnings = candidates_of(problem, basis)
         schedule = {name: getattr(design, name) for name in ("initial", "budget", "batch", "refit")}
-        self.learning = Learning(basis, self.domain, problem.settings.surrogate.prior, **schedule)
-        initial = initial_set(candidates, design.initial_set, design.initial)
-        self.choice = Choice(candidates, self.learning.design, initial, design.variance_of, self.engine.workers)
+        self.learning = Learning(basis, problem.settings.surrogate.prior, **schedule)
+        initial = initial_set(candidates, basis, design.initial_set, design.initial)
+        self.choice = Choice(candidates, self.learning.learner, initial, design.variance_of, self.engine.workers)
         self.n_failed = self.n_new = 0
         self.unused, self.simulate = [], None
         self.campaign = Campaign(output / "campaign.sqlite", physics_identity(problem))
@@ -88,7 +87,7 @@ class Loop:
             learning.learn([r.constants for r in part], [r.euler_deg for r in part], [r.modulus_gpa for r in part], chosen=False)
             if learning.n == end:
                 learning.close_batch()
-        learning.design.settle(exactly=True)
+        learning.learner.update(exactly=True)
         self.unused = rows[start:]
 
     def stored_rows(self) -> list:
@@ -101,7 +100,7 @@ class Loop:
         done = [row for row in rows if row.modulus_gpa is not None]
         if not done:
             return []
-        beyond = outside([row.constants for row in done], self.domain, self.learning.basis)
+        beyond = outside([row.constants for row in done], self.learning.basis)
         if beyond.any():
             self.warnings.append(f"{beyond.sum()} simulations of the campaign are outside the surrogate's domain and are not used")
         return [row for row, out in zip(done, beyond, strict=True) if not out]
@@ -118,7 +117,7 @@ class Loop:
         if learning.n == end:
             learning.close_batch(exactly)
         else:
-            learning.design.settle(exactly)
+            learning.learner.update(exactly)
         return not done.all()
 
     def perform(self, numbers, advance) -> np.ndarray:
@@ -155,9 +154,10 @@ class Loop:
         last = learning.history[-1]
         physics = json.dumps(physics_identity(problem), sort_keys=True)
         errors = {name: last[name] for name in ("loocv_gpa", "leave_crystal_out_gpa")}
-        surrogate = learning.surrogate(
+        surrogate = learning.learner.surrogate(
             title=f"surrogate of the indentation modulus of {self.symmetry} crystals",
             physics=physics,
+            prior=learning.prior,
             simulations=learning.n,
             seed=problem.settings.problem.seed,
             **errors,
@@ -171,9 +171,7 @@ class Loop:
             "simulations": learning.n,
             "terms": learning.basis.n_terms,
             **errors,
-            "alpha": learning.alpha,
-            "beta": learning.beta,
-            "log_evidence": learning.evidence,
+            **learning.learner.precisions(),
             "next_gpa": last["next_gpa"],
             "sd_inflation": surrogate.sd_inflation,
             "stopped": stopped,
@@ -196,27 +194,21 @@ class Loop:
         write_csv(self.output / "simulations.csv", header, rows, comment=f"physics: {physics}")
 
 
-def domain_of(problem) -> Domain:
-    """The crystals that the surrogate of a problem is to cover."""
-    stated = problem.settings.domain
-    return Domain(problem.settings.problem.symmetry, tuple(stated.c_min.tolist()), tuple(stated.c_max.tolist()), stated.anisotropy_cap)
-
-
-def basis_of(problem, domain: Domain) -> Basis:
-    """The basis of the surrogate of a problem."""
-    chosen = problem.settings.surrogate
-    ranges = domain.ranges(chosen.coordinates)
-    return Basis(domain.symmetry, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit, *ranges)
-
-
-def refuse(problem, basis: Basis) -> None:
-    """Refuse what cannot be meant."""
-    budget = problem.settings.design.budget
-    if problem.settings.surrogate.prior == "zero" and budget < basis.n_terms:
+def checked_basis(problem, output: Path) -> Basis:
+    """The basis of the surrogate of a problem, over the crystals that it is to cover; what cannot be meant is refused."""
+    stated, chosen, budget = problem.settings.domain, problem.settings.surrogate, problem.settings.design.budget
+    check_replaceable(problem, output)
+    domain = Domain(problem.settings.problem.symmetry, stated.c_min, stated.c_max, stated.anisotropy_cap)
+    try:
+        basis = Basis(domain, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit)
+    except InputError as error:
+        raise InputError(f"{problem.path}: &surrogate: {error}") from None
+    if chosen.prior == "zero" and budget < basis.n_terms:
         raise InputError(
             f"{problem.path}: &design budget: {budget} simulations are fewer than the {basis.n_terms} terms of the surrogate, which "
             f"a flat prior cannot make up for; allowed: {basis.n_terms} or more, or a lower degree or bandlimit, or prior = 'theory'"
         )
+    return basis
 
 
 def baselines(symmetry: str, data: dict) -> dict:

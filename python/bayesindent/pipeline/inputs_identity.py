@@ -6,9 +6,11 @@ folder (inputs.json) has the digests of the inputs last used there. A document b
 
 import hashlib
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from ..common.result_files import plain, read_json, write_json
+from ..core import InputError
 from ..surrogate.lookup import find_surrogate
 
 __all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "update_manifest"]
@@ -38,9 +40,11 @@ def inputs_of(problem, groups, output: Path) -> dict[str, str]:
             values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in ("given", *immaterial)}
             table = tables.get(group)
             inputs[group] = digest(json.dumps([plain(values), table and [table.columns, table.rows]], sort_keys=True).encode())
-    surrogate = find_surrogate(problem.settings.surrogate.file, output, problem.folder) if "surrogate" in inputs else None
-    if surrogate is not None:
-        inputs["surrogate_file"] = digest(surrogate.read_bytes())
+    # Before a build there is none.
+    with suppress(InputError):
+        if "surrogate" in inputs:
+            file = find_surrogate(problem.settings.surrogate.file, output, problem.folder)
+            inputs["surrogate_file"] = digest(file.read_bytes())
     return inputs
 
 

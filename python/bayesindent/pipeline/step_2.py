@@ -5,29 +5,14 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from ..common.result_files import whole_file
-from ..core import InputError
 from ..inference.extract import inference_data, summary
 from ..inference.next_grain import draws_of
 from ..inference.posterior import EXTRACTION, Posterior
 from ..settings.problem import stages
-from ..surrogate.lookup import find_surrogate
+from ..surrogate.surrogate import surrogate_of
 from .inputs_identity import inputs_of
 
 __all__ = ["check_stage", "extract_stage", "next_stage"]
-
-
-def surrogate_of(problem, output: Path):
-    """The surrogate that a problem names: in the output folder, in the namelist's, or one that comes with the package."""
-    from ..surrogate.surrogate import Surrogate
-
-    name, symmetry = problem.settings.surrogate.file, problem.settings.problem.symmetry
-    try:
-        surrogate = Surrogate.load(find_surrogate(name, Path(output), problem.folder) or name)
-    except InputError as error:
-        raise InputError(f"{problem.path}: &surrogate file: {error}") from None
-    if surrogate.symmetry != symmetry:
-        raise InputError(f"{problem.path}: &surrogate file: {name} is for {surrogate.symmetry} crystals, not {symmetry} ones")
-    return surrogate
 
 
 def check_stage(problem, output: Path) -> None:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ..crystal.elasticity import stiffness_rows
+
 __all__ = ["validate"]
 
 
@@ -14,7 +16,7 @@ def validate(loop, surrogate, count: int) -> dict:
     left = min(count - len(stored), len(choice.left))
     if left:
         if stored:
-            choice.assume(candidates.basis.terms(constants, euler_deg)[0], np.zeros(len(stored)))
+            choice.assume(constants, euler_deg)
         with loop.progress.bar("validation", left) as advance:
             numbers, _ = choice.next(left)
             new = loop.perform(numbers, advance)
@@ -22,7 +24,7 @@ def validate(loop, surrogate, count: int) -> dict:
         constants += candidates.constants[numbers[done]].tolist()
         euler_deg += candidates.euler_deg[numbers[done]].tolist()
         modulus += new[done].tolist()
-    mean, sd = surrogate.predict(constants, euler_deg)
+    mean, sd = surrogate.predict(stiffness_rows(loop.symmetry, constants), euler_deg)
     error = np.abs(mean - modulus)
     return {
         "points": len(modulus),

@@ -9,11 +9,11 @@ import numpy as np
 import xarray
 
 from ..common.result_files import read_json
+from ..core import InputError
 from ..crystal.elasticity import constant_names
 from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest
 from ..pipeline.moduli import as_measured
 from ..settings.problem import Problem
-from ..surrogate.lookup import find_surrogate
 from ..surrogate.surrogate import Surrogate
 
 __all__ = ["Results"]
@@ -89,5 +89,9 @@ class Results:
     def surrogate(self) -> Surrogate | None:
         """The surrogate of the results: in the folder, beside the namelist, or one that comes with the package."""
         name = self.group("surrogate").get("file")
-        file = find_surrogate(name, self.folder, Path(self.manifest.get("namelist", ".")).parent) if name else None
-        return Surrogate.load(file) if file else None
+        if not name:
+            return None
+        try:
+            return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=Path(self.manifest.get("namelist", ".")).parent)
+        except InputError:
+            return None

@@ -5,26 +5,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..crystal.directions import euler_of, spread_of_directions
-from ..crystal.elasticity import anisotropy_index, stiffness_rows
+from ..crystal.elasticity import stiffness_rows
+from ..surrogate.basis import Basis
 from ..surrogate.domain import Domain
-from ..surrogate.surrogate import Basis, raw_coordinates
 
 __all__ = ["Candidates", "candidates_of", "outside"]
 
 
 @dataclass
 class Candidates:
-    """Crystals (n, k) in GPa at angles (n, 3) in degrees, with their terms and scales in a basis."""
+    """Crystals (n, k) in GPa at angles (n, 3) in degrees."""
 
-    basis: Basis
     constants: np.ndarray
     euler_deg: np.ndarray
-    terms: np.ndarray = field(init=False)
-    scale: np.ndarray = field(init=False)
     numbers: dict = field(init=False)
 
     def __post_init__(self):
-        self.terms, self.scale = self.basis.terms(self.constants, self.euler_deg)
         points = list(zip(map(tuple, self.constants.tolist()), map(tuple, self.euler_deg.tolist()), strict=True))
         # Of candidates that are alike the first counts.
         self.numbers = {point: number for number, point in reversed(list(enumerate(points)))}
@@ -42,13 +38,13 @@ class Candidates:
         return [(tuple(self.constants[i].tolist()), tuple(self.euler_deg[i].tolist())) for i in numbers]
 
 
-def candidates_of(problem, domain: Domain, basis: Basis) -> tuple[Candidates, list[str]]:
+def candidates_of(problem, basis: Basis) -> tuple[Candidates, list[str]]:
     """The candidates that &design asks for, and warnings."""
-    design, table, seed = problem.settings.design, problem.candidates, problem.settings.problem.seed
+    design, table, seed, domain = problem.settings.design, problem.candidates, problem.settings.problem.seed, basis.domain
     warnings = []
     if table is not None:
         constants, euler_deg = table.constants_array(), np.array(table.euler_deg)
-        keep = ~outside(constants, domain, basis)
+        keep = ~outside(constants, basis)
         if not keep.all():
             warnings.append(f"{(~keep).sum()} of {len(keep)} candidates are outside the domain and are left out")
         constants, euler_deg = constants[keep], euler_deg[keep]
@@ -60,7 +56,7 @@ def candidates_of(problem, domain: Domain, basis: Basis) -> tuple[Candidates, li
         sizes = enumerate((first, max(0, design.n_candidates - first)))
         blocks = [spread(domain, size, seed + 1_000_003 * block, design.orientations) for block, size in sizes if size > 0]
         constants, euler_deg = (np.vstack(part) for part in zip(*blocks, strict=True))
-    return Candidates(basis, constants, euler_deg), warnings
+    return Candidates(constants, euler_deg), warnings
 
 
 def factorial(domain: Domain, n: int, per_crystal: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -78,10 +74,6 @@ def spread(domain: Domain, n: int, seed: int, orientations: str) -> tuple[np.nda
     return points[:, :-1], np.column_stack([np.zeros(n), 90 * points[:, -1], np.zeros(n)])
 
 
-def outside(constants, domain: Domain, basis: Basis) -> np.ndarray:
-    """Whether crystals (n, k) in GPa are outside what a surrogate of this domain and basis covers."""
-    constants = np.asarray(constants, dtype=float)
-    bad = ~(anisotropy_index(stiffness_rows(domain.symmetry, constants)) <= domain.anisotropy_cap)
-    raw = raw_coordinates(domain.symmetry, basis.coordinates, constants[~bad])
-    bad[~bad] = np.any((raw < basis.lower) | (raw > basis.upper), axis=1)
-    return bad
+def outside(constants, basis: Basis) -> np.ndarray:
+    """Whether crystals (n, k) in GPa are outside what a surrogate with this basis covers."""
+    return ~basis.coverage(stiffness_rows(basis.domain.symmetry, constants))[1]

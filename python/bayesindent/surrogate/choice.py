@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from ..crystal.elasticity import stiffness_rows
+from ..surrogate.basis import Basis
 from ..surrogate.candidates import Candidates
-from ..surrogate.surrogate import Design, raw_coordinates
+from ..surrogate.learner import Learner
 
 __all__ = ["Choice", "initial_set"]
 
@@ -11,16 +13,15 @@ __all__ = ["Choice", "initial_set"]
 class Choice:
     """The candidates that are left, and the order in which they are taken."""
 
-    def __init__(self, candidates: Candidates, design: Design, initial: list[int], variance_of: str, threads: int):
-        self.candidates, self.design, self.initial, self.threads = candidates, design, initial, threads
+    def __init__(self, candidates: Candidates, learner: Learner, initial: list[int], variance_of: str, threads: int):
+        self.candidates, self.learner, self.initial, self.threads = candidates, learner, initial, threads
         self.left = set(range(len(candidates)))
-        self.relative = variance_of == "modulus" and candidates.basis.coordinates == "dimensionless"
-        design.set_candidates(candidates.terms)
+        learner.set_candidates(candidates.constants, candidates.euler_deg, variance_of)
 
     def exclude(self, numbers) -> None:
         """These candidates may not be chosen any more."""
         self.left -= set(map(int, numbers))
-        self.design.exclude(numbers)
+        self.learner.exclude(numbers)
 
     def next(self, count: int) -> tuple[np.ndarray, bool]:
         """At most `count` candidates, and whether the variance chose them: the rest of the initial set comes first."""
@@ -29,11 +30,7 @@ class Choice:
             numbers = np.array(initial[:count])
             self.exclude(numbers)
             return numbers, False
-        importance = None
-        if self.relative:
-            basis, mean = self.candidates.basis, self.design.mean()
-            importance = basis.to_modulus(mean @ self.candidates.terms, self.candidates.scale)
-        numbers = self.design.choose(count, importance, self.threads)[0]
+        numbers = self.learner.choose(count, self.threads)[0]
         self.left -= set(numbers.tolist())
         return numbers, True
 
@@ -42,27 +39,23 @@ class Choice:
         numbers, _ = self.next(count)
         if len(numbers) < count:
             # The initial set is at its end: the variance, given that set, chooses the rest.
-            terms = self.candidates.terms[:, numbers]
-            self.assume(terms, self.design.mean() @ terms)
+            self.assume(self.candidates.constants[numbers], self.candidates.euler_deg[numbers])
             numbers = np.concatenate([numbers, self.next(count - len(numbers))[0]])
         return numbers
 
-    def assume(self, terms, y) -> None:
-        """Let the variance be that with these observations, whose values do not matter."""
-        for column, value in zip(terms.T, y, strict=True):
-            self.design.update(column, value)
-        self.design.settle(exactly=True)
+    def assume(self, constants, euler_deg) -> None:
+        """Let the variance be that with these crystals simulated; their moduli do not matter."""
+        self.learner.add(constants, euler_deg, self.learner.predict(constants, euler_deg))
+        self.learner.update(exactly=True)
 
 
-def initial_set(candidates: Candidates, kind: str, count: int) -> list[int]:
+def initial_set(candidates: Candidates, basis: Basis, kind: str, count: int) -> list[int]:
     """Candidates that are simulated before the variance chooses: 'latin', the first; 'boundary', those at the ends of the ranges."""
     if kind == "latin":
         return list(range(min(count, len(candidates))))
     if kind == "boundary":
-        basis = candidates.basis
-        raw = raw_coordinates(basis.symmetry, basis.coordinates, candidates.constants)
-        x = np.max(np.abs((2 * raw - basis.lower - basis.upper) / (basis.upper - basis.lower)), axis=1)
-        return distinct_crystals(candidates, np.argsort(-x, kind="stable"), count)
+        reach, _ = basis.coverage(stiffness_rows(basis.domain.symmetry, candidates.constants))
+        return distinct_crystals(candidates, np.argsort(-reach, kind="stable"), count)
     return []
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..surrogate.domain import Domain
-from ..surrogate.surrogate import Basis, Design, Surrogate, new_design, sd_factor
+from ..surrogate.basis import Basis
+from ..surrogate.learner import Learner
 
-__all__ = ["FIRST_SD", "Learning"]
+__all__ = ["FIRST_SD", "Learning", "left_out"]
 
 #: alpha and beta until they are learnt, by prior and coordinates: sd of a coefficient of weight 1 and of the noise, in units of y.
 FIRST_SD = {
@@ -28,17 +28,15 @@ class Learning:
     initial, budget, batch, refit: of &design; alpha and beta are learnt after the first points and then every `refit`.
     """
 
-    def __init__(self, basis: Basis, domain: Domain, prior: str, *, initial: int, budget: int, batch: int, refit: int):
-        self.basis, self.domain, self.prior = basis, domain, prior
+    def __init__(self, basis: Basis, prior: str, *, initial: int, budget: int, batch: int, refit: int):
+        self.basis, self.prior = basis, prior
         self.budget, self.batch, self.every = budget, batch, refit
         #: As few points as the basis needs, and those before alpha and beta are learnt.
         self.least = basis.n_terms if prior == "zero" else MIN_POINTS
         self.first = min(max(initial or self.least, 2), budget)
-        self.design = new_design(basis, domain, prior)
-        sd_prior, sd_noise = FIRST_SD[prior, basis.coordinates]
-        self.evidence = None
-        self.last_mean = self.design.mean()
-        self.alpha, self.beta, _ = self.design.fit(sd_prior**-2, sd_noise**-2)
+        self.learner = Learner(basis, prior)
+        self.last_mean = self.learner.values("mean")
+        self.learner.fit(*(sd**-2 for sd in FIRST_SD[prior, basis.coordinates]))
         self.points, self.next_errors, self.history = [], [], []
 
     @property
@@ -61,15 +59,9 @@ class Learning:
         """Take observations in; if they were chosen by the design, the covariance has them already."""
         if not len(modulus):
             return
-        terms, scale = self.basis.terms(constants, euler_deg)
-        y = self.basis.to_y(modulus, scale)
         if self.n:
-            self.next_errors += np.abs(self.basis.to_modulus(self.design.mean() @ terms, scale) - modulus).tolist()
-        if chosen:
-            self.design.add(terms, y)
-        else:
-            for column, value in zip(terms.T, y, strict=True):
-                self.design.update(column, value)
+            self.next_errors += np.abs(self.learner.predict(constants, euler_deg) - modulus).tolist()
+        self.learner.add(constants, euler_deg, modulus, chosen=chosen)
         self.points += zip(np.asarray(constants).tolist(), np.asarray(euler_deg).tolist(), np.asarray(modulus).tolist(), strict=True)
 
     def close_batch(self, exactly: bool = False) -> None:
@@ -79,55 +71,29 @@ class Learning:
         if due and self.n > before:
             self.refit()
         else:
-            self.design.settle(exactly)
-        self.last_mean = self.design.mean()
+            self.learner.update(exactly)
+        self.last_mean = self.learner.values("mean")
 
     def refit(self) -> None:
         """alpha and beta of largest evidence, and an entry of the history; its angle is that to the coefficients of the batch before."""
-        self.alpha, self.beta, self.evidence = self.design.fit()
-        errors, mean, previous = self.errors(), self.design.mean(), self.last_mean
+        self.learner.fit()
+        mean, previous = self.learner.values("mean"), self.last_mean
+        crystals = np.unique(self.data["constants"], axis=0, return_inverse=True)[1].ravel()
         norm = float(np.linalg.norm(mean))
         cosine = mean @ previous / max(norm * np.linalg.norm(previous), 1e-300)
         self.history.append(
             {
                 "simulations": self.n,
-                "loocv_gpa": errors["loocv_gpa"],
-                "leave_crystal_out_gpa": errors["leave_crystal_out_gpa"],
+                "loocv_gpa": left_out(self.learner, self.data, np.arange(self.n)),
+                "leave_crystal_out_gpa": left_out(self.learner, self.data, crystals),
                 "next_gpa": float(np.mean(self.next_errors[-WINDOW:])) if self.next_errors else None,
-                "alpha": self.alpha,
-                "beta": self.beta,
-                "log_evidence": self.evidence,
+                **self.learner.precisions(),
                 "norm": norm,
                 "angle_deg": float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
             }
         )
 
-    def errors(self) -> dict:
-        """Leave-one-out and leave-one-crystal-out errors in GPa, and z-scores of the latter."""
-        data = self.data
-        crystals = np.unique(data["constants"], axis=0, return_inverse=True)[1].ravel()
-        loocv, _ = left_out(self.basis, self.design, data, np.arange(self.n))
-        loco, z = left_out(self.basis, self.design, data, crystals)
-        return {"loocv_gpa": loocv, "leave_crystal_out_gpa": loco, "z": z}
 
-    def surrogate(self, **provenance) -> Surrogate:
-        """The surrogate of what was learnt."""
-        return Surrogate(
-            self.basis,
-            self.design.mean(),
-            self.design.covariance(),
-            anisotropy_cap=self.domain.anisotropy_cap,
-            alpha=self.alpha,
-            beta=self.beta,
-            sd_inflation=sd_factor(self.basis, self.domain, self.prior, self.design, self.errors()["z"]),
-            data=self.data,
-            provenance={"prior": self.prior, "c_min": list(self.domain.c_min), "c_max": list(self.domain.c_max), **provenance},
-        )
-
-
-def left_out(basis: Basis, design: Design, data: dict, groups) -> tuple[float, np.ndarray]:
-    """Mean absolute error in GPa of each simulation with its whole group left out, and the z-scores."""
-    _, scale = basis.terms(data["constants"], data["euler_deg"])
-    residual, sd = design.leave_out(groups)
-    y = basis.to_y(data["modulus_gpa"], scale)
-    return float(np.mean(np.abs(basis.to_modulus(y - residual, scale) - data["modulus_gpa"]))), residual / sd
+def left_out(learner: Learner, data: dict, groups) -> float:
+    """Mean absolute error in GPa of each simulation with its whole group left out."""
+    return float(np.mean(np.abs(learner.leave_out(groups)[0] - data["modulus_gpa"])))

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ..core import InputError
+from ..surrogate.basis import Basis
+from ..surrogate.learner import Learner
 from ..surrogate.learning import Learning, left_out
-from ..surrogate.surrogate import Basis, new_design
 
 __all__ = ["scan_pairs", "scan_truncations"]
 
@@ -27,9 +28,9 @@ def scan_truncations(learning: Learning, pairs: list[tuple[int, int]], advance: 
     """Evidence and leave-one-out errors of pairs of degree and bandlimit, as the number of simulations grows."""
     counts = np.unique(np.linspace(learning.first, learning.n, COUNTS).astype(int))
     result = []
+    own = learning.basis
     for degree, bandlimit in pairs:
-        own = learning.basis
-        basis = Basis(own.symmetry, own.coordinates, own.truncation, degree, bandlimit, own.lower, own.upper)
+        basis = Basis(own.domain, own.coordinates, own.truncation, degree, bandlimit)
         result.append({"degree": degree, "bandlimit": bandlimit, "terms": basis.n_terms, **learnt(basis, learning, counts)})
         advance(1)
     return result
@@ -37,14 +38,11 @@ def scan_truncations(learning: Learning, pairs: list[tuple[int, int]], advance: 
 
 def learnt(basis: Basis, learning: Learning, counts) -> dict:
     """What another basis learns from the first simulations, by their number."""
-    data = learning.data
-    terms, scale = basis.terms(data["constants"], data["euler_deg"])
-    y = basis.to_y(data["modulus_gpa"], scale)
-    design, before, errors = new_design(basis, learning.domain, learning.prior), 0, []
+    learner, before, errors = Learner(basis, learning.prior), 0, []
     for count in counts:
-        design.add(terms[:, before:count], y[before:count])
-        alpha, beta, evidence = design.fit()
-        errors.append(left_out(basis, design, {name: values[:count] for name, values in data.items()}, np.arange(count))[0])
+        learner.add(*(values[before:count] for values in learning.data.values()), chosen=True)
+        learner.fit()
+        errors.append(left_out(learner, {name: values[:count] for name, values in learning.data.items()}, np.arange(count)))
         before = count
     curve = {"simulations": counts.tolist(), "loocv_gpa": errors}
-    return {"log_evidence": evidence, "loocv_gpa": errors[-1], "alpha": alpha, "beta": beta, "curve": curve}
+    return {**learner.precisions(), "loocv_gpa": errors[-1], "curve": curve}

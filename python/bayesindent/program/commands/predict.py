@@ -19,11 +19,11 @@ def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, model.symmetry)
-    mean, sd = model.predict(points.constants_array(), points.euler_deg)
+    mean, sd = model.predict(points.stiffness, points.euler_deg)
     file = output_folder(arguments, table) / "predictions.csv"
     write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
     results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in range(len(points))]
-    outside = np.flatnonzero(model.outside(points.constants_array())) + 1
+    outside = np.flatnonzero(model.outside(points.stiffness)) + 1
     listed = ", ".join(map(str, outside[:10])) + (", .." if len(outside) > 10 else "")
     warnings = [f"{table}: {len(outside)} of {len(points)} rows are outside the surrogate's domain: {listed}"] if len(outside) else []
     return {"results": results, "file": str(file), "warnings": warnings}
@@ -36,7 +36,7 @@ def show(document: dict) -> None:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
-    parser.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.nc")
+    parser.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.txt")
     columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 

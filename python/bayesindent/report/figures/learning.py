@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...crystal.elasticity import stiffness_rows
 from ..words import number
 from .style import BLACK, BLUE, CYCLE, MARKERS, SKY, Picture, diagonal, new_figure, plain_log_ticks
 
@@ -64,7 +65,7 @@ def parity(results) -> Picture | None:
     surrogate = results.surrogate if results.documents["build"] else None
     if surrogate is None or not surrogate.data:
         return None
-    predicted, sd = surrogate.predict(surrogate.data["constants"], surrogate.data["euler_deg"])
+    predicted, sd = surrogate.predict(stiffness_rows(surrogate.symmetry, surrogate.data["constants"]), surrogate.data["euler_deg"])
     return Picture(
         against_simulated(surrogate.data["modulus_gpa"], predicted, sd),
         "Predicted against simulated moduli: the points lie on the diagonal.",

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...crystal.directions import direction_lattice, euler_of, indentation_direction, representative
+from ...crystal.elasticity import stiffness_rows
 from .style import BLACK, BLUE, SKY, Picture, new_figure
 
 __all__ = ["next_grains", "orientations"]
@@ -22,8 +23,7 @@ def orientations(results) -> Picture | None:
     draws = np.stack([chains.ravel() for chains in samples.values()], axis=1)
     draws = draws[np.linspace(0, len(draws) - 1, min(len(draws), DRAWS)).astype(int)]
     lattice = direction_lattice(results.symmetry)
-    modulus = surrogate.predict(np.repeat(draws, len(lattice), axis=0), np.tile(euler_of(lattice), (len(draws), 1)))[0]
-    modulus = results.as_measured(modulus).reshape(len(draws), len(lattice))
+    modulus = results.as_measured(surrogate.predict(stiffness_rows(results.symmetry, draws)[:, None], euler_of(lattice))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
     directions = representative(results.symmetry, indentation_direction([item["euler_deg"] for item in grains]))
     measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))

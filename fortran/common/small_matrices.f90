@@ -152,6 +152,7 @@ contains
 
    !> Sum of the logarithms of positive `values` of ordinary size: one logarithm for eight of them.
    pure real(wp) function sum_of_logs(values)
+      !> (n).
       real(wp), intent(in) :: values(:)
       integer :: i
 

@@ -1,0 +1,297 @@
+!> Labelled values as text, a line or a block each:
+!>
+!>     degree 4
+!>     lower 2
+!>     1.5E-1 2.0
+!>
+!> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
+!> before it.
+module labelled_text
+   use errors, only: exit_bad_input, raise
+   use files, only: printable
+   use kinds, only: i8, wp
+   use labelled_values, only: labelled_values_type
+   use numbers, only: number_ok, read_integer
+   use text, only: to_text
+   implicit none
+   private
+   public :: labelled_text_type
+
+   character, parameter :: newline = achar(10)
+   !> Bytes; larger files are not read (see `files`).
+   integer(i8), parameter :: largest = 1000000000_i8
+
+   type, extends(labelled_values_type) :: labelled_text_type
+      !> What is read; or what was written, in its first `filled` bytes.
+      character(len=:), allocatable :: content
+      integer :: filled = 0
+      !> Next byte to read, and the number of its line.
+      integer, private :: position = 1, line = 1
+   contains
+      procedure :: text => exchange_text
+      procedure :: lines => exchange_lines
+      procedure :: integer => exchange_integer
+      procedure :: real => exchange_real
+      procedure :: reals => exchange_reals
+      procedure :: finish
+      procedure :: fail
+   end type labelled_text_type
+
+contains
+
+   !> A text without line breaks.
+   subroutine exchange_text(self, label, value)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      character(len=:), allocatable, intent(inout) :: value
+
+      if (self%reading) then
+         call expect(self, label, value)
+      else
+         call put(self, label//' '//value//newline)
+      end if
+   end subroutine exchange_text
+
+   !> A text of any number of lines.
+   subroutine exchange_lines(self, label, value)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      character(len=:), allocatable, intent(inout) :: value
+      integer :: n, i, first, length
+
+      if (.not. self%reading) then
+         n = 1
+         do i = 1, len(value)
+            if (value(i:i) == newline) n = n + 1
+         end do
+         call self%integer(label, n)
+         call put(self, value//newline)
+         return
+      end if
+      call self%integer(label, n)
+      first = self%position
+      do i = 1, n
+         if (allocated(self%error)) return
+         length = index(self%content(self%position:), newline)
+         if (length == 0) call self%fail('ends within '''//label//'''')
+         self%position = self%position + length
+         self%line = self%line + 1
+      end do
+      if (.not. allocated(self%error)) value = self%content(first:self%position - 2)
+   end subroutine exchange_lines
+
+   subroutine exchange_integer(self, label, value)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      integer, intent(inout) :: value
+      character(len=:), allocatable :: rest
+      integer :: outcome
+
+      if (.not. self%reading) then
+         call put(self, label//' '//to_text(value)//newline)
+         return
+      end if
+      value = 0
+      call expect(self, label, rest)
+      if (allocated(self%error)) return
+      call read_integer(rest, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//' '//printable(rest)//''': a whole number is needed')
+   end subroutine exchange_integer
+
+   subroutine exchange_real(self, label, value)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      real(wp), intent(inout) :: value
+      character(len=:), allocatable :: rest
+
+      if (.not. self%reading) then
+         call put(self, label//' '//exact(value)//newline)
+         return
+      end if
+      value = 0.0_wp
+      call expect(self, label, rest)
+      if (.not. allocated(self%error)) call parse(self, rest, label, value)
+   end subroutine exchange_real
+
+   !> Any number of values, their count first.
+   subroutine exchange_reals(self, label, values)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      real(wp), allocatable, intent(inout) :: values(:)
+      integer, parameter :: a_line = 4
+      integer :: n, i, length
+
+      if (.not. self%reading) then
+         n = size(values)
+         call self%integer(label, n)
+         do i = 1, size(values)
+            call put(self, exact(values(i))//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
+         end do
+         return
+      end if
+      call self%integer(label, n)
+      if (allocated(self%error)) return
+      ! A value takes two bytes at least.
+      if (n < 0 .or. n > (len(self%content) - self%position)/2) then
+         call self%fail(''''//label//''' cannot have '//to_text(n)//' values')
+         return
+      end if
+      if (allocated(values)) deallocate (values)
+      allocate (values(n))
+      do i = 1, n
+         length = scan(self%content(self%position:), ' '//newline) - 1
+         if (length <= 0) then
+            call self%fail(''''//label//''' has '//to_text(i - 1)//' values instead of '//to_text(n))
+            return
+         end if
+         call parse(self, self%content(self%position:self%position + length - 1), label, values(i))
+         if (allocated(self%error)) return
+         self%position = self%position + length
+         if ((self%content(self%position:self%position) == newline) .neqv. (mod(i, a_line) == 0 .or. i == n)) then
+            call self%fail(''''//label//''' has a line that is too short or too long')
+            return
+         end if
+         if (self%content(self%position:self%position) == newline) self%line = self%line + 1
+         self%position = self%position + 1
+      end do
+   end subroutine exchange_reals
+
+   !> The last line: a checksum, after which there is nothing.
+   subroutine finish(self)
+      class(labelled_text_type), intent(inout) :: self
+      character(len=:), allocatable :: rest
+      character(len=16) :: sum
+      integer :: last
+
+      if (.not. self%reading) then
+         write (sum, '(z16.16)') checksum(self%content(:self%filled))
+         call put(self, 'checksum '//sum//newline)
+         return
+      end if
+      last = self%position - 1
+      call expect(self, 'checksum', rest)
+      if (allocated(self%error)) return
+      write (sum, '(z16.16)') checksum(self%content(:last))
+      if (self%position <= len(self%content)) then
+         call self%fail('goes on after its checksum')
+      else if (rest /= sum) then
+         call self%fail('the checksum is not that of the content, which was changed')
+      end if
+   end subroutine finish
+
+   !> Record an error that names the line, unless there is one already.
+   subroutine fail(self, reason)
+      class(labelled_text_type), intent(inout) :: self
+      !> What is wrong, in words.
+      character(len=*), intent(in) :: reason
+
+      if (allocated(self%error)) return
+      if (self%reading) then
+         call raise(self%error, 'line '//to_text(self%line)//': '//reason, exit_bad_input)
+      else
+         call raise(self%error, reason, exit_bad_input)
+      end if
+   end subroutine fail
+
+   !> The rest of the next line, which begins with the label.
+   subroutine expect(self, label, rest)
+      class(labelled_text_type), intent(inout) :: self
+      !> Of the value, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      character(len=:), allocatable, intent(out) :: rest
+      integer :: length
+
+      rest = ''
+      if (allocated(self%error)) return
+      length = index(self%content(self%position:), newline)
+      if (length == 0) then
+         call self%fail('the file ends where '''//label//''' is expected')
+      else if (index(self%content(self%position:self%position + length - 2), label//' ') /= 1) then
+         call self%fail(''''//label//''' is expected, not '''//printable(self%content(self%position:self%position + length - 2)) &
+            & //'''')
+      else
+         rest = self%content(self%position + len(label) + 1:self%position + length - 2)
+         self%position = self%position + length
+         self%line = self%line + 1
+      end if
+   end subroutine expect
+
+   !> A finite number as `exact` writes it.
+   subroutine parse(self, string, label, value)
+      class(labelled_text_type), intent(inout) :: self
+      character(len=*), intent(in) :: string, label
+      real(wp), intent(out) :: value
+      integer :: status
+
+      value = 0.0_wp
+      status = 1
+      if (verify(string, '+-.0123456789E') == 0) read (string, '(f40.0)', iostat=status) value
+      if (status /= 0 .or. .not. abs(value) <= huge(value)) then
+         call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
+      end if
+   end subroutine parse
+
+   !> 17 digits, which bring a number back.
+   pure function exact(value) result(string)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: string
+      character(len=24) :: buffer
+      integer :: e, first
+
+      write (buffer, '(es24.16e3)') value
+      e = index(buffer, 'E')
+      if (e == 0) then
+         ! NaN and infinities, which a reader refuses.
+         string = trim(adjustl(buffer))
+         return
+      end if
+      string = adjustl(buffer(:e - 1))
+      string = string(:max(verify(trim(string), '0', back=.true.), index(string, '.') + 1))
+      first = verify(buffer(e + 2:), '0')
+      if (first == 0) return
+      string = string//'E'//trim(merge('-', ' ', buffer(e + 1:e + 1) == '-'))//buffer(e + 1 + first:)
+   end function exact
+
+   !> Append to the content.
+   subroutine put(self, piece)
+      class(labelled_text_type), intent(inout) :: self
+      character(len=*), intent(in) :: piece
+      character(len=:), allocatable :: larger
+
+      if (allocated(self%error)) return
+      if (int(self%filled, i8) + len(piece) > largest) then
+         call self%fail('would be larger than '//to_text(largest)//' bytes')
+         return
+      end if
+      if (.not. allocated(self%content)) allocate (character(len=65536) :: self%content)
+      if (self%filled + len(piece) > len(self%content)) then
+         allocate (character(len=2*(self%filled + len(piece))) :: larger)
+         larger(:self%filled) = self%content(:self%filled)
+         call move_alloc(larger, self%content)
+      end if
+      self%content(self%filled + 1:self%filled + len(piece)) = piece
+      self%filled = self%filled + len(piece)
+   end subroutine put
+
+   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a); products wrap around.
+   pure integer(i8) function checksum(bytes) result(hash)
+      character(len=*), intent(in) :: bytes
+      integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
+      integer :: i
+
+      hash = basis
+      do i = 1, len(bytes)
+         hash = ieor(hash, int(iachar(bytes(i:i)), i8))*prime
+      end do
+   end function checksum
+end module labelled_text

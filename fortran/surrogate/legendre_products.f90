@@ -1,0 +1,242 @@
+!> Products of orthonormal Legendre polynomials of several coordinates, and products of two of them.
+!>
+!> The covariance of y between grains i and j is K_iᵀ T(c) K_j with T_hh' = sum over q, q' of S_(h,q)(h',q') P_q P_q'. A product of
+!> two Legendre polynomials is a sum of them (Adams, Proc. R. Soc. 27, 63, 1878), so T is a polynomial of twice the degree whose
+!> coefficients are found once; evaluating it costs some thousand operations where the double sum costs hundreds of thousands.
+module legendre_products
+   use kinds, only: wp
+   implicit none
+   private
+   public :: legendre_products_type, new_legendre_products, count_products, evaluate_products, covariance_polynomial
+
+   type :: legendre_products_type
+      integer :: n_coordinates = 0, n_products = 0
+      !> Largest degree in one coordinate; of each product in each coordinate, (n_coordinates, n_products).
+      integer :: degree = 0
+      integer, allocatable :: degrees(:, :)
+      logical, private :: total = .false.
+      !> Product q is product parent(q) times the polynomial of degree factor_degree(q) in coordinate factor(q).
+      integer, allocatable, private :: parent(:), factor(:), factor_degree(:)
+      !> p_(n+1) = a_n x p_n - b_n p_(n-1) for p_n = sqrt(2n+1) P_n.
+      real(wp), allocatable, private :: a(:), b(:)
+   end type legendre_products_type
+
+contains
+
+   !> How many products there are; a real, which does not overflow.
+   pure real(wp) function count_products(n, degree, total) result(count)
+      !> Coordinates.
+      integer, intent(in) :: n, degree
+      !> Whether `degree` bounds the sum of the degrees, or each.
+      logical, intent(in) :: total
+      integer :: i
+
+      count = 1.0_wp
+      do i = 1, n
+         if (total) then
+            count = count*(degree + i)/i
+         else
+            count = count*(degree + 1)
+         end if
+      end do
+   end function count_products
+
+   !> All products up to a degree; those of lower total degree first, then the last coordinate fastest.
+   pure function new_legendre_products(n, degree, total) result(self)
+      !> Coordinates.
+      integer, intent(in) :: n, degree
+      !> Whether `degree` bounds the sum of the degrees, or each.
+      logical, intent(in) :: total
+      type(legendre_products_type) :: self
+      integer :: counter(n), sum_of_degrees, q, i, m
+
+      self%n_coordinates = n
+      self%degree = degree
+      self%total = total
+      self%n_products = nint(count_products(n, degree, total))
+      allocate (self%degrees(n, self%n_products), self%parent(self%n_products), self%factor(self%n_products), &
+         & self%factor_degree(self%n_products))
+      q = 0
+      do sum_of_degrees = 0, merge(degree, n*degree, total)
+         call fill_last(counter, sum_of_degrees, degree)
+         do
+            q = q + 1
+            self%degrees(:, q) = counter
+            ! The next one of this sum: a later degree moves to an earlier coordinate.
+            do i = n - 1, 1, -1
+               if (counter(i) < degree .and. sum(counter(i + 1:)) > 0) exit
+            end do
+            if (i < 1) exit
+            counter(i) = counter(i) + 1
+            call fill_last(counter(i + 1:), sum_of_degrees - sum(counter(:i)), degree)
+         end do
+      end do
+      self%parent = 0
+      self%factor = 1
+      self%factor_degree = 0
+      do q = 2, self%n_products
+         counter = self%degrees(:, q)
+         do i = n, 1, -1
+            if (counter(i) > 0) exit
+         end do
+         self%factor(q) = i
+         self%factor_degree(q) = counter(i)
+         counter(i) = 0
+         self%parent(q) = place_of(self, counter)
+      end do
+      allocate (self%a(0:degree), self%b(0:degree))
+      do m = 0, degree
+         self%a(m) = sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1)
+         self%b(m) = 0.0_wp
+         if (m > 0) self%b(m) = m*sqrt((2.0_wp*m + 3.0_wp)/(2.0_wp*m - 1.0_wp))/(m + 1)
+      end do
+   end function new_legendre_products
+
+   !> Degrees of a given sum, none above `highest`, the last as large as possible.
+   pure subroutine fill_last(degrees, total, highest)
+      integer, intent(out) :: degrees(:)
+      integer, intent(in) :: total, highest
+      integer :: i, left
+
+      left = total
+      do i = size(degrees), 1, -1
+         degrees(i) = min(left, highest)
+         left = left - degrees(i)
+      end do
+   end subroutine fill_last
+
+   !> Which product has these degrees.
+   pure integer function place_of(self, degrees) result(middle)
+      type(legendre_products_type), intent(in) :: self
+      integer, intent(in) :: degrees(:)
+      integer :: low, high
+
+      low = 1
+      high = self%n_products
+      do
+         middle = (low + high)/2
+         if (low >= high) return
+         if (precedes(self%degrees(:, middle), degrees)) then
+            low = middle + 1
+         else
+            high = middle
+         end if
+      end do
+   end function place_of
+
+   !> Whether degrees a come before b in the list.
+   pure logical function precedes(a, b)
+      integer, intent(in) :: a(:), b(:)
+      integer :: i
+
+      precedes = sum(a) < sum(b)
+      if (sum(a) /= sum(b)) return
+      do i = 1, size(a)
+         precedes = a(i) < b(i)
+         if (a(i) /= b(i)) return
+      end do
+   end function precedes
+
+   !> All products at coordinates x in [-1, 1].
+   pure subroutine evaluate_products(self, x, p)
+      type(legendre_products_type), intent(in) :: self
+      !> (n_coordinates).
+      real(wp), intent(in) :: x(:)
+      !> (n_products).
+      real(wp), intent(out), contiguous :: p(:)
+      real(wp) :: factors(0:self%degree, self%n_coordinates)
+      integer :: i, n, q
+
+      do i = 1, self%n_coordinates
+         factors(0, i) = 1.0_wp
+         if (self%degree > 0) factors(1, i) = self%a(0)*x(i)
+         do n = 1, self%degree - 1
+            factors(n + 1, i) = self%a(n)*x(i)*factors(n, i) - self%b(n)*factors(n - 1, i)
+         end do
+      end do
+      p(1) = 1.0_wp
+      do q = 2, self%n_products
+         p(q) = p(self%parent(q))*factors(self%factor_degree(q), self%factor(q))
+      end do
+   end subroutine evaluate_products
+
+   !> T(c): the products it is made of, and the coefficients of T_hh', h >= h', one column a pair in the order (1,1), (2,1), ..
+   !> (n,1), (2,2), ..
+   subroutine covariance_polynomial(self, n, covariance, squares, coefficients)
+      type(legendre_products_type), intent(in) :: self
+      !> Harmonics.
+      integer, intent(in) :: n
+      !> Of the coefficients, harmonics fastest, (n n_products, n n_products).
+      real(wp), intent(in) :: covariance(:, :)
+      type(legendre_products_type), intent(out) :: squares
+      !> (n_products of the squares, n (n + 1)/2).
+      real(wp), allocatable, intent(out) :: coefficients(:, :)
+      real(wp), allocatable :: table(:, :, :), sums(:, :), pair(:)
+      integer :: q, r, i, h, g, column
+      integer :: low(self%n_coordinates), high(self%n_coordinates), c(self%n_coordinates)
+      real(wp) :: weight
+
+      allocate (table(0:self%degree, 0:self%degree, 0:2*self%degree))
+      call linearisation_table(self%degree, table)
+      squares = new_legendre_products(self%n_coordinates, 2*self%degree, self%total)
+      allocate (sums(n*(n + 1)/2, squares%n_products), pair(n*(n + 1)/2))
+      sums = 0.0_wp
+      do q = 1, self%n_products
+         do r = 1, q
+            column = 0
+            do g = 1, n
+               do h = g, n
+                  column = column + 1
+                  pair(column) = covariance(h + (q - 1)*n, g + (r - 1)*n)
+                  if (r /= q) pair(column) = pair(column) + covariance(h + (r - 1)*n, g + (q - 1)*n)
+               end do
+            end do
+            low = abs(self%degrees(:, q) - self%degrees(:, r))
+            high = self%degrees(:, q) + self%degrees(:, r)
+            c = low
+            do
+               weight = 1.0_wp
+               do i = 1, size(c)
+                  weight = weight*table(self%degrees(i, q), self%degrees(i, r), c(i))
+               end do
+               i = place_of(squares, c)
+               sums(:, i) = sums(:, i) + weight*pair
+               do i = size(c), 1, -1
+                  if (c(i) < high(i)) exit
+                  c(i) = low(i)
+               end do
+               if (i == 0) exit
+               c(i) = c(i) + 2
+            end do
+         end do
+      end do
+      allocate (coefficients(squares%n_products, size(pair)))
+      do column = 1, size(pair)
+         coefficients(:, column) = sums(column, :)
+      end do
+   end subroutine covariance_polynomial
+
+   !> p_a p_b = sum of table(a, b, c) p_c over c.
+   pure subroutine linearisation_table(d, table)
+      integer, intent(in) :: d
+      real(wp), intent(out) :: table(0:, 0:, 0:)
+      real(wp) :: half(0:2*d)
+      integer :: a, b, r, c
+
+      ! (2r-1)!!/r!
+      half(0) = 1.0_wp
+      do r = 1, 2*d
+         half(r) = half(r - 1)*(2*r - 1)/r
+      end do
+      table = 0.0_wp
+      do b = 0, d
+         do a = 0, d
+            do r = 0, min(a, b)
+               c = a + b - 2*r
+               table(a, b, c) = half(r)*half(a - r)*half(b - r)/half(a + b - r)*(2*c + 1)/real(2*a + 2*b - 2*r + 1, wp) &
+                               & *sqrt((2*a + 1)*(2*b + 1)/real(2*c + 1, wp))
+            end do
+         end do
+      end do
+   end subroutine linearisation_table
+end module legendre_products

@@ -1,0 +1,352 @@
+!> The paper's terms (Eq. 1-2): symmetrised surface harmonics of the indentation direction times products of Legendre polynomials of
+!> the elastic constants of one crystal class.
+!>
+!> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal for the mean: of K_h K_h' over the sphere and of
+!> P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1.
+!>
+!> In 'box' coordinates, the constants, M = y. In 'dimensionless' ones, ratios of the constants, M = s exp(y) with s a stiffness:
+!> the modulus is homogeneous of degree one in the constants.
+module paper_basis
+   use abstract_basis, only: basis_type, grain_model_type
+   use dimensionless_coordinates, only: has_ratios, ratios_of
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: wp
+   use labelled_values, only: labelled_values_type
+   use legendre_products, only: count_products, covariance_polynomial, evaluate_products, legendre_products_type, &
+      & new_legendre_products
+   use small_matrices, only: factor_semidefinite
+   use surrogate_domain, only: domain_type, spread_crystals
+   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
+   use text, only: to_text
+   use vector_math, only: exp_all, transposed_product
+   implicit none
+   private
+   public :: paper_basis_type, new_paper_basis, largest_degree, coordinate_names, truncation_names
+
+   integer, parameter :: largest_degree = 12
+   character(len=*), parameter :: coordinate_names = 'box, dimensionless', truncation_names = 'tensor, total'
+
+   !> Least sd of the noise: GPa in a box, relative with dimensionless coordinates.
+   real(wp), parameter :: least_noise_box = 0.05_wp, least_noise_ratios = 5.0e-4_wp
+   !> Points from which the ranges of ratios are taken, and by how much these are widened, relative to the range.
+   integer, parameter :: range_points = 2**15
+   real(wp), parameter :: range_margin = 0.02_wp
+
+   type, extends(basis_type) :: paper_basis_type
+      character(len=:), allocatable :: coordinates, truncation
+      !> Highest degree of the polynomials (per coordinate, or in all) and of the harmonics.
+      integer :: degree = 0, bandlimit = 0
+      !> Ranges of the coordinates (GPa, or dimensionless) that are mapped to [-1, 1], (n_coordinates).
+      real(wp), allocatable :: lower(:), upper(:)
+      !> K_h, a function of the indentation direction in crystal axes.
+      type(harmonics_type) :: harmonics
+      !> P_q.
+      type(legendre_products_type) :: polynomials
+   contains
+      procedure :: evaluate_terms
+      procedure :: reach
+      procedure :: term_degrees
+      procedure :: exchange
+      procedure :: new_grain_model
+   end type paper_basis_type
+
+   type, extends(grain_model_type) :: paper_grain_model_type
+      private
+      type(paper_basis_type) :: basis
+      !> K_h of each grain, (n_grains, n_harmonics).
+      real(wp), allocatable :: k(:, :)
+      !> A(q, h).
+      real(wp), allocatable :: coefficients(:, :)
+      !> T(c), see `legendre_products`.
+      type(legendre_products_type) :: squares
+      real(wp), allocatable :: covariance(:, :)
+   contains
+      procedure :: set_grains
+      procedure :: evaluate_moduli
+      procedure :: evaluate_columns
+   end type paper_grain_model_type
+
+contains
+
+   !> The basis over a domain; its coordinates range over `lower` .. `upper`, by default over what the domain's do.
+   subroutine new_paper_basis(domain, coordinates, truncation, degree, bandlimit, basis, error, lower, upper)
+      type(domain_type), intent(in) :: domain
+      !> Words of `coordinate_names` and `truncation_names`.
+      character(len=*), intent(in) :: coordinates, truncation
+      !> 0 to `largest_degree`; even, 0 to 20.
+      integer, intent(in) :: degree, bandlimit
+      type(paper_basis_type), intent(out) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: lower(:), upper(:)
+      !> More terms are a mistake: their covariance alone would take 3 GB.
+      real(wp), parameter :: most_terms = 20000.0_wp
+      integer :: n
+      real(wp) :: terms
+
+      n = domain%class%n_constants
+      if (coordinates == 'dimensionless') n = n - 1
+      if (coordinates == 'dimensionless' .and. .not. has_ratios(domain%class)) then
+         call raise(error, 'coordinates: a '//domain%class%name//' crystal has no dimensionless ones; allowed: ''box''', &
+            & exit_bad_input)
+      else if (coordinates /= 'box' .and. coordinates /= 'dimensionless') then
+         call raise(error, 'coordinates: '''//coordinates//''' is unknown; allowed: '//coordinate_names, exit_bad_input)
+      else if (truncation /= 'tensor' .and. truncation /= 'total') then
+         call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
+      else if (degree < 0 .or. degree > largest_degree) then
+         call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
+      end if
+      if (.not. allocated(error)) call new_harmonics(domain%class, bandlimit, basis%harmonics, error)
+      if (allocated(error)) return
+      terms = basis%harmonics%n*count_products(n, degree, truncation == 'total')
+      if (terms > most_terms) then
+         call raise(error, 'degree = '//to_text(degree)//' and bandlimit = '//to_text(bandlimit)//' make '//to_text(terms, 4) &
+            & //' terms; at most '//to_text(nint(most_terms))//' are possible', exit_bad_input)
+         return
+      end if
+      basis%domain = domain
+      basis%coordinates = coordinates
+      basis%truncation = truncation
+      basis%degree = degree
+      basis%bandlimit = bandlimit
+      basis%logarithmic = coordinates == 'dimensionless'
+      basis%least_noise = merge(least_noise_ratios, least_noise_box, basis%logarithmic)
+      basis%polynomials = new_legendre_products(n, degree, truncation == 'total')
+      basis%n_terms = basis%harmonics%n*basis%polynomials%n_products
+      if (present(lower)) then
+         basis%lower = lower
+         basis%upper = upper
+      else
+         call find_ranges(basis, error)
+         if (allocated(error)) return
+      end if
+      if (size(basis%lower) /= n .or. size(basis%upper) /= n) then
+         call raise(error, 'a range is needed for each of '//to_text(n)//' coordinates', exit_bad_input)
+      else if (.not. all(basis%upper - basis%lower > 0.0_wp)) then
+         call raise(error, 'the range of a coordinate is empty', exit_bad_input)
+      end if
+   end subroutine new_paper_basis
+
+   !> Ranges of the coordinates: the bounds, or the ranges of the ratios over the domain, slightly widened.
+   subroutine find_ranges(basis, error)
+      type(paper_basis_type), intent(inout) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: constants(:, :), euler(:, :), raw(:), margin(:), corner(:)
+      real(wp) :: scale
+      integer :: i, j, k
+
+      associate (domain => basis%domain)
+         if (.not. basis%logarithmic) then
+            basis%lower = domain%lower
+            basis%upper = domain%upper
+            return
+         end if
+         call spread_crystals(domain, range_points, constants, euler, error)
+         if (allocated(error)) return
+         k = domain%class%n_constants
+         allocate (raw(k - 1), corner(k))
+         basis%lower = spread(huge(1.0_wp), 1, k - 1)
+         basis%upper = -basis%lower
+         do i = 1, range_points
+            call ratios_of(domain%class, constants(:, i), raw, scale)
+            basis%lower = min(basis%lower, raw)
+            basis%upper = max(basis%upper, raw)
+         end do
+         do i = 0, 2**k - 1
+            do j = 1, k
+               corner(j) = merge(domain%upper(j), domain%lower(j), btest(i, j - 1))
+            end do
+            if (.not. domain%admits(domain%class%stiffness(corner))) cycle
+            call ratios_of(domain%class, corner, raw, scale)
+            basis%lower = min(basis%lower, raw)
+            basis%upper = max(basis%upper, raw)
+         end do
+         margin = range_margin*(basis%upper - basis%lower)
+         basis%lower = basis%lower - margin
+         basis%upper = basis%upper + margin
+      end associate
+   end subroutine find_ranges
+
+   !> The coordinates of a crystal, mapped to [-1, 1], and its scale (GPa; 1 in a box).
+   pure subroutine coordinates_of(self, c, x, scale)
+      type(paper_basis_type), intent(in) :: self
+      !> GPa, of a Born-stable crystal; the coordinates of others may be NaN.
+      real(wp), intent(in) :: c(6, 6)
+      !> (n_coordinates), GPa.
+      real(wp), intent(out) :: x(:), scale
+
+      if (self%logarithmic) then
+         call ratios_of(self%domain%class, self%domain%class%constants_of(c), x, scale)
+      else
+         x = self%domain%class%constants_of(c)
+         scale = 1.0_wp
+      end if
+      x = (2.0_wp*x - self%lower - self%upper)/(self%upper - self%lower)
+   end subroutine coordinates_of
+
+   pure real(wp) function reach(self, c)
+      class(paper_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: x(self%polynomials%n_coordinates), scale
+
+      call coordinates_of(self, c, x, scale)
+      reach = maxval(abs(x))
+   end function reach
+
+   pure subroutine term_degrees(self, directional, polynomial)
+      class(paper_basis_type), intent(in) :: self
+      !> (n_terms).
+      integer, intent(out) :: directional(:), polynomial(:)
+      integer :: q, first
+
+      do q = 1, self%polynomials%n_products
+         first = (q - 1)*self%harmonics%n
+         directional(first + 1:first + self%harmonics%n) = self%harmonics%degrees
+         polynomial(first + 1:first + self%harmonics%n) = sum(self%polynomials%degrees(:, q))
+      end do
+   end subroutine term_degrees
+
+   subroutine exchange(self, file)
+      class(paper_basis_type), intent(inout) :: self
+      class(labelled_values_type), intent(inout) :: file
+      type(error_type), allocatable :: error
+      type(paper_basis_type) :: new
+
+      call file%text('coordinates', self%coordinates)
+      call file%text('truncation', self%truncation)
+      call file%integer('degree', self%degree)
+      call file%integer('bandlimit', self%bandlimit)
+      call file%reals('lower', self%lower)
+      call file%reals('upper', self%upper)
+      if (allocated(file%error) .or. .not. file%reading) return
+      call new_paper_basis(self%domain, self%coordinates, self%truncation, self%degree, self%bandlimit, new, error, &
+         & self%lower, self%upper)
+      if (allocated(error)) then
+         call file%fail(error%message)
+      else
+         select type (self)
+         type is (paper_basis_type)
+            self = new
+         end select
+      end if
+   end subroutine exchange
+
+   !> Indentation direction in crystal axes: sample z turned by g.
+   pure function direction_of(euler) result(direction)
+      !> Bunge-Euler angles, radians.
+      real(wp), intent(in) :: euler(3)
+      real(wp) :: direction(3)
+
+      direction = [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))]
+   end function direction_of
+
+   pure subroutine evaluate_terms(self, c, euler, terms, scale)
+      class(paper_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      !> (n_terms), and GPa.
+      real(wp), intent(out) :: terms(:), scale
+      real(wp) :: x(self%polynomials%n_coordinates), p(self%polynomials%n_products), k(self%harmonics%n)
+      integer :: q, first
+
+      call coordinates_of(self, c, x, scale)
+      call evaluate_products(self%polynomials, x, p)
+      call evaluate_harmonics(self%harmonics, direction_of(euler), k)
+      do q = 1, size(p)
+         first = (q - 1)*size(k)
+         terms(first + 1:first + size(k)) = k*p(q)
+      end do
+   end subroutine evaluate_terms
+
+   subroutine new_grain_model(self, coefficients, covariance, model, error)
+      class(paper_basis_type), intent(in) :: self
+      !> (n_terms); (n_terms, n_terms), or of size 0.
+      real(wp), intent(in) :: coefficients(:), covariance(:, :)
+      class(grain_model_type), allocatable, intent(out) :: model
+      type(error_type), allocatable, intent(out) :: error
+      type(paper_grain_model_type), allocatable :: new
+
+      allocate (new)
+      select type (self)
+      type is (paper_basis_type)
+         new%basis = self
+      class default
+         call raise(error, 'this basis has no model of grains')
+         return
+      end select
+      new%coefficients = transpose(reshape(coefficients, [self%harmonics%n, self%polynomials%n_products]))
+      if (size(covariance) > 0) then
+         new%n_columns = self%harmonics%n
+         call covariance_polynomial(self%polynomials, self%harmonics%n, covariance, new%squares, new%covariance)
+      end if
+      allocate (new%k(0, self%harmonics%n))
+      call move_alloc(new, model)
+   end subroutine new_grain_model
+
+   pure subroutine set_grains(self, euler)
+      class(paper_grain_model_type), intent(inout) :: self
+      !> Bunge-Euler angles (3, n), radians.
+      real(wp), intent(in) :: euler(:, :)
+      integer :: i
+
+      deallocate (self%k)
+      allocate (self%k(size(euler, 2), self%basis%harmonics%n))
+      do i = 1, size(euler, 2)
+         call evaluate_harmonics(self%basis%harmonics, direction_of(euler(:, i)), self%k(i, :))
+      end do
+   end subroutine set_grains
+
+   pure subroutine evaluate_moduli(self, c, modulus, slope)
+      class(paper_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (n).
+      real(wp), intent(out), contiguous :: modulus(:), slope(:)
+      real(wp) :: x(self%basis%polynomials%n_coordinates), p(self%basis%polynomials%n_products), y(self%basis%harmonics%n)
+      real(wp) :: scale
+      integer :: i, h
+
+      call coordinates_of(self%basis, c, x, scale)
+      call evaluate_products(self%basis%polynomials, x, p)
+      call transposed_product(size(p), size(y), self%coefficients, p, y)
+      slope = 0.0_wp
+      do h = 1, size(y)
+         !$omp simd
+         do i = 1, size(slope)
+            slope(i) = slope(i) + self%k(i, h)*y(h)
+         end do
+      end do
+      if (self%basis%logarithmic) then
+         call exp_all(slope, modulus)
+         modulus = scale*modulus
+         slope = modulus
+      else
+         modulus = slope
+         slope = 1.0_wp
+      end if
+   end subroutine evaluate_moduli
+
+   pure subroutine evaluate_columns(self, c, columns)
+      class(paper_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> (n, n_columns).
+      real(wp), intent(out), contiguous :: columns(:, :)
+      real(wp) :: x(self%basis%polynomials%n_coordinates), p(self%squares%n_products), pairs(size(self%covariance, 2))
+      real(wp) :: factor(self%n_columns, self%n_columns), scale
+      integer :: g, h, first
+
+      call coordinates_of(self%basis, c, x, scale)
+      call evaluate_products(self%squares, x, p)
+      call transposed_product(size(p), size(pairs), self%covariance, p, pairs)
+      factor = 0.0_wp
+      first = 1
+      do g = 1, self%n_columns
+         factor(g:, g) = pairs(first:first + self%n_columns - g)
+         first = first + self%n_columns - g + 1
+      end do
+      call factor_semidefinite(factor)
+      do g = 1, self%n_columns
+         columns(:, g) = 0.0_wp
+         do h = g, self%n_columns
+            columns(:, g) = columns(:, g) + self%k(:, h)*factor(h, g)
+         end do
+      end do
+   end subroutine evaluate_columns
+end module paper_basis

@@ -1,0 +1,307 @@
+!> What learns a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
+module surrogate_learner
+   use abstract_acquisition, only: acquisition_type
+   use acquisitions, only: new_acquisition
+   use abstract_basis, only: basis_type
+   use coefficient_prior, only: inflation_of, new_coefficient_prior
+   use errors, only: error_type, exit_bad_input, raise
+   use described_values, only: described_values_type
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
+      & log_evidence, maximise_evidence, set_precisions, spectrum_type, update_posterior
+   use kinds, only: degree, wp
+   use sequential_design, only: absorb_choices, choose_candidates, compute_variances, design_type, new_design, set_candidates
+   use surrogate_model, only: simulations_type, surrogate_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, fit_learner, &
+      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner
+
+   type :: learner_type
+      class(basis_type), allocatable :: basis
+      !> A word of `prior_names`, and the prior's weights and mean, (n_terms).
+      character(len=:), allocatable :: prior
+      real(wp), allocatable :: weights(:), prior_mean(:)
+      type(design_type) :: design
+      class(acquisition_type), allocatable :: rule
+      !> Scale of each candidate, GPa.
+      real(wp), allocatable :: candidate_scale(:)
+      !> What was learnt from, and the scale (GPa) of each.
+      type(simulations_type) :: simulations
+      real(wp), allocatable :: scale(:)
+      !> ln evidence when it was last maximised.
+      real(wp) :: log_evidence = 0.0_wp
+   end type learner_type
+
+contains
+
+   !> A learner without simulations and candidates; alpha and beta are 1 and the least noise's until they are set or learnt.
+   subroutine new_learner(basis, prior, learner, error)
+      class(basis_type), intent(in) :: basis
+      !> A word of `prior_names`.
+      character(len=*), intent(in) :: prior
+      type(learner_type), intent(out) :: learner
+      type(error_type), allocatable, intent(out) :: error
+
+      call new_coefficient_prior(basis, prior, learner%weights, learner%prior_mean, error)
+      if (allocated(error)) return
+      allocate (learner%basis, source=basis)
+      learner%prior = prior
+      call new_design(learner%weights, learner%prior_mean, basis%least_noise, learner%design, error)
+      allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
+         & learner%simulations%modulus(0), learner%scale(0), learner%candidate_scale(0))
+   end subroutine new_learner
+
+   !> Terms (n_terms, n) and scales (GPa) of crystals.
+   subroutine evaluate_all(basis, constants, euler_deg, terms, scale)
+      class(basis_type), intent(in) :: basis
+      !> Constants of the domain's class (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      real(wp), allocatable, intent(out) :: terms(:, :), scale(:)
+      integer :: i
+
+      allocate (terms(basis%n_terms, size(constants, 2)), scale(size(constants, 2)))
+      do i = 1, size(scale)
+         call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i))
+      end do
+   end subroutine evaluate_all
+
+   !> Give the candidates, all of them available, and the rule by which they are chosen.
+   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
+      type(learner_type), intent(inout) :: learner
+      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      !> A word of `acquisition_names`.
+      character(len=*), intent(in) :: rule
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: terms(:, :)
+
+      call new_acquisition(rule, learner%rule, error)
+      if (allocated(error)) return
+      call evaluate_all(learner%basis, constants, euler_deg, terms, learner%candidate_scale)
+      call set_candidates(learner%design, terms)
+   end subroutine set_learner_candidates
+
+   !> Candidates that may not be chosen any more.
+   subroutine exclude_candidates(learner, numbers, error)
+      type(learner_type), intent(inout) :: learner
+      !> From 1.
+      integer, intent(in) :: numbers(:)
+      type(error_type), allocatable, intent(out) :: error
+
+      if (any(numbers < 1 .or. numbers > size(learner%design%available))) then
+         call raise(error, 'a candidate''s number is outside 1 .. '//to_text(size(learner%design%available)), exit_bad_input)
+      else
+         learner%design%available(numbers) = .false.
+      end if
+   end subroutine exclude_candidates
+
+   !> Learn moduli. If the design has `chosen` them, it expects them and the posterior mean follows with
+   !> `update_posterior_mean`; else each is an update of the posterior.
+   subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
+      type(learner_type), intent(inout) :: learner
+      !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
+      logical, intent(in) :: chosen
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: terms(:, :), scale(:), y(:)
+      integer :: i
+
+      if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
+         call raise(error, 'a simulated modulus is not positive and finite', exit_bad_input)
+         return
+      end if
+      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
+      if (.not. all(abs(terms) < huge(1.0_wp))) then
+         call raise(error, 'a crystal to learn from is elastically unstable', exit_bad_input)
+         return
+      end if
+      y = learner%basis%to_y(modulus, scale)
+      if (chosen) then
+         call add_data(learner%design%regression, terms, y)
+      else
+         call absorb_choices(learner%design)
+         do i = 1, size(y)
+            call update_posterior(learner%design%regression, terms(:, i), y(i), error)
+            if (allocated(error)) return
+         end do
+      end if
+      associate (known => learner%simulations)
+         known%constants = reshape([known%constants, constants], [size(constants, 1), size(known%constants, 2) + size(y)])
+         known%euler_deg = reshape([known%euler_deg, euler_deg], [3, size(known%euler_deg, 2) + size(y)])
+         known%modulus = [known%modulus, modulus]
+      end associate
+      learner%scale = [learner%scale, scale]
+   end subroutine add_simulations
+
+   !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
+   subroutine fit_learner(learner, error, precisions)
+      type(learner_type), intent(inout) :: learner
+      type(error_type), allocatable, intent(out) :: error
+      !> alpha and beta, in units of y.
+      real(wp), intent(in), optional :: precisions(2)
+
+      call absorb_choices(learner%design)
+      if (present(precisions)) then
+         call set_precisions(learner%design%regression, precisions(1), precisions(2), error)
+      else
+         call maximise_evidence(learner%design%regression, error, learner%log_evidence)
+      end if
+      if (.not. allocated(error)) call compute_variances(learner%design)
+   end subroutine fit_learner
+
+   !> ln evidence of all simulations at pairs of alpha and beta.
+   subroutine evaluate_evidence(learner, alpha, beta, values, error)
+      type(learner_type), intent(in) :: learner
+      !> In units of y, (n).
+      real(wp), intent(in) :: alpha(:), beta(:)
+      !> (n).
+      real(wp), intent(out) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(spectrum_type) :: spectrum
+      integer :: i
+
+      values = 0.0_wp
+      call compute_spectrum(learner%design%regression, spectrum, error)
+      if (allocated(error)) return
+      do i = 1, size(values)
+         values(i) = log_evidence(spectrum, alpha(i), beta(i))
+      end do
+   end subroutine evaluate_evidence
+
+   !> The next candidates by the rule, each given all chosen before.
+   subroutine choose_next(learner, threads, chosen, variance, error)
+      type(learner_type), intent(inout) :: learner
+      integer, intent(in) :: threads
+      !> Numbers of the candidates, from 1.
+      integer, intent(out) :: chosen(:)
+      !> Variance of y at each before it was chosen.
+      real(wp), intent(out) :: variance(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: y(:)
+
+      if (.not. allocated(learner%rule)) then
+         call raise(error, 'there are no candidates to choose from')
+         return
+      end if
+      allocate (y(size(learner%candidate_scale)), source=0.0_wp)
+      if (learner%rule%needs_prediction(learner%basis)) y = matmul( &
+         & coefficient_mean(learner%design%regression)/learner%design%regression%prior_width, learner%design%candidates)
+      call choose_candidates(learner%design, learner%rule%importance(learner%basis, y, learner%candidate_scale), chosen, &
+         & variance, threads, error)
+   end subroutine choose_next
+
+   !> Moduli (GPa) of crystals by the posterior mean.
+   subroutine predict_moduli(learner, constants, euler_deg, modulus)
+      type(learner_type), intent(in) :: learner
+      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      !> (n).
+      real(wp), intent(out) :: modulus(:)
+      real(wp), allocatable :: terms(:, :), scale(:)
+
+      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
+      modulus = learner%basis%to_modulus(matmul(coefficient_mean(learner%design%regression), terms), scale)
+   end subroutine predict_moduli
+
+   !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
+   subroutine leave_out(learner, groups, modulus, z, error)
+      type(learner_type), intent(inout) :: learner
+      !> Group of each simulation, any numbers.
+      integer, intent(in) :: groups(:)
+      !> (n).
+      real(wp), intent(out) :: modulus(:), z(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: residual(size(groups)), sd(size(groups))
+
+      if (size(groups) /= size(learner%simulations%modulus)) then
+         call raise(error, 'a group is needed for each of '//to_text(size(learner%simulations%modulus))//' simulations', &
+            & exit_bad_input)
+         return
+      end if
+      call absorb_choices(learner%design)
+      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
+      if (allocated(error)) return
+      associate (basis => learner%basis)
+         modulus = basis%to_modulus(basis%to_y(learner%simulations%modulus, learner%scale) - residual, learner%scale)
+      end associate
+      z = residual/sd
+   end subroutine leave_out
+
+   !> The same number for equal crystals.
+   pure function number_crystals(constants) result(groups)
+      !> Constants (n_constants, n).
+      real(wp), intent(in) :: constants(:, :)
+      integer :: groups(size(constants, 2))
+      integer :: i, j, last
+
+      last = 0
+      do i = 1, size(constants, 2)
+         groups(i) = 0
+         do j = 1, i - 1
+            if (all(abs(constants(:, j) - constants(:, i)) <= 0.0_wp)) then
+               groups(i) = groups(j)
+               exit
+            end if
+         end do
+         if (groups(i) > 0) cycle
+         last = last + 1
+         groups(i) = last
+      end do
+   end function number_crystals
+
+   !> The surrogate of what was learnt.
+   subroutine surrogate_of(learner, provenance, surrogate, error)
+      type(learner_type), intent(inout) :: learner
+      !> Where it comes from: a JSON object.
+      character(len=*), intent(in) :: provenance
+      type(surrogate_type), intent(out) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: modulus(:), z(:)
+      integer :: n
+
+      n = size(learner%simulations%modulus)
+      if (n < 2) then
+         call raise(error, 'there are '//to_text(n)//' simulations to learn from; at least 2 are needed', exit_bad_input)
+         return
+      end if
+      allocate (modulus(n), z(n))
+      call leave_out(learner, number_crystals(learner%simulations%constants), modulus, z, error)
+      if (allocated(error)) return
+      allocate (surrogate%basis, source=learner%basis)
+      surrogate%alpha = learner%design%regression%alpha
+      surrogate%beta = learner%design%regression%beta
+      surrogate%coefficients = coefficient_mean(learner%design%regression)
+      allocate (surrogate%covariance(size(surrogate%coefficients), size(surrogate%coefficients)))
+      call coefficient_covariance(learner%design%regression, surrogate%covariance)
+      surrogate%simulations = learner%simulations
+      surrogate%provenance = provenance
+      call inflation_of(surrogate%basis, learner%prior, learner%prior_mean, surrogate%covariance, surrogate%beta, z, &
+         & surrogate%sd_inflation, error)
+   end subroutine surrogate_of
+
+   !> Name the numbers of a learner; its arrays are not listed but given if wanted.
+   subroutine describe_learner(learner, visitor)
+      type(learner_type), intent(inout) :: learner
+      type(described_values_type), intent(inout) :: visitor
+      real(wp), allocatable :: covariance(:, :)
+
+      associate (regression => learner%design%regression)
+         call visitor%real('alpha', regression%alpha)
+         call visitor%real('beta', regression%beta)
+         call visitor%real('log_evidence', learner%log_evidence)
+         if (visitor%wants('weights')) call visitor%reals('weights', learner%weights)
+         if (visitor%wants('prior_mean')) call visitor%reals('prior_mean', learner%prior_mean)
+         if (visitor%wants('mean')) visitor%values = coefficient_mean(regression)
+         if (visitor%wants('variances')) then
+            call absorb_choices(learner%design)
+            visitor%values = learner%design%variance
+         else if (visitor%wants('covariance')) then
+            call absorb_choices(learner%design)
+            allocate (covariance(regression%n_terms, regression%n_terms))
+            call coefficient_covariance(regression, covariance)
+            visitor%values = reshape(covariance, [size(covariance)])
+         end if
+      end associate
+   end subroutine describe_learner
+end module surrogate_learner
