@@ -11,7 +11,8 @@ module batch_simulate
    use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
    use settings_groups, only: simulation_settings_type
-   use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, outcome_waiting, simulator_type
+   use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, outcome_waiting, simulation_error, &
+      & simulator_type
    use tables, only: csv_cell
    use text, only: to_text
    use threads, only: thread_count
@@ -34,7 +35,8 @@ contains
       type(outcome_type), allocatable :: outcomes(:)
       type(simulation_settings_type) :: settings
       class(simulator_type), allocatable :: simulator
-      character(len=:), allocatable :: path, physics
+      character(len=:), allocatable :: path, physics, warning
+      real(wp) :: largest(self%crystals%n)
       integer :: new, failed
 
       path = output//'/'//simulations_name
@@ -58,6 +60,8 @@ contains
             & //outcomes(1)%message)
          return
       end if
+      call simulation_error(settings, self%crystals%stiffness, largest, warning)
+      if (len(warning) > 0) write (error_unit, '(3a)') 'warning: ', place(self%path, 'simulation', ''), warning
       told = to_text(self%crystals%n)//' crystals, '//to_text(new)//' new, '//to_text(failed)//' failed: '//path
    end subroutine simulate_crystals
 
