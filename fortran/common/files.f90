@@ -149,7 +149,6 @@ contains
       end if
       if (self%status /= 0) then
          call raise(error, self%path//': cannot be written: '//trim(self%reason))
-         ! allow(C181): the first failure has been told
          if (self%is_open) close (self%unit, status='delete', iostat=status)
          return
       end if

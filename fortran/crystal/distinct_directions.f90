@@ -207,7 +207,8 @@ contains
       all_alike = size(directions, 2) == 0
    end function all_alike
 
-   !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the corners
+   !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the
+   !> corners
    !> over a triangle.
    pure subroutine lattice_of_directions(region, directions)
       type(region_type), intent(in) :: region
@@ -233,7 +234,8 @@ contains
       end select
    end subroutine lattice_of_directions
 
-   !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of a
+   !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of
+   !> a
    !> fine grid that is farthest from those before.
    pure subroutine spread_of_directions(region, n, directions)
       type(region_type), intent(in) :: region

@@ -40,7 +40,8 @@ subroutine indentation_new(problem, mesh, handle, counts, costs, element, status
    element = model%element
 end subroutine indentation_new
 
-!> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the model. `curve`: depth (um), force (mN), contact
+!> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the model. `curve`: depth
+!> (um), force (mN), contact
 !> radius (um). `moduli` (GPa): estimate, slope with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds,
 !> seconds of factorisation, contact residual, equilibrium residual, elements of all solves.
 subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diagnostics, status, message)
@@ -101,7 +102,8 @@ subroutine indentation_nodes(handle, nodes, contacts, x, gap, status, message)
    gap = model%grid(1)%gap
 end subroutine indentation_nodes
 
-!> A table of nodes of the finest mesh, numbered from 0, `width` by `count`. `item`: 'brick', 'facet' (of the infinite elements), 'contact', 'clamped', 'hanging',
+!> A table of nodes of the finest mesh, numbered from 0, `width` by `count`. `item`: 'brick', 'facet' (of the infinite elements),
+!> 'contact', 'clamped', 'hanging',
 !> or 'master': those whose mean each hanging node follows, -1 where there is none.
 subroutine indentation_table(handle, item, width, count, table, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
@@ -119,7 +121,6 @@ subroutine indentation_table(handle, item, width, count, table, status, message)
    type(error_type), allocatable :: error
    integer :: i
 
-   table = -1
    call model_of_handle(handle, model, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
@@ -136,9 +137,12 @@ subroutine indentation_table(handle, item, width, count, table, status, message)
       case ('hanging')
          table(1, :) = mesh%hanging - 1
       case ('master')
+         table = -1
          do i = 1, count
             table(:mesh%masters(i), i) = mesh%master(:mesh%masters(i), i) - 1
          end do
+      case default
+         table = -1
       end select
    end associate
 end subroutine indentation_table

@@ -1,7 +1,8 @@
 ! Step 2 for Python: posteriors of the constants under handles of the kind 'posterior', their chains, and what follows from them.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
-!> Names and units of the quantities that are reported of the crystal class `symmetry`, one on a line, name and unit apart by byte 31.
+!> Names and units of the quantities that are reported of the crystal class `symmetry`, one on a line, name and unit apart by byte
+!> 31.
 subroutine quantity_list(symmetry, names, status, message)
    use, intrinsic :: iso_c_binding, only: c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
@@ -212,7 +213,8 @@ subroutine posterior_moduli(handle, parameters, n, x, m, euler, seed, moduli, fa
    end do
 end subroutine posterior_moduli
 
-!> What to measure next, by the problem's &next, from n draws of so many parameters of the posterior (the factor on the sds as it is, not its logarithm).
+!> What to measure next, by the problem's &next, from n draws of so many parameters of the posterior (the factor on the sds as it
+!> is, not its logarithm).
 subroutine posterior_next(problem, handle, parameters, n, draws, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_to_status, error_type

@@ -44,7 +44,8 @@ subroutine problem_from_text(origin, content, handle, status, message)
    call error_to_status(error, status, message)
 end subroutine problem_from_text
 
-!> A table alone, as `crystals` (symmetry: of the rows that do not say theirs) or, if symmetry is blank, `measurements` of a problem;
+!> A table alone, as `crystals` (symmetry: of the rows that do not say theirs) or, if symmetry is blank, `measurements` of a
+!> problem;
 !> sd_optional: 1 if the column sd_gpa may be absent.
 subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t

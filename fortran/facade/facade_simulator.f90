@@ -1,6 +1,7 @@
 ! Simulators for Python, under handles of the kind 'simulator', and what is known of a simulation without making it.
 
-!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank. `depths`: points of a curve, at
+!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank. `depths`: points of a curve,
+!> at
 !> most.
 subroutine simulator_new(problem, mesh, handle, depths, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
@@ -24,7 +25,8 @@ subroutine simulator_new(problem, mesh, handle, depths, status, message)
    call error_to_status(error, status, message)
 end subroutine simulator_new
 
-!> Simulate one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the simulator. `numbers`: indentation modulus (GPa),
+!> Simulate one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the simulator. `numbers`:
+!> indentation modulus (GPa),
 !> seconds, elements, points of the curve, and 1 if it failed, with the reason in `message`; `curve`: depth (um), force (mN).
 subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
@@ -104,7 +106,8 @@ subroutine simulation_other_mesh(problem, mesh, status, message)
    call error_to_status(error, status, message)
 end subroutine simulation_other_mesh
 
-!> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa); `mesh` takes the
+!> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa); `mesh` takes
+!> the
 !> place of its own unless it is blank. `warning`: what is to be said of those near instability, blank if there are none.
 subroutine simulation_resolution(problem, mesh, n, stiffness, largest, warning, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t

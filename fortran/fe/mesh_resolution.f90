@@ -1,6 +1,7 @@
 !> How far a mesh may be wrong near elastic instability, where bricks resolve neither the soft modes nor the far field.
 !>
-!> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): the largest error grows with the cube
+!> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): the largest error grows with
+!> the cube
 !> of the log-anisotropy, is twice as large with c3d8 as with c3d8i, and falls with about the 1.4th power of the fineness.
 module mesh_resolution
    use crystal_elasticity, only: log_anisotropy
@@ -67,8 +68,9 @@ contains
       end if
       words = words//' so near instability that the error of the mesh may reach about ' &
          & //to_text(nint(100.0_wp*minval(largest(bad))))
-      if (nint(100.0_wp*maxval(largest)) > nint(100.0_wp*minval(largest(bad)))) &
-         & words = words//' to '//to_text(nint(100.0_wp*maxval(largest)))
+      if (nint(100.0_wp*maxval(largest)) > nint(100.0_wp*minval(largest(bad)))) then
+         words = words//' to '//to_text(nint(100.0_wp*maxval(largest)))
+      end if
       words = words//' %: refine, extrapolate, or compare with the theory'
       if (size(largest) == 1) return
       words = words//' (rows '

@@ -2,12 +2,15 @@
 !>
 !> A measurement v at a candidate has the density p(v) = sum_s w_s N(v; m_s, sd²) over the draws s, whose predictions m_s have the
 !> errors that measurements share (of calibration, of the surrogate) drawn with the constants. What it is expected to say of the
-!> constants alone is the entropy of p less that of v where the constants are known: of the noise and the shared errors together. The
+!> constants alone is the entropy of p less that of v where the constants are known: of the noise and the shared errors together.
+!> The
 !> variance of a target that is left is the integral of p(v) times the variance under the weights w_s N(v; m_s, sd²). Both are
 !> integrals over the one variable v, done on a grid: no normal approximation of the posterior and no noise of a simulation.
 !>
-!> A kernel narrower than the draws are dense would see single draws and not their density, so it has at least a share of the spread of
-!> the predictions; the entropy of the noise is that of the true sd. So the cost is bounded, and precise measurements have their limit.
+!> A kernel narrower than the draws are dense would see single draws and not their density, so it has at least a share of the
+!> spread of
+!> the predictions; the entropy of the noise is that of the true sd. So the cost is bounded, and precise measurements have their
+!> limit.
 !>
 !> Several measurements are chosen one after another. What the earlier ones will say is not known, so it is averaged over scenarios:
 !> a draw taken as the truth, noise added, and the draws weighted by what was measured in that scenario.
@@ -158,7 +161,8 @@ contains
       !$omp end parallel do
    end subroutine expected_gains
 
-   !> Choose candidates one after another, averaged over `scenarios` of what the earlier ones say, each given those before it, no two of them near each other; fewer than `count` where no
+   !> Choose candidates one after another, averaged over `scenarios` of what the earlier ones say, each given those before it, no
+   !> two of them near each other; fewer than `count` where no
    !> more are left.
    subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions, error)
       type(candidates_type), intent(in) :: candidates

@@ -45,7 +45,8 @@ module posterior_summary
    !> For some of the draws, evenly spaced in each chain.
    type :: predictions_type
       integer :: stride = 1
-      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus the calibration error, (draw, chain).
+      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus the calibration error, (draw,
+      !> chain).
       real(wp), allocatable :: moduli(:, :, :), factor(:, :)
       !> Values of the quantities that were asked for, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)

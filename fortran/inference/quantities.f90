@@ -1,7 +1,9 @@
-!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants, averages, directional moduli, and products
+!> What a metallurgist asks of a crystal, by name, from a stiffness of any class: constants, averages, directional moduli, and
+!> products
 !> of powers of these.
 !>
-!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are Hill's: bulk and shear modulus are the
+!> A direction [uvw] has its components along the Cartesian crystal axes. Polycrystal values are Hill's: bulk and shear modulus are
+!> the
 !> means of Voigt's and Reuss' for a uniform texture, and Young's modulus and Poisson's ratio follow from these two.
 module quantities
    use crystal_class, only: crystal_class_type

@@ -1,4 +1,5 @@
-!> The maximum of a density by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which needs no derivative and does not mind bounds.
+!> The maximum of a density by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which needs no derivative and does not mind
+!> bounds.
 module simplex_search
    use kinds, only: wp
    use sampling_target, only: target_type

@@ -1,6 +1,7 @@
 !> Student's t: errors of which some are far off.
 !>
-!> For more than two degrees of freedom its standard deviation is that of the measurement, so the scale is sqrt((dof - 2)/dof) of it.
+!> For more than two degrees of freedom its standard deviation is that of the measurement, so the scale is sqrt((dof - 2)/dof) of
+!> it.
 !> With two or fewer the distribution has no standard deviation, and what is stated is its scale.
 module student_errors
    use abstract_error_model, only: error_model_type

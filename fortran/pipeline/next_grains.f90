@@ -27,7 +27,8 @@ module next_grains
 
 contains
 
-   !> The document of `next` from `draws` of the posterior: suggestions, each given those before it, and the gain of every candidate as the first of them.
+   !> The document of `next` from `draws` of the posterior: suggestions, each given those before it, and the gain of every
+   !> candidate as the first of them.
    subroutine next_document(problem, posterior, draws, document, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior

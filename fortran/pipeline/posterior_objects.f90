@@ -83,10 +83,12 @@ contains
       end select
    end subroutine posterior_of_handle
 
-   !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the stated crystals that
+   !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the
+   !> stated crystals that
    !> the surrogate covers); of the chains that were run last 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
    !> 'acceptance' (chain); if Step 2 was done the same of its chains ('found_draws', ..), 'prior_draws', for some of the draws
-   !> 'predicted' (grain, draw, chain), 'factor' (draw, chain), 'quantities' (quantity, draw, chain), and 'most_probable' (parameter,
+   !> 'predicted' (grain, draw, chain), 'factor' (draw, chain), 'quantities' (quantity, draw, chain), and 'most_probable'
+   !> (parameter,
    !> NaN where the data do not say).
    subroutine labelled_values_of(handle, label, sizes, error, values)
       integer(i8), intent(in) :: handle

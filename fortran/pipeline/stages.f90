@@ -1,4 +1,5 @@
-!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes those whose group is there, in order.
+!> The stages of a namelist: one table, a row a stage. Each is a command of its own; `run` makes those whose group is there, in
+!> order.
 module stages
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable

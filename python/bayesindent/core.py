@@ -69,6 +69,7 @@ class NativeObject:
 
     #: What the core calls it: 'surrogate', 'posterior', ..
     kind = ""
+    _handle: int
 
     def _hold(self, handle: int) -> None:
         object.__setattr__(self, "_handle", int(handle))

@@ -79,7 +79,7 @@ class Indentation(NativeObject):
         for name in NOT_OURS:
             if name in settings:
                 raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
-        self._made_of = (_made_anew, (type(self), settings))
+        self._made_of: tuple = (_made_anew, (type(self), settings))
         self._set_up(Problem.from_keywords("Indentation", simulation=settings))
 
     @classmethod

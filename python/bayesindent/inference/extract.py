@@ -71,7 +71,11 @@ def inference_data(found: Posterior):
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        groups = {"derived": (derived, coordinates), "predictions": (predictions, coordinates), "observed_data": (data, {})}
+        groups: dict[str, tuple[dict, dict]] = {
+            "derived": (derived, coordinates),
+            "predictions": (predictions, coordinates),
+            "observed_data": (data, {}),
+        }
         result.add_groups(
             {
                 name: xr.Dataset(variables, places).transpose("chain", "draw", ..., missing_dims="ignore")
