@@ -1,6 +1,6 @@
 ! Problems for Python, under handles of the kind 'problem'.
 
-!> Read the namelist file `path` for a stage or for 'run'. handle: 0 if refused.
+!> Read the namelist file `path` for a `command`: a stage, or 'run'. handle: 0 if refused.
 subroutine problem_read(path, command, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -22,7 +22,7 @@ subroutine problem_read(path, command, handle, status, message)
    call error_to_status(error, status, message)
 end subroutine problem_read
 
-!> The problem of a namelist's text, made of keywords of the Python function `origin`. handle: 0 if refused.
+!> The problem of a namelist's text, `content`, made of keywords of the Python function `origin`. handle: 0 if refused.
 subroutine problem_from_text(origin, content, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -45,8 +45,7 @@ subroutine problem_from_text(origin, content, handle, status, message)
 end subroutine problem_from_text
 
 !> A table alone, as `crystals` (symmetry: of the rows that do not say theirs) or, if symmetry is blank, `measurements` of a
-!> problem;
-!> sd_optional: 1 if the column sd_gpa may be absent.
+!> problem; sd_optional: 1 if the column sd_gpa may be absent.
 subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use crystal_class, only: crystal_class_type, new_crystal_class
@@ -78,7 +77,8 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
    call error_to_status(error, status, message)
 end subroutine problem_of_table
 
-!> The measurements of a problem that come as arrays: degrees, GPa; n_sd is n, or 0 if the sds are to be inferred.
+!> The measurements of a problem that come as arrays: euler_deg in degrees, modulus_gpa and sd_gpa; n_sd is n, or 0 if the sds are
+!> to be inferred.
 subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_gpa, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -99,7 +99,7 @@ subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_
    call error_to_status(error, status, message)
 end subroutine problem_set_measurements
 
-!> Bytes of a text: see `problem_texts`; handle 0: of the texts without a problem.
+!> `length` in bytes of the text number `item`: see `problem_texts`; handle 0: of the texts without a problem.
 subroutine problem_text_length(handle, item, length, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -118,7 +118,7 @@ subroutine problem_text_length(handle, item, length, status, message)
    length = len(whole)
 end subroutine problem_text_length
 
-!> The text itself. Items end with the byte 31, rows of a table with the byte 30.
+!> The text number `item` itself, `length` bytes. Items end with the byte 31, rows of a table with the byte 30.
 subroutine problem_text(handle, item, length, text, status, message)
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -141,7 +141,7 @@ subroutine problem_text(handle, item, length, text, status, message)
    end do
 end subroutine problem_text
 
-!> Rows of table 1 crystals, 2 measurements, 3 candidates; -1 if the file names none.
+!> The number n of rows of table 1 crystals, 2 measurements, 3 candidates; -1 if the file names none.
 subroutine problem_table_rows(handle, table, n, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
@@ -162,8 +162,8 @@ subroutine problem_table_rows(handle, table, n, status, message)
    if (associated(points)) n = points%n
 end subroutine problem_table_rows
 
-!> Numbers of a table: angles in degrees, GPa, NaN where the table has none. symmetry: the class of each row, twelve
-!> characters; blank in measurements, whose constants and stiffness are zero.
+!> Numbers of a table of n rows: angles in degrees, constants, stiffness, modulus_gpa and sd_gpa in GPa, NaN where the table has
+!> none. symmetry: the class of each row, twelve characters; blank in measurements, whose constants and stiffness are zero.
 subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler_deg, modulus_gpa, sd_gpa)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use errors, only: error_type

@@ -42,7 +42,8 @@ module evidence_regression
 
 contains
 
-   !> A regression without data. `weights` is the diagonal of W.
+   !> A regression without data. `weights` is the diagonal of W, `prior_mean` that of the coefficients (n_terms); `least_noise` is the
+   !> least sd of the noise, in units of y.
    subroutine new_regression(weights, prior_mean, least_noise, regression, error)
       real(wp), intent(in) :: weights(:), prior_mean(:), least_noise
       type(regression_type), intent(out) :: regression
@@ -67,7 +68,7 @@ contains
       call set_precisions(regression, 1.0_wp, 1.0_wp/least_noise**2, error)
    end subroutine new_regression
 
-   !> Multiply each column of terms by the prior's width.
+   !> Multiply each column of terms by the prior's width: `whitened`.
    pure subroutine whiten(regression, terms, whitened)
       type(regression_type), intent(in) :: regression
       real(wp), intent(in) :: terms(:, :)

@@ -42,7 +42,7 @@ module sequential_design
 
 contains
 
-   !> A design without candidates and without data; arguments as of `new_regression`.
+   !> A design without candidates and without data; `weights`, `prior_mean` and `least_noise` as of `new_regression`.
    subroutine new_design(weights, prior_mean, least_noise, design, error)
       real(wp), intent(in) :: weights(:), prior_mean(:), least_noise
       type(design_type), intent(out) :: design

@@ -113,7 +113,7 @@ def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: 
     """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
 
     `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
-    `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse. Raises `InputError` for
+    `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse; `threads` share the crystals. Raises `InputError` for
     a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
     """
     matrices, angles, shape = crystal_columns(stiffness, euler_deg)

@@ -86,5 +86,5 @@ def inference_data(found: Posterior):
 
 
 def summary(result) -> dict:
-    """The document of `extract` from what the function of that name gives."""
+    """The document of `extract` from `result`, what the function of that name gives."""
     return json.loads(result.posterior.attrs["summary"])

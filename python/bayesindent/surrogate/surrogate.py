@@ -22,10 +22,13 @@ class Surrogate(NativeObject):
     """Indentation modulus of every crystal of a class, with its uncertainty.
 
     Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, and a factor on every predicted sd.
+    precisions alpha of the prior and beta of the noise, all in units of y, a factor `sd_inflation` on every predicted sd, and the
+    `provenance`, where it comes from (title, physics, namelist, ..).
     """
 
     kind = "surrogate"
+    basis: Basis
+    symmetry: str
 
     def __init__(self, basis: Basis, coefficients, covariance, *, alpha: float, beta: float, sd_inflation: float = 1.0, provenance=None):
         handle, status, message = native.surrogate_new(
@@ -44,7 +47,6 @@ class Surrogate(NativeObject):
     def _describe(self, handle: int) -> None:
         self._hold(handle)
         facts, basis = self._document(), Basis.of(handle)
-        #: `provenance`: where it comes from (title, physics, namelist, ..).
         self.__dict__.update(
             {"basis": basis, "symmetry": basis.domain.symmetry, "provenance": json.loads(facts["provenance"])}
             | {name: facts[name] for name in ("alpha", "beta", "sd_inflation")}
