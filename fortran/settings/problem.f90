@@ -157,7 +157,7 @@ contains
       associate (euler => self%measurements%euler_deg)
          if (self%measurements%n == 1) then
             call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
-         else
+         else if (allocated(self%class%name)) then
             do i = 1, self%measurements%n
                g = rotation_matrix(euler(:, i)*degree)
                directions(:, i) = g(:, 3)

@@ -102,6 +102,10 @@ class Problem(NativeObject):
         try:
             if measurements_table is not None:
                 euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in measurements_table)
+                n = modulus.size
+                if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
+                    found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
+                    raise InputError(f"{path}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
                 check(*native.problem_set_measurements(handle, np.asfortranarray(euler_deg.T), modulus, sd))
             self.path = path
             self.folder = path.parent

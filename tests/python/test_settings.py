@@ -1,0 +1,137 @@
+"""One settings layer: keywords and files give the same words, and every variable is read by somebody."""
+
+import copy
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.settings.problem import schema, stages
+from conftest import DOMAIN, SOURCE
+
+#: Files of the settings layer itself, which handle every variable alike, and its checks.
+LAYER = {"settings_checks", "settings_groups", "settings_lists", "settings_names", "settings_reader", "settings_schema", "settings_visitor"}
+SOURCES = [
+    path.read_text()
+    for folder, ending in (("fortran", "f90"), ("python/bayesindent", "py"))
+    for path in sorted((SOURCE / folder).rglob(f"*.{ending}"))
+    if path.stem not in LAYER
+]
+
+
+def is_read(group: str, name: str) -> bool:
+    """Whether a source that takes the settings of the group names the variable."""
+    takes = re.compile(rf"settings[.%]{group}\b|\b{group}_settings_type|\bgroups\.{group}\b|group\(\"{group}\"\)")
+    return any(takes.search(text) and re.search(rf"[.%]{name}\b|\"{name}\"", text) for text in SOURCES)
+
+
+@pytest.mark.parametrize("variable", schema(), ids=lambda v: f"{v.group}-{v.name}")
+def test_every_variable_is_read(variable):
+    assert is_read(variable.group, variable.name)
+
+
+def test_a_variable_that_nobody_reads_is_found():
+    assert not is_read("simulation", "budget")
+    assert not is_read("design", "nonsense")
+
+
+#: What is wrong with a group.
+WRONG = {
+    "word": ("simulation", {"mesh": "papr"}, "&simulation mesh: 'papr' is not known; allowed 'halfspace', 'paper'"),
+    "range": ("simulation", {"radius_um": -1.0}, "&simulation radius_um: -1.0 is out of range; allowed 0.001 to 1e6 um"),
+    "integer": ("design", {"budget": 2.5}, "&design budget: 2.5 is not an integer; allowed 1 to 1000000"),
+    "infinite": ("next", {"sd_gpa": float("inf")}, "&next sd_gpa: inf is not a finite number; allowed 0 to 1000 GPa"),
+    "text": ("simulation", {"depths": "ten"}, "&simulation depths: the text 'ten' stands where an integer is needed; allowed 1 to 1000"),
+    "number": ("sampler", {"method": 3}, "&sampler method: 3 is not in quotes; a text is needed; allowed 'ensemble', 'scmh'"),
+    "name": ("simulation", {"mash": "paper"}, "&simulation mash: unknown variable, did you mean mesh?; allowed: simulator mesh"),
+    "count": ("prior", {"c_min": [1, 2]}, "&prior c_min: 2 values; 3 are needed: C11, C12, C44"),
+    "lists": ("knowledge", {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]}, "&knowledge quantity: 1 of them for 2 of mean"),
+    "crossed": ("prior", {"c_min": [9, 9, 9], "c_max": (8, 10, 10)}, "&prior c_min: C11 = 9.0 GPa is not below its c_max of 8.0 GPa"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_keywords_and_files_give_the_same_words(tmp_path, case):
+    group, values, expected = WRONG[case]
+
+    def spelled(value):
+        return ", ".join(map(spelled, value)) if isinstance(value, list | tuple) else repr(value)
+
+    lines = "\n".join(f"{name} = {spelled(value)}" for name, value in values.items())
+    path = tmp_path / "a.nml"
+    path.write_text(f"&problem symmetry = 'cubic' /\n{DOMAIN['cubic']}&design /\n".replace(f"&{group} /\n", "") + f"&{group}\n{lines}\n/\n")
+    with pytest.raises(bi.InputError) as file:
+        bi.Problem(path, "build")
+    with pytest.raises(bi.InputError) as keywords:
+        bi.Problem.from_keywords("Something", problem={"symmetry": "cubic"}, **{group: values})
+    assert str(keywords.value).startswith(f"Something: {expected}")
+    assert str(file.value) == str(keywords.value).replace("Something", str(path))
+
+
+@pytest.mark.parametrize("value", [object(), [], {}, 1j])
+def test_values_that_no_file_could_have(value):
+    with pytest.raises(bi.InputError, match="f: &simulation mesh: .* is neither number nor text"):
+        bi.Problem.from_keywords("f", simulation={"mesh": value})
+
+
+def test_keywords_are_resolved_as_files_are():
+    problem = bi.Problem.from_keywords(
+        "f", problem={"symmetry": "M-3m", "title": "it's"}, simulation={"depths": np.int64(3), "refine": np.float64(0.5), "vtu": True},
+        prior={"c_max": np.array([300.0, 200.0, 100.0])}, knowledge={"quantity": ["C12", "C11"], "mean": [100, 200], "sd": [1, 2]},
+    )  # fmt: skip
+    settings = problem.settings
+    assert (settings.problem.symmetry, settings.problem.title) == ("cubic", "it's")
+    assert (settings.simulation.depths, settings.simulation.refine, settings.simulation.vtu) == (3, 0.5, True)
+    assert (settings.prior.c_min, settings.prior.c_max.tolist()) == (None, [300.0, 200.0, 100.0])
+    assert (settings.knowledge.quantity, settings.knowledge.sd.tolist()) == (("C12", "C11"), [1.0, 2.0])
+    assert settings.design.budget == 40
+    assert not settings.design.given
+    # What is not given is the default.
+    assert bi.Problem.from_keywords("f", simulation={"mesh": None}).settings.simulation.mesh == "halfspace"
+
+
+MEASURED = (np.array([[0.0, 10.0, 20.0], [0.0, 80.0, 45.0]]), [200.0, 210.0], [4.0, 5.0])
+
+
+def test_measurements_from_arrays():
+    def problem(table, **measurements):
+        return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements=measurements)
+
+    points = problem(MEASURED).measurements
+    assert points.euler_deg.tolist() == MEASURED[0].tolist()
+    assert (points.modulus_gpa.tolist(), points.sd_gpa.tolist()) == MEASURED[1:]
+    assert problem((*MEASURED[:2], None), scale="inferred").measurements.sd_gpa is None
+    assert "has one grain" in problem(tuple(part[:1] for part in MEASURED)).warnings[0]
+    for table, expected in (
+        ((MEASURED[0], [200.0, 1e5], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: 100000.0 GPa looks like MPa"),
+        ((MEASURED[0], [200.0, np.nan], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: NaN"),
+        ((MEASURED[0], MEASURED[1], [4.0, 0.0]), "f: &measurements: line 2, column sd_gpa: 0.0 GPa; a standard deviation is above 0"),
+        ((MEASURED[0], MEASURED[1], None), "f: &measurements: the column sd_gpa is missing; it may be absent only with"),
+        ((np.empty((0, 3)), [], []), "f: &measurements: angles, moduli and sds have shapes"),
+        ((MEASURED[0].T, *MEASURED[1:]), "f: &measurements: angles, moduli and sds have shapes (3, 2), (2,), (2,); allowed"),
+    ):
+        with pytest.raises(bi.InputError) as caught:
+            problem(table)
+        assert str(caught.value).startswith(expected)
+
+
+def test_problems_are_made_anew(tmp_path):
+    (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' /\n{DOMAIN['cubic']}&design budget = 7 /\n")
+    for problem in (
+        bi.Problem(tmp_path / "a.nml", "build"),
+        bi.Problem.from_keywords("f", MEASURED, problem={"symmetry": "cubic"}, measurements={}, design={"budget": 7}),
+    ):
+        for again in (copy.copy(problem), copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
+            assert again.settings.design.budget == 7
+            assert again.resolved == problem.resolved
+            assert again._handle != problem._handle
+
+
+def test_stages_are_one_table():
+    names = [stage.name for stage in stages()]
+    assert names[0] == "run"
+    assert {"simulate", "theory", "build", "extract", "next"} == set(names[1:])
+    known = {variable.group for variable in schema()}
+    assert all(set(stage.groups) <= known and stage.summary for stage in stages())
