@@ -1,18 +1,15 @@
 !> A problem from a namelist file, or from a text made of the keywords of a Python function: same checks, same words.
 module problem_input
+   use build_checks, only: check_build, question_candidates
    use choices, only: all_choices
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: printable
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
    use stages, only: plan_stages
-   use surrogate_domain, only: domain_type, new_domain
-   use surrogate_lookup, only: check_new_name
-   use text, only: to_text
    implicit none
    private
-   public :: read_problem, problem_of_text, domain_of
+   public :: read_problem, problem_of_text
 
 contains
 
@@ -59,48 +56,12 @@ contains
          call raise(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
             & //'''fe'', ''theory''', exit_bad_input)
       else if (has_stage(self, 'build')) then
-         call check_new_name(self%settings%surrogate%file, error)
-         if (allocated(error)) error%message = place(self%path, 'surrogate', 'file')//error%message
+         call check_build(self, error)
       end if
       if (.not. allocated(error) .and. (has_stage(self, 'extract') .or. has_stage(self, 'next'))) call check_step_2(self, error)
       if (.not. allocated(error) .and. has_stage(self, 'next')) call check_target(self, error)
       if (.not. allocated(error) .and. allocated(self%candidates)) call question_candidates(self, error)
    end subroutine check_problem
-
-   !> Warn of candidates that the surrogate would not cover.
-   subroutine question_candidates(self, error)
-      type(problem_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(domain_type) :: domain
-      integer :: i, outside
-
-      if (.not. allocated(self%settings%domain%c_min)) return
-      call domain_of(self, domain, error)
-      if (allocated(error)) return
-      outside = 0
-      do i = 1, self%candidates%n
-         if (.not. domain%admits(self%candidates%stiffness(:, :, i))) outside = outside + 1
-      end do
-      if (outside > 0) call self%warn(place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
-         & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
-   end subroutine question_candidates
-
-   !> The crystals that the surrogate of a problem is to cover.
-   subroutine domain_of(self, domain, error)
-      type(problem_type), intent(in) :: self
-      type(domain_type), intent(out) :: domain
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (stated => self%settings%domain)
-         if (.not. (allocated(stated%c_min) .and. allocated(stated%c_max) .and. allocated(stated%anisotropy_cap))) then
-            call raise(error, place(self%path, 'domain', '')//'the group is missing; the fit of &surrogate needs it', &
-               & exit_bad_input)
-         else
-            call new_domain(self%class%name, stated%c_min, stated%c_max, stated%anisotropy_cap, domain, error)
-            if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
-         end if
-      end associate
-   end subroutine domain_of
 
    pure logical function has_stage(self, name)
       type(problem_type), intent(in) :: self

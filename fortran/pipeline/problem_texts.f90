@@ -1,11 +1,14 @@
 !> Lists and tables as one text each, for callers of another language: items end with byte 31, rows with byte 30.
 module problem_texts
    use choices, only: all_choices
+   use errors, only: error_type
    use point_tables, only: points_type
    use problem, only: problem_type
    use settings_lists, only: new_schema, schema_type, settings_namelist
    use settings_visitor, only: allowed_in_words, kind_names
    use stages, only: all_stages, run_command, stage_type
+   use text, only: to_text
+   use truncation_scan, only: read_scan
    implicit none
    private
    public :: text_of, static_text
@@ -14,7 +17,7 @@ module problem_texts
 
 contains
 
-   !> 1 resolved namelist, 2 the same with every group, 3 warnings, 4 groups of the file, 5 stages; 11, 12, 13 cells of the tables,
+   !> 1 resolved namelist, 2 the same with every group, 3 warnings, 4 groups of the file, 5 stages, 6 pairs of `scan`; 11, 12, 13 cells of the tables,
    !> header first.
    !> The number is `item`.
    function text_of(self, item) result(text)
@@ -22,6 +25,8 @@ contains
       integer, intent(in) :: item
       character(len=:), allocatable :: text
       type(schema_type) :: schema
+      type(error_type), allocatable :: error
+      integer, allocatable :: pairs(:, :)
       integer :: i
 
       text = ''
@@ -42,6 +47,11 @@ contains
          text = self%groups
       case (5)
          text = self%stages
+      case (6)
+         call read_scan(self%settings%surrogate%scan, pairs, error)
+         do i = 1, size(pairs, 2)
+            text = text//to_text(pairs(1, i))//item_end//to_text(pairs(2, i))//item_end//row_end
+         end do
       case (11)
          text = cells(self%crystals)
       case (12)

@@ -3,6 +3,7 @@ module batch_stages
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use abstract_basis, only: basis_type
    use bases, only: new_basis
+   use build_checks, only: domain_of
    use batch_simulate, only: simulations_name
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists
@@ -10,7 +11,6 @@ module batch_stages
    use namelist_file, only: place
    use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
-   use problem_input, only: domain_of
    use surrogate_domain, only: domain_type
    use surrogate_file, only: check_replaceable, save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of

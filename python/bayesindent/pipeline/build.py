@@ -10,7 +10,7 @@ import numpy as np
 
 from ..common.progress import Progress
 from ..common.result_files import write_csv
-from ..core import BayesindentError, InputError
+from ..core import BayesindentError
 from ..crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
 from ..pipeline.campaign import IMPORTED, Campaign
 from ..pipeline.simulator import Simulator, engine_of, physics_identity, resolution_warnings, simulate_into
@@ -21,7 +21,7 @@ from ..surrogate.choice import Choice, initial_set
 from ..surrogate.domain import Domain
 from ..surrogate.learning import Learning
 from ..surrogate.lookup import check_replaceable
-from ..surrogate.scan import scan_pairs, scan_truncations
+from ..surrogate.scan import scan_truncations
 from ..surrogate.stopping import why_to_stop
 
 __all__ = ["Loop", "build"]
@@ -39,7 +39,8 @@ class Loop:
     def __init__(self, problem, output: Path, progress: Progress | None = None):
         self.problem, self.output, self.progress = problem, output, progress or Progress()
         self.symmetry, design = problem.settings.problem.symmetry, problem.settings.design
-        basis = checked_basis(problem, output)
+        check_replaceable(problem, output)
+        basis = basis_of(problem)
         self.engine = engine_of(problem)
         candidates, self.warnings = candidates_of(problem, basis)
         schedule = {name: getattr(design, name) for name in ("initial", "budget", "batch", "refit")}
@@ -179,10 +180,9 @@ class Loop:
             "history": learning.history,
             "file": str(file),
         }
-        if problem.settings.surrogate.scan:
-            pairs = scan_pairs(problem.settings.surrogate.scan)
-            with self.progress.bar("truncations", len(pairs)) as advance:
-                document["scan"] = scan_truncations(learning, pairs, advance)
+        if problem.scan:
+            with self.progress.bar("truncations", len(problem.scan)) as advance:
+                document["scan"] = scan_truncations(learning, problem.scan, advance)
         if problem.settings.design.validation:
             document["validation"] = validate(self, surrogate, problem.settings.design.validation)
         return document | {"new_simulations": self.n_new, "failed": self.n_failed, "warnings": self.warnings}
@@ -194,21 +194,11 @@ class Loop:
         write_csv(self.output / "simulations.csv", header, rows, comment=f"physics: {physics}")
 
 
-def checked_basis(problem, output: Path) -> Basis:
-    """The basis of the surrogate of a problem, over the crystals that it is to cover; what cannot be meant is refused."""
-    stated, chosen, budget = problem.settings.domain, problem.settings.surrogate, problem.settings.design.budget
-    check_replaceable(problem, output)
+def basis_of(problem) -> Basis:
+    """The basis of the surrogate of a problem, over the crystals that it is to cover."""
+    stated, chosen = problem.settings.domain, problem.settings.surrogate
     domain = Domain(problem.settings.problem.symmetry, stated.c_min, stated.c_max, stated.anisotropy_cap)
-    try:
-        basis = Basis(domain, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit)
-    except InputError as error:
-        raise InputError(f"{problem.path}: &surrogate: {error}") from None
-    if chosen.prior == "zero" and budget < basis.n_terms:
-        raise InputError(
-            f"{problem.path}: &design budget: {budget} simulations are fewer than the {basis.n_terms} terms of the surrogate, which "
-            f"a flat prior cannot make up for; allowed: {basis.n_terms} or more, or a lower degree or bandlimit, or prior = 'theory'"
-        )
-    return basis
+    return Basis(domain, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit)
 
 
 def baselines(symmetry: str, data: dict) -> dict:

@@ -14,7 +14,7 @@ from ..crystal.elasticity import constant_names
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "stages"]
 
-_RESOLVED, _VALUES, _WARNINGS, _GROUPS, _STAGES, _CELLS = 1, 2, 3, 4, 5, 10
+_RESOLVED, _VALUES, _WARNINGS, _GROUPS, _STAGES, _SCAN, _CELLS = 1, 2, 3, 4, 5, 6, 10
 _SCHEMA, _STAGE_TABLE = 1, 2
 _CRYSTALS, _MEASUREMENTS, _CANDIDATES = 1, 2, 3
 
@@ -113,6 +113,8 @@ class Problem(NativeObject):
             self.warnings = _items(_text(handle, _WARNINGS))
             self.stages = _text(handle, _STAGES).decode().split()
             self.settings = _settings(_text(handle, _VALUES).decode(), _text(handle, _GROUPS).decode().split())
+            #: Pairs of degree and bandlimit of &surrogate scan.
+            self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in _rows(_text(handle, _SCAN))]
             self.crystals = _points(handle, _CRYSTALS)
             self.measurements = _points(handle, _MEASUREMENTS)
             self.candidates = _points(handle, _CANDIDATES)

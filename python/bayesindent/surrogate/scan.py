@@ -4,24 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..core import InputError
 from ..surrogate.basis import Basis
 from ..surrogate.learner import Learner
 from ..surrogate.learning import Learning, left_out
 
-__all__ = ["scan_pairs", "scan_truncations"]
+__all__ = ["scan_truncations"]
 
 #: Numbers of simulations at which the error is computed.
 COUNTS = 6
-
-
-def scan_pairs(text: str) -> list[tuple[int, int]]:
-    """The pairs of '1, 2, 3 x 8, 10, 12': degrees, then bandlimits."""
-    try:
-        degrees, bandlimits = ([int(word) for word in part.replace(",", " ").split()] for part in text.lower().split("x"))
-    except ValueError:
-        raise InputError(f"&surrogate scan: '{text}' is not of the form '1, 2, 3 x 8, 10, 12' (degrees x bandlimits)") from None
-    return [(degree, bandlimit) for degree in degrees for bandlimit in bandlimits]
 
 
 def scan_truncations(learning: Learning, pairs: list[tuple[int, int]], advance: Callable[[int], None]) -> list[dict]:

@@ -3,9 +3,9 @@
 import argparse
 
 from ...common.progress import Progress
-from ...pipeline.build import checked_basis
 from ...pipeline.step_2 import check_stage
 from ...settings.problem import Problem
+from ...surrogate.lookup import check_replaceable
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
 from . import report
 
@@ -30,7 +30,7 @@ def check(problem, arguments: argparse.Namespace) -> dict:
     """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it knows the crystals of the prior."""
     stages = problem.stages
     if "build" in stages:
-        checked_basis(problem, output_folder(arguments, arguments.file))
+        check_replaceable(problem, output_folder(arguments, arguments.file))
     if "build" not in stages and {"extract", "next"} & set(stages):
         check_stage(problem, output_folder(arguments, arguments.file))
     return {"file": str(arguments.file), "stages": stages, "warnings": problem.warnings}

@@ -1,0 +1,122 @@
+!> What a build would refuse, or warn of, before its first simulation, as far as the namelist tells.
+module build_checks
+   use bases, only: new_basis
+   use abstract_basis, only: basis_type
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use kinds, only: wp
+   use memory, only: check_memory
+   use namelist_file, only: place
+   use problem, only: problem_type
+   use settings_groups, only: surrogate_settings_type
+   use surrogate_domain, only: domain_type, new_domain
+   use surrogate_lookup, only: check_new_name
+   use text, only: to_text
+   use truncation_scan, only: read_scan
+   implicit none
+   private
+   public :: check_build, question_candidates, domain_of
+
+contains
+
+   !> Refuse the name of the surrogate's file, a basis that cannot be, more than memory holds, or the truncations to compare.
+   subroutine check_build(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(domain_type) :: domain
+      class(basis_type), allocatable :: basis
+
+      call check_new_name(problem%settings%surrogate%file, error)
+      if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
+      if (.not. allocated(error)) call domain_of(problem, domain, error)
+      if (allocated(error)) return
+      call new_basis(domain, problem%settings%surrogate, basis, error)
+      if (allocated(error)) then
+         error%message = place(problem%path, 'surrogate', '')//error%message
+         return
+      end if
+      associate (budget => problem%settings%design%budget)
+         if (problem%settings%surrogate%prior == 'zero' .and. budget < basis%n_terms) call raise(error, place(problem%path, &
+            & 'design', 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of ' &
+            & //'the surrogate, which a flat prior cannot make up for; allowed: '//to_text(basis%n_terms)//' or more, or a ' &
+            & //'lower degree or bandlimit, or prior = ''theory''', exit_bad_input)
+      end associate
+      if (.not. allocated(error)) call check_size(problem, basis%n_terms, error)
+      if (.not. allocated(error)) call check_scan(problem, domain, error)
+   end subroutine check_build
+
+   !> The terms of all candidates, twice while they are whitened, and four matrices of the terms.
+   subroutine check_size(problem, n_terms, error)
+      type(problem_type), intent(in) :: problem
+      !> Of the basis.
+      integer, intent(in) :: n_terms
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: bytes = 8.0_wp
+      real(wp) :: terms
+      integer :: n
+
+      n = problem%settings%design%n_candidates
+      if (allocated(problem%candidates)) n = problem%candidates%n
+      terms = n_terms
+      call check_memory(bytes*terms*(2.0_wp*n + 4.0_wp*terms), to_text(n)//' candidates of '//to_text(n_terms)//' terms', error)
+      if (.not. allocated(error)) return
+      error%message = place(problem%path, 'design', 'n_candidates')//error%message
+      error%status = exit_bad_input
+   end subroutine check_size
+
+   !> The truncations to compare are possible, too.
+   subroutine check_scan(problem, domain, error)
+      type(problem_type), intent(in) :: problem
+      type(domain_type), intent(in) :: domain
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_settings_type) :: settings
+      class(basis_type), allocatable :: basis
+      integer, allocatable :: pairs(:, :)
+      integer :: i
+
+      settings = problem%settings%surrogate
+      call read_scan(settings%scan, pairs, error)
+      do i = 1, size(pairs, 2)
+         if (allocated(error)) exit
+         settings%degree = pairs(1, i)
+         settings%bandlimit = pairs(2, i)
+         call new_basis(domain, settings, basis, error)
+      end do
+      if (allocated(error)) error%message = place(problem%path, 'surrogate', 'scan')//error%message
+   end subroutine check_scan
+
+   !> Warn of candidates that the surrogate would not cover.
+   subroutine question_candidates(self, error)
+      type(problem_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(domain_type) :: domain
+      integer :: i, outside
+
+      if (.not. allocated(self%settings%domain%c_min)) return
+      call domain_of(self, domain, error)
+      if (allocated(error)) return
+      outside = 0
+      do i = 1, self%candidates%n
+         if (.not. domain%admits(self%candidates%stiffness(:, :, i))) outside = outside + 1
+      end do
+      if (outside > 0) call self%warn(place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
+         & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
+   end subroutine question_candidates
+
+   !> The crystals that the surrogate of a problem is to cover.
+   subroutine domain_of(self, domain, error)
+      type(problem_type), intent(in) :: self
+      type(domain_type), intent(out) :: domain
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (stated => self%settings%domain)
+         if (.not. (allocated(stated%c_min) .and. allocated(stated%c_max) .and. allocated(stated%anisotropy_cap))) then
+            call raise(error, place(self%path, 'domain', '')//'the group is missing; the fit of &surrogate needs it', &
+               & exit_bad_input)
+         else
+            call new_domain(self%class%name, stated%c_min, stated%c_max, stated%anisotropy_cap, domain, error)
+            if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
+         end if
+      end associate
+   end subroutine domain_of
+end module build_checks
