@@ -84,6 +84,9 @@ class NativeObject:
             raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")
         object.__setattr__(self, name, value)
 
+    def __delattr__(self, name: str):
+        raise AttributeError(f"{type(self).__name__} is frozen: '{name}' stays")
+
     def __del__(self):
         handle = self.__dict__.pop("_handle", 0)
         if handle:
