@@ -31,7 +31,7 @@ module problem
       !> The groups of the file, and the stages that it asks for in order; separated by blanks.
       character(len=:), allocatable :: groups, stages
       type(settings_type) :: settings
-      !> Of &problem symmetry, which says its name after reading, whatever synonym the file has.
+      !> Of &problem symmetry.
       type(crystal_class_type) :: class
       type(warning_type), allocatable :: warnings(:)
       !> The tables that the file names, unallocated if it names none.
@@ -71,10 +71,7 @@ contains
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, choices, self%settings, error)
       if (allocated(error)) return
-      if (allocated(self%settings%problem%symmetry)) then
-         call new_crystal_class(self%settings%problem%symmetry, self%class, error)
-         if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
-      end if
+      if (allocated(self%settings%problem%symmetry)) call new_crystal_class(self%settings%problem%symmetry, self%class, error)
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       call load_tables(self, error)

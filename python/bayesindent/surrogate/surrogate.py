@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core import InputError, NativeObject, check, native
 from ..crystal.elasticity import crystal_columns
+from ..settings.problem import Problem
 from ..surrogate.basis import Basis
 from ..surrogate.domain import Domain
 from ..surrogate.lookup import places
@@ -54,26 +55,18 @@ class Surrogate(NativeObject):
         )
 
     @classmethod
-    def fit(
-        cls,
-        domain: Domain,
-        constants,
-        euler_deg,
-        modulus_gpa,
-        *,
-        coordinates: str = "dimensionless",
-        truncation: str = "total",
-        degree: int = 4,
-        bandlimit: int = 8,
-        prior: str = "theory",
-    ) -> "Surrogate":
-        """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation."""
+    def fit(cls, domain: Domain, constants, euler_deg, modulus_gpa, **settings) -> "Surrogate":
+        """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
+
+        `settings` are the variables of &surrogate: `coordinates`, `truncation`, `degree`, `bandlimit`, `prior`.
+        """
         from ..surrogate.learner import Learner
 
-        learner = Learner(Basis(domain, coordinates, truncation, degree, bandlimit), prior)
+        chosen = Problem.from_keywords("Surrogate.fit", surrogate=settings).settings.surrogate
+        learner = Learner(Basis(domain, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit), chosen.prior)
         learner.add(constants, euler_deg, modulus_gpa, chosen=True)
         learner.fit()
-        return learner.surrogate(prior=prior)
+        return learner.surrogate(prior=chosen.prior)
 
     @classmethod
     def load(cls, name, *, symmetry: str = "", output="", folder="") -> "Surrogate":
