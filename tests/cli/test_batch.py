@@ -10,6 +10,7 @@ from pathlib import Path
 import arviz
 import numpy as np
 import pytest
+import xarray
 
 from bayesindent import Problem
 from bayesindent.inference.extract import inference_data, summary
@@ -332,6 +333,24 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
     assert done.stderr == batch("a.nml", "--output", "out", "--check").stderr
     assert done.stderr.startswith("a.nml: &prior: the bounds are outside the surrogate's domain")
     assert done.stderr == bayesindent("run", "a.nml", "--output", "out").stderr
+
+
+@pytest.mark.parametrize(
+    ("stated", "low", "high"),
+    [("c_max = 180, 150, 130", -np.inf, [180, 150, 130]), ("c_min = 230, 20, 100", [230, 20, 100], np.inf)],
+    ids=["c_max", "c_min"],
+)
+def test_one_bound_alone_holds(batch, bayesindent, tmp_path, stated, low, high):
+    names = ["C11", "C12", "C44"]
+    text = CHECKED.format(file="cubic", data=FE3SI).replace("samples = 10", "samples = 100, burn_in = 500") + f"&prior {stated} /\n"
+    (tmp_path / "a.nml").write_text(text)
+    for program in (lambda: batch("a.nml", "--output", "out"), lambda: bayesindent("extract", "a.nml", "--output", "out")):
+        done = program()
+        assert done.returncode == 0, done.stderr
+    posterior = xarray.open_dataset(tmp_path / "out" / "posterior.nc", group="posterior", engine="h5netcdf")
+    written = [[float(row[name]) for name in names] for row in table(tmp_path / "out" / "posterior.csv")]
+    for draws in (np.array(written), np.stack([posterior[name].values.ravel() for name in names], axis=1)):
+        assert np.all((draws >= low) & (draws <= high))
 
 
 #: Names under which no new surrogate is kept, and why.
