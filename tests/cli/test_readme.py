@@ -1,0 +1,54 @@
+"""What README.md shows is what the program prints."""
+
+import re
+
+import pytest
+
+import bayesindent as bi
+from conftest import SOURCE
+
+README = (SOURCE / "README.md").read_text()
+
+#: How far a printed number may be from another machine's: by the first word of its line, or else for a row of `next`. The first share
+#: is relative. Errors of Monte Carlo are a tenth of these; a most probable point on a long ridge is worth little.
+TOLERANCES = {
+    "Surrogate:": [(0, 0), (0, 0), (0, 0), (0, 0), (0.5, 0)],
+    **{key: [(0, 1.0), (0, 1.0), (0, 25.0), (0, 3.0), (0, 3.0), (0, 0.01), (0.5, 0), (0.5, 0)] for key in ("C11", "C12", "C44")},
+}
+GAIN = [(0, 15.0), (0, 15.0), (0, 90.0), (0.2, 0)]
+NUMBER = r"(?<![\w-])\d+(?:\.\d+)?(?![\w%-])"
+
+
+def block(start):
+    """The block of code of README.md that holds `start`."""
+    return next(text for text in README.split("```")[1::2] if start in text).partition("\n")[2]
+
+
+def test_the_quickstart_prints_this(bayesindent):
+    done = bayesindent("run", SOURCE / "inputs" / "quickstart.nml")
+    assert done.returncode == 0, done.stderr
+    shown, printed = block("Elastic constants (GPa)").strip().splitlines(), done.stdout.strip().splitlines()
+    assert printed[-1] == "Report: runs/quickstart/report.html"
+    assert len(shown) == len(printed) - 1
+    for expected, line in zip(shown, printed, strict=False):
+        # Columns may be wider elsewhere.
+        assert re.sub(r"\s+", " ", re.sub(NUMBER, "#", line)) == re.sub(r"\s+", " ", re.sub(NUMBER, "#", expected))
+        values = [[float(number) for number in re.findall(NUMBER, text)] for text in (line, expected)]
+        tolerances = TOLERANCES.get(expected.split()[0], GAIN)
+        if len(tolerances) > len(values[0]):  # no most probable value
+            tolerances = tolerances[:2] + tolerances[3:]
+        for value, wanted, (relative, absolute) in zip(*values, tolerances, strict=False):
+            assert value == pytest.approx(wanted, rel=relative, abs=absolute), line
+
+
+def test_the_example_in_python_says_so(monkeypatch):
+    code = block("import bayesindent as bi")
+    monkeypatch.chdir(SOURCE)
+    names = {}
+    exec(code, names)
+    posterior = names["posterior"].posterior
+    for name, mean, sd in re.findall(r"(C\d\d) = (\d+) ± (\d+)", code.split("GPa\n")[0]):
+        assert posterior[name].values.mean() == pytest.approx(float(mean), abs=1.5)
+        assert posterior[name].values.std() == pytest.approx(float(sd), abs=1.0)
+    modulus = float(re.search(r"exact theory, ([\d.]+) GPa", code)[1])
+    assert bi.halfspace_modulus(names["c"], [0, 45, 0]) == pytest.approx(modulus, abs=0.005)
