@@ -1,9 +1,9 @@
 """Step 2 of a problem: its posterior, kept in the output folder, and what to measure next."""
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 
+from ..common.progress import Progress
 from ..common.result_files import whole_file
 from ..inference.extract import inference_data, summary
 from ..inference.next_grain import draws_of
@@ -20,15 +20,14 @@ def check_stage(problem, output: Path) -> None:
     Posterior(problem, surrogate_of(problem, output))
 
 
-def extract_stage(problem, output: Path, progress=None) -> dict:
+def extract_stage(problem, output: Path, progress: Progress | None = None) -> dict:
     """Step 2 of a problem: posterior.nc, and the document of `extract`."""
     surrogate = surrogate_of(problem, output)
-    with progress.bar("sampling", 1) if progress else nullcontext(lambda steps=1: None) as advance:
+    with (progress or Progress()).bar("sampling", 1) as advance:
         found = Posterior(problem, surrogate, EXTRACTION)
         advance(1)
     result = inference_data(found)
     result.posterior.attrs["inputs"] = json.dumps(step_2_inputs(problem, output))
-    output.mkdir(parents=True, exist_ok=True)
     with whole_file(output / "posterior.nc") as file:
         result.to_netcdf(str(file), engine="h5netcdf")
     return summary(result)
@@ -38,11 +37,8 @@ def stored_posterior(problem, output: Path):
     """The posterior that `extract` left in the output folder, if it was made from the present inputs; else None."""
     import arviz as az
 
-    path = output / "posterior.nc"
-    if not path.is_file():
-        return None
     try:
-        result = az.from_netcdf(str(path), engine="h5netcdf")
+        result = az.from_netcdf(str(output / "posterior.nc"), engine="h5netcdf")
         same = result.posterior.attrs["inputs"] == json.dumps(step_2_inputs(problem, output))
     except (OSError, ValueError, KeyError, AttributeError):
         return None
@@ -55,11 +51,11 @@ def step_2_inputs(problem, output: Path) -> dict[str, str]:
     return inputs_of(problem, groups, output)
 
 
-def next_stage(problem, output: Path, progress=None) -> dict:
+def next_stage(problem, output: Path, progress: Progress | None = None) -> dict:
     """The grains worth measuring next of a problem, after its posterior, which is sampled unless `extract` left it in the folder."""
     surrogate = surrogate_of(problem, output)
     stored = stored_posterior(problem, output)
-    with progress.bar("next grain", 1) if progress else nullcontext(lambda steps=1: None) as advance:
+    with (progress or Progress()).bar("next grain", 1) as advance:
         if stored is not None:
             document = Posterior(problem, surrogate).suggest(problem, draws_of(stored))
         else:

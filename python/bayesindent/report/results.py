@@ -73,7 +73,7 @@ class Results:
         if not self.documents["extract"]:
             return None
         with xarray.open_dataset(self.folder / "posterior.nc", group="posterior", engine="h5netcdf") as file:
-            return file.load()
+            return file.load() if json.loads(file.attrs["inputs"]) == self.documents["extract"]["inputs"] else None
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
