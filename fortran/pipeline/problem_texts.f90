@@ -122,8 +122,8 @@ contains
          type(stage_type), intent(in) :: stage
          character(len=:), allocatable :: row
 
-         row = trim(stage%name)//item_end//trim(stage%groups)//item_end//trim(stage%summary)//item_end &
-            & //trim(stage%description)//item_end//row_end
+         row = trim(stage%name)//item_end//trim(stage%groups)//item_end//trim(stage%document)//item_end//trim(stage%summary) &
+            & //item_end//trim(stage%description)//item_end//row_end
       end function row_of
    end function static_text
 end module problem_texts

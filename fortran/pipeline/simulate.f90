@@ -58,12 +58,6 @@ module simulate
       procedure, private :: evaluate => evaluate_theory
    end type theory_simulator_type
 
-   !> Results come from elsewhere.
-   type, extends(simulator_type) :: import_simulator_type
-   contains
-      procedure, private :: evaluate => evaluate_import
-   end type import_simulator_type
-
 contains
 
    !> The simulator of &simulation; for finite elements the meshes are made.
@@ -81,7 +75,8 @@ contains
       case ('theory')
          simulator = theory_simulator_type()
       case default
-         simulator = import_simulator_type()
+         call raise(error, "simulator: '"//settings%simulator//"' cannot simulate: print the next points with 'build --ask', " &
+            & //"import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
       end select
    end subroutine new_simulator
 
@@ -156,17 +151,4 @@ contains
       call halfspace_modulus(stiffness, euler, theory, error)
       outcome%modulus = theory%modulus
    end subroutine evaluate_theory
-
-   subroutine evaluate_import(self, stiffness, euler, outcome, error)
-      class(import_simulator_type), intent(in) :: self
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (unused => self, also_unused => stiffness, and => euler, these => outcome)
-      end associate
-      call raise(error, "simulator: 'import' cannot simulate: print the next points with 'build --ask', import their moduli with " &
-         & //"'build --tell', or lower &design budget", exit_bad_input)
-   end subroutine evaluate_import
 end module simulate

@@ -14,41 +14,38 @@ module stages
       character(len=12) :: trigger
       !> The groups that it needs, with defaults where the file has them not.
       character(len=80) :: groups
-      !> The files that it writes into the output folder, beside its own NAME.json.
-      character(len=80) :: files
+      !> The file of its document in the output folder.
+      character(len=16) :: document
       !> For help: one line, then more.
       character(len=80) :: summary
       character(len=320) :: description
    end type stage_type
 
    type(stage_type), parameter :: all_stages(5) = [ &
-      & stage_type('simulate', 'crystals', 'problem crystals simulation execution', &
-      & 'campaign.sqlite moduli.csv curves.csv simulations.csv', &
+      & stage_type('simulate', 'crystals', 'problem crystals simulation execution', 'simulate.json', &
       & 'finite element indentation of the crystals in a namelist', &
       & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ' &
       & //'ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated ' &
       & //'again.'), &
-      & stage_type('theory', 'crystals', 'problem crystals execution', 'theory.csv', &
+      & stage_type('theory', 'crystals', 'problem crystals execution', 'theory.json', &
       & 'exact half-space theory of the same crystals', &
       & 'Willis'' elliptical contact on the anisotropic half-space. Writes theory.csv.'), &
-      & stage_type('build', 'design', 'problem simulation domain surrogate design execution', &
-      & 'campaign.sqlite simulations.csv', &
+      & stage_type('build', 'design', 'problem simulation domain surrogate design execution', 'build.json', &
       & 'step 1: a surrogate, taught by simulations chosen one after another', &
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
       & //'their moduli.'), &
-      & stage_type('extract', 'measurements', 'problem surrogate measurements prior knowledge sampler execution', &
-      & 'posterior.nc posterior.csv summary.json summary.nml', &
+      & stage_type('extract', 'measurements', 'problem surrogate measurements prior knowledge sampler execution', 'summary.json', &
       & 'step 2: the constants behind measured moduli', &
       & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: a ' &
       & //'shipped surrogate (''cubic'', ''hexagonal'') or one made by build serves.'), &
-      & stage_type('next', 'next', 'problem surrogate measurements prior knowledge sampler next execution', '', &
+      & stage_type('next', 'next', 'problem surrogate measurements prior knowledge sampler next execution', &
+      & 'next.json', &
       & 'the grain orientations worth measuring next', &
       & 'Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.')]
 
    !> All stages that a file asks for.
-   type(stage_type), parameter :: run_command = stage_type('run', '', 'problem execution', &
-      & 'resolved.nml run.log report.html report.json', &
+   type(stage_type), parameter :: run_command = stage_type('run', '', 'problem execution', '', &
       & 'all that the groups of a namelist ask for, in order, resuming what is done', &
       & '&crystals asks for simulate and theory, &design for build, &measurements for extract, &next for next; a report ends ' &
       & //'it. Nothing that is already in the output folder is simulated again.')

@@ -219,7 +219,6 @@ contains
          & .and. size(outcome%depth) == 0)
       settings%simulator = 'import'
       call new_simulator(settings, simulator, error)
-      call simulator%run(copper, euler, outcome, error)
       call check_refused('import simulates nothing', error, "'import' cannot simulate")
       settings%simulator = 'fe'
       call new_simulator(settings, simulator, error)

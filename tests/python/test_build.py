@@ -12,10 +12,12 @@ from paper_domains import DOMAINS
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline import simulator as simulator_module
+from bayesindent.pipeline import build as build_module
 from bayesindent.pipeline.build import build
 from bayesindent.pipeline.import_export import ask, tell
+from bayesindent.pipeline.simulator import Simulator
 from bayesindent.program.cli import main
+from bayesindent.program.commands import simulate as simulate_module
 from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.surrogate import Surrogate
 
@@ -35,6 +37,17 @@ def make_problem(folder: Path, **groups) -> Problem:
     path = folder / "problem.nml"
     path.write_text("".join(lines))
     return Problem(path, "build")
+
+
+def before_each_simulation(monkeypatch, act) -> None:
+    """Call act() before each simulation; what it returns, if anything, stands for the simulation's result."""
+
+    class Disturbed(Simulator):
+        def __call__(self, stiffness, euler_deg):
+            return act() or super().__call__(stiffness, euler_deg)
+
+    for module in (build_module, simulate_module):
+        monkeypatch.setattr(module, "Simulator", Disturbed)
 
 
 def stored(output: Path) -> list:
@@ -64,19 +77,17 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
 
     whole = build(problem(tmp_path / "a", 24), tmp_path / "a")
     # Killed after eleven simulations, in the middle of a batch.
-    made, real = [], simulator_module.halfspace_modulus
+    made = []
 
-    def dying(stiffness, euler_deg, **options):
-        if np.ndim(stiffness) == 2:
-            if len(made) == 11:
-                raise KeyboardInterrupt
-            made.append(1)
-        return real(stiffness, euler_deg, **options)
+    def dying():
+        if len(made) == 11:
+            raise KeyboardInterrupt
+        made.append(1)
 
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", dying)
-    with pytest.raises(KeyboardInterrupt):
-        build(problem(tmp_path / "b", 24), tmp_path / "b")
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", real)
+    with monkeypatch.context() as patch:
+        before_each_simulation(patch, dying)
+        with pytest.raises(KeyboardInterrupt):
+            build(problem(tmp_path / "b", 24), tmp_path / "b")
     assert 10 <= len(stored(tmp_path / "b")) <= 11
     resumed = build(problem(tmp_path / "b", 24), tmp_path / "b")
     assert resumed["new_simulations"] + len(made) in (24, 25)
@@ -90,18 +101,16 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, worker
 
 
 def test_an_interrupt_starts_no_more_and_keeps_what_is_done(tmp_path, monkeypatch):
-    calls, numbers, real = [], itertools.count(1), simulator_module.halfspace_modulus
+    calls, numbers = [], itertools.count(1)
 
-    def interrupted(stiffness, euler_deg, **options):
-        if np.ndim(stiffness) == 2:
-            number = next(numbers)
-            calls.append(number)
-            time.sleep(0.1)  # longer than it takes to store a row
-            if number == 20:
-                raise KeyboardInterrupt
-        return real(stiffness, euler_deg, **options)
+    def interrupted():
+        number = next(numbers)
+        calls.append(number)
+        time.sleep(0.1)  # longer than it takes to store a row
+        if number == 20:
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", interrupted)
+    before_each_simulation(monkeypatch, interrupted)
     problem = make_problem(tmp_path, design={"n_candidates": 200, "budget": 150, "batch": 150}, execution={"workers": 2})
     with pytest.raises(KeyboardInterrupt):
         build(problem, tmp_path)
@@ -121,16 +130,8 @@ def test_workers_do_not_change_the_numbers(tmp_path):
 
 
 def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
-    real, calls = simulator_module.halfspace_modulus, []
-
-    def failing(stiffness, euler_deg, **options):
-        if np.ndim(stiffness) == 2:
-            calls.append(1)
-            if len(calls) in (3, 10):
-                raise bi.BayesindentError("the contact did not converge")
-        return real(stiffness, euler_deg, **options)
-
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
+    calls = itertools.count(1)
+    before_each_simulation(monkeypatch, lambda: {"message": "the contact did not converge"} if next(calls) in (3, 10) else None)
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
@@ -139,16 +140,13 @@ def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
 @pytest.mark.parametrize("times", [1, 100])
 def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times):
     """Too little memory: tried once more; if that fails too nothing is stored of this crystal, and the next run goes on."""
-    real, calls = simulator_module.halfspace_modulus, []
+    calls = itertools.count(1)
 
-    def failing(stiffness, euler_deg, **options):
-        if np.ndim(stiffness) == 2:
-            calls.append(1)
-            if 3 <= len(calls) < 3 + times:
-                raise bi.MachineError("there is not enough memory")
-        return real(stiffness, euler_deg, **options)
+    def failing():
+        if 3 <= next(calls) < 3 + times:
+            raise bi.MachineError("there is not enough memory")
 
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
+    before_each_simulation(monkeypatch, failing)
     if times == 1:
         document = build(make_problem(tmp_path), tmp_path)
         assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 16, 0)
@@ -156,18 +154,20 @@ def test_what_the_machine_could_not_do_is_no_result(tmp_path, monkeypatch, times
     with pytest.raises(bi.MachineError, match="not enough memory"):
         build(make_problem(tmp_path), tmp_path)
     assert len(stored(tmp_path)) == 2
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", real)
+    monkeypatch.undo()
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 14, 0)
 
 
-@pytest.mark.parametrize("error, words", [(bi.BayesindentError, "every simulation failed"), (bi.MachineError, "no contact")])
+@pytest.mark.parametrize("machine, words", [(False, "every simulation failed"), (True, "no memory")])
 @pytest.mark.parametrize("command", ["build", "simulate"])
-def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, capsys, command, error, words):
-    def failing(stiffness, euler_deg, **options):
-        raise error("no contact")
+def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, capsys, command, machine, words):
+    def failing():
+        if machine:
+            raise bi.MachineError("no memory")
+        return {"message": "no contact"}
 
-    monkeypatch.setattr(simulator_module, "halfspace_modulus", failing)
+    before_each_simulation(monkeypatch, failing)
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n168.4,121.4,75.4,0,45,0\n")
     problem = make_problem(tmp_path, crystals={"points": "'points.csv'"})
     for _ in range(2):
@@ -175,7 +175,7 @@ def test_a_run_in_which_every_simulation_failed_says_so(tmp_path, monkeypatch, c
         captured = capsys.readouterr()
         assert captured.out == ""
         assert words in captured.err.splitlines()[-1]
-    assert (len(stored(tmp_path / "out")) == 0) == (error is bi.MachineError)
+    assert (len(stored(tmp_path / "out")) == 0) == machine
 
 
 def test_surrogates_share_a_campaign(tmp_path):

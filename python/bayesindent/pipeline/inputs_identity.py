@@ -11,18 +11,13 @@ from pathlib import Path
 
 from ..common.result_files import plain, read_json, write_json
 from ..core import InputError
+from ..settings.problem import stages
 from ..surrogate.lookup import find_surrogate
 
 __all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "update_manifest"]
 
 #: The file of each stage's document.
-DOCUMENTS = {
-    "simulate": "simulate.json",
-    "theory": "theory.json",
-    "build": "build.json",
-    "extract": "summary.json",
-    "next": "next.json",
-}
+DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
 
 MANIFEST = "inputs.json"
 
