@@ -171,7 +171,7 @@ contains
       integer, intent(in) :: k
       type(combination_type), allocatable, intent(out) :: combinations(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: after(k, k), before(k, k), whitened(k, k), scale(k), values(k), vector(k), covariance(k)
+      real(wp) :: after(k, k), before(k, k), prior(k, k), whitened(k, k), scale(k), values(k), vector(k), covariance(k)
       logical :: positive
       integer :: i, j
 
@@ -186,11 +186,14 @@ contains
             before(:, j) = before(:, j)/(scale*scale(j))
          end do
       end if
-      do j = 1, k
-         before(j, j) = before(j, j)*(1.0_wp + 1.0e-12_wp)
-      end do
+      prior = before
       call cholesky_factor(before, error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         ! A prior without a spread of its own has no combinations.
+         deallocate (error)
+         allocate (combinations(0))
+         return
+      end if
       ! L^-1 A L^-ᵀ, whose eigenvectors u are L^-ᵀ times those that are wanted.
       whitened = after
       call solve_lower(whitened)
@@ -208,10 +211,10 @@ contains
          covariance = matmul(after, vector)
          associate (one => combinations(i))
             one%exponents = vector
-            one%sd = sqrt(sum(vector*covariance))
+            one%sd = sqrt(max(0.0_wp, sum(vector*covariance)))
             one%correlations = covariance/(one%sd*[(sqrt(after(j, j)), j=1, k)])
-            one%prior_sd = one%sd/sqrt(values(i))
-            one%contraction = 1.0_wp - values(i)
+            one%prior_sd = sqrt(sum(vector*matmul(prior, vector)))
+            one%contraction = 1.0_wp - (one%sd/one%prior_sd)**2
             if (positive) one%mean = exp(mean_logarithm(vector))
          end associate
       end do

@@ -83,13 +83,11 @@ contains
       end select
    end subroutine posterior_of_handle
 
-   !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the
-   !> stated crystals that
-   !> the surrogate covers); of the chains that were run last 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
-   !> 'acceptance' (chain); if Step 2 was done the same of its chains ('found_draws', ..), 'prior_draws', for some of the draws
-   !> 'predicted' (grain, draw, chain), 'factor' (draw, chain), 'quantities' (quantity, draw, chain), and 'most_probable'
-   !> (parameter,
-   !> NaN where the data do not say).
+   !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the stated
+   !> crystals that the surrogate covers); of the chains that were run last 'draws' (parameter, sample, chain), 'log_density' (sample,
+   !> chain), 'acceptance' (chain); if Step 2 was done the same of its chains ('found_draws', ..), 'prior_draws', for some of the draws
+   !> 'predicted' (grain, draw, chain), 'factor' (draw, chain), 'quantities' (quantity, draw, chain) and the 'stride' between these,
+   !> and 'most_probable' (parameter, NaN where the data do not say).
    subroutine labelled_values_of(handle, label, sizes, error, values)
       integer(i8), intent(in) :: handle
       character(len=*), intent(in) :: label
@@ -104,7 +102,7 @@ contains
       call posterior_of_handle(handle, self, error)
       if (allocated(error)) return
       if (.not. allocated(self%found) .and. any([character(len=17) :: 'found_draws', 'found_log_density', 'found_acceptance', &
-         & 'prior_draws', 'predicted', 'factor', 'quantities', 'most_probable'] == label)) then
+         & 'prior_draws', 'predicted', 'factor', 'quantities', 'stride', 'most_probable'] == label)) then
          call raise(error, 'Step 2 was not done with this posterior', exit_bad_input)
          return
       end if
@@ -141,6 +139,8 @@ contains
          call give_table(self%found%predictions%factor)
       case ('quantities')
          call give_cube(self%found%predictions%quantities)
+      case ('stride')
+         call give(1, [real(self%found%predictions%stride, wp)])
       case ('most_probable')
          call give(size(self%found%most_probable), merge(self%found%most_probable, ieee_value(1.0_wp, ieee_quiet_nan), &
             & self%found%decided))

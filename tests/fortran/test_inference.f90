@@ -20,7 +20,7 @@ program test_inference
    call test_kernels()
    call test_error_models()
    call test_mixture()
-   ! Some four standard errors of chains that are worth a few thousand independent draws.
+   ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more across it.
    call test_sampler('ensemble', 20000, 20000, 0.05_wp)
    call test_sampler('scmh', 200000, 5000, 0.05_wp)
    call test_diagnostics()
@@ -153,8 +153,8 @@ contains
       call check_close(name//': mean across it', average(chains%draws(2, :, :)), square, tolerance)
       call check_close(name//': square along it', average(chains%draws(1, :, :)**2), square, tolerance)
       call check_close(name//': variance across it', average((chains%draws(2, :, :) - chains%draws(1, :, :)**2)**2), &
-         & 0.01_wp, 0.1_wp*tolerance)
-      call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, 2.0_wp*tolerance)
+         & 0.01_wp, 0.0005_wp)
+      call check_close(name//': the third parameter', average(chains%draws(3, :, :)**2), 1.0_wp, tolerance)
       if (name == 'scmh') call check_close(name//': acceptance', average(reshape(chains%acceptance, [4, 1])), 0.23_wp, &
          & 0.03_wp)
       do threads = 2, 4, 2

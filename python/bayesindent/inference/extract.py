@@ -45,7 +45,7 @@ def inference_data(found: Posterior):
     document = found.document("extract")
     some = ("draw", "chain")
     _, samples, chains = draws.shape
-    coordinates = {"chain": np.arange(chains), "draw": np.arange(0, samples, -(-samples // quantities.shape[1]))}
+    coordinates = {"chain": np.arange(chains), "draw": np.arange(0, samples, int(found.values("stride")[0]))}
     reported = quantity_names(found.surrogate.symmetry)
     derived = {name: (some, quantities[q]) for q, name in enumerate(reported) if name not in names}
     predictions = {"modulus": (("grain", *some), found.values("predicted")), "calibration_factor": (some, found.values("factor"))}
