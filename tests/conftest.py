@@ -16,8 +16,9 @@ DOMAIN = {
     "hexagonal": "&domain c_min = 80, 40, 30, 70, 40, c_max = 240, 120, 90, 210, 90, anisotropy_cap = 66.2 /\n",
 }
 
-# Modules that tests share with the benchmarks.
-sys.path.append(str(SOURCE / "tests" / "benchmarks"))
+# Modules that tests share with each other and with the benchmarks.
+sys.path += [str(SOURCE / "tests" / "benchmarks"), str(SOURCE / "tests" / "python")]
+pytest_plugins = ["step_2_cases"]
 
 
 @pytest.fixture

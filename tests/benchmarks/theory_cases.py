@@ -11,7 +11,7 @@ from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["SYMMETRIES", "Case"]
+__all__ = ["FILES", "SIZES", "SYMMETRIES", "Case", "theory_surrogate"]
 
 SYMMETRIES = ("cubic", "hexagonal")
 
@@ -34,22 +34,26 @@ class Case:
         }
         self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv")
         self.euler_deg, self.modulus_gpa, self.sd_gpa = self.table.euler_deg, self.table.modulus_gpa, self.table.sd_gpa
-        self.surrogate = theory_surrogate(symmetry)
+        self.surrogate = theory_surrogate(symmetry, *SIZES[symmetry], points=6000, sd_inflation=1.0)
 
     def theory(self, constants, euler_deg) -> np.ndarray:
         """Half-space moduli of one crystal in many orientations."""
         return halfspace_modulus(stiffness(self.symmetry, **dict(zip(self.names, constants, strict=True))), euler_deg)
 
 
-def theory_surrogate(symmetry: str, points: int = 6000) -> Surrogate:
-    """Least squares on the half-space theory over the paper's domain, in dimensionless coordinates."""
+def theory_surrogate(
+    symmetry: str, degree: int, bandlimit: int, coordinates: str = "dimensionless", truncation: str = "total", points: int = 4000,
+    sd_inflation: float = 1.3,
+) -> Surrogate:  # fmt: skip
+    """Least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
     domain = DOMAINS[symmetry]
     constants, angles = domain.crystals(points, seed=2)
-    basis = Basis(domain, "dimensionless", "total", *SIZES[symmetry])
+    basis = Basis(domain, coordinates, truncation, degree, bandlimit)
     modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
-    y = basis.to_y(modulus, scale)
     normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
+    y = basis.to_y(modulus, scale)
     coefficients = np.linalg.solve(normal, terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
-    return Surrogate(basis, coefficients, variance * np.linalg.inv(normal), alpha=1.0, beta=1 / variance)
+    covariance = variance * np.linalg.inv(normal)
+    return Surrogate(basis, coefficients, covariance, alpha=1.0, beta=1 / variance, sd_inflation=sd_inflation)

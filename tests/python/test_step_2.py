@@ -1,0 +1,287 @@
+"""What Step 2 says of its chains, what it refuses, and what it suggests to measure next."""
+
+import arviz as az
+import numpy as np
+import pytest
+from scipy import stats
+from step_2_cases import columns, reference, table_of
+from theory_cases import FILES, theory_surrogate
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import constant_names, stiffness_rows
+from bayesindent.inference.measurements import measurements_of
+from bayesindent.inference.posterior import PRIOR, Posterior
+from bayesindent.inference.quantities import quantity_names
+from bayesindent.pipeline.step_2 import extract_stage, next_stage
+from conftest import REFERENCE
+
+# What the results say
+
+
+def test_identifiability(results, documents, symmetry):
+    rows = documents[symmetry]["identifiability"]
+    combinations = [row for row in rows if row["kind"] == "combination"]
+    assert [row["name"] for row in rows if row["kind"] == "quantity"] == list(quantity_names(symmetry))
+    contraction = [row["contraction"] for row in combinations]
+    assert contraction == sorted(contraction, reverse=True)
+    # Two combinations of three, three of five.
+    identified = {"cubic": 2, "hexagonal": 3}[symmetry]
+    assert min(contraction[:identified]) > 0.9
+    assert max(contraction[identified:]) < 0.5
+    # Combinations are not correlated with each other, in the posterior or before.
+    exponents = np.array([list(row["exponents"].values()) for row in combinations])
+    for group in (results[symmetry].posterior, results[symmetry].prior):
+        logs = exponents @ np.log([group[name].values.ravel() for name in constant_names(symmetry)])
+        assert np.corrcoef(logs) == pytest.approx(np.eye(len(logs)), abs=1e-6)
+    young = next(row for row in rows if row["name"] == "polycrystal_young")
+    assert young["contraction"] > 0.95
+
+
+def test_verdicts(documents):
+    lines = "\n".join(documents["cubic"]["warnings"])
+    assert "C12 and C11 trade off" in lines
+    assert "the data decided" in lines
+    assert "the prior decided" in lines
+    assert "C44 piles up at its bound of 120" in lines
+    assert "not mixed" not in lines
+
+
+def test_poor_chains_are_told_of(surrogates):
+    _, settings = reference("hexagonal")
+    result = bi.extract(surrogates["hexagonal"], REFERENCE / "hex_titanium.csv", method="scmh", samples=500, burn_in=500, **settings)
+    assert any("have not mixed" in line for line in bi.summary(result)["warnings"])
+
+
+def test_outlying_grain_is_named(surrogates):
+    angles, measured, sd = columns("cubic")
+    _, settings = reference("cubic")
+    measured = measured.copy()
+    measured[4] += 45.0
+    table = {"euler_deg": angles, "modulus_gpa": measured, "sd_gpa": sd}
+    normal, student = (
+        bi.extract(surrogates["cubic"], table, samples=3000, likelihood=likelihood, **settings) for likelihood in ("normal", "student")
+    )
+    for result in (normal, student):
+        assert any("grain 5 disagrees" in line for line in bi.summary(result)["warnings"])
+    # Student's t gives it less weight.
+    others = [result.predictions["modulus"].mean().item() for result in (normal, student)]
+    assert others[0] - others[1] > 1.0
+
+
+def warnings_of(surrogate, euler_deg):
+    """What is said of grains in these orientations."""
+    n = len(euler_deg)
+    return Posterior.of(surrogate, table_of(np.array(euler_deg), np.full(n, 200.0), np.full(n, 4.0))).problem.warnings
+
+
+def test_orientations_are_judged(surrogates):
+    assert "one grain" in warnings_of(surrogates["cubic"], [[10.0, 20.0, 30.0]])[0]
+    assert "the orientations are all alike" in warnings_of(surrogates["cubic"], [[0.0, 20.0, 30.0], [50.0, 20.0, 60.0]])[0]
+    assert "the orientations are all alike" in warnings_of(surrogates["hexagonal"], [[0.0, 30.0, 10.0], [0.0, 150.0, 80.0]])[0]
+    assert warnings_of(surrogates["hexagonal"], [[0.0, 30.0, 10.0], [0.0, 70.0, 80.0]]) == []
+    assert any("radians" in line for line in warnings_of(surrogates["cubic"], [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]]))
+
+
+def test_refusals(surrogates):
+    model = surrogates["cubic"]
+    angles, measured, sd = columns("cubic")
+    table = {"euler_deg": angles, "modulus_gpa": measured, "sd_gpa": sd}
+    for settings, words in (
+        ({"bounds": {"C33": (1, 2)}}, "C33"),
+        ({"bounds": {"C11": (250, 50)}}, "&prior c_min: C11 = 250.0 GPa is not below"),
+        ({"bounds": {"C11": (100, 110), "C12": (120, 130)}}, "&prior c_max: no crystal"),
+        ({"bounds": {"C11": (1000, 1001), "C12": (990, 991), "C44": (1, 2)}}, "outside the surrogate's domain"),
+        ({"anisotropy_cap": -1.0}, "anisotropy_cap"),
+        ({"method": "gibbs"}, "method"),
+        ({"modulus_kind": "E"}, "modulus_kind"),
+        ({"knowledge": {"hardness": (1, 1)}}, "hardness.*allowed"),
+        ({"knowledge": {"C44": (100, 0)}}, "&knowledge sd: 0"),
+        ({"colour": "blue"}, "colour"),
+        ({"calibration_sd": 3.0}, "&measurements calibration_sd: 3.0"),
+        ({"samples": 0}, "samples"),
+    ):
+        with pytest.raises(bi.InputError, match=words):
+            bi.extract(model, table, **settings)
+    with pytest.raises(bi.InputError, match="sd"):
+        bi.extract(model, table | {"sd_gpa": 0 * sd})
+    with pytest.raises(bi.InputError, match="looks like MPa"):
+        bi.extract(model, table | {"modulus_gpa": 1000 * measured})
+    with pytest.raises(bi.InputError, match="Phi"):
+        bi.extract(model, table | {"euler_deg": angles + np.array([0, 100, 0])})
+    with pytest.raises(bi.InputError, match="at least one grain"):
+        bi.extract(model, {"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []})
+    box = theory_surrogate("cubic", 2, 4, "box", "tensor", 400)
+    with pytest.raises(bi.InputError, match="C44.*outside the surrogate's domain"):
+        bi.extract(box, table, bounds={"C44": (121, 160)})
+
+
+def test_tables_of_measurements():
+    names = ("phi1_deg", "Phi_deg", "phi2_deg", "modulus_gpa", "sd_gpa")
+    rows = np.array([[46.3, 88.7, 199.3, 219.0, 4.5], [10.0, 20.0, 30.0, 210.0, 4.0]])
+    columns = dict(zip(names, rows.T, strict=True))
+    structured = np.array([tuple(row) for row in rows], dtype=[(name, float) for name in names])
+    named = [dict(zip(names, row, strict=True)) for row in rows]
+    for table in (columns, structured, structured.view(np.recarray), named, rows, rows.tolist()):
+        angles, modulus, sd = measurements_of(table)
+        assert np.array_equal(np.column_stack([angles, modulus, sd]), rows)
+    assert measurements_of(rows[:, :4])[2] is None
+    for table, said in (
+        (rows[:, :3], "an array of measurements"),
+        (columns | {"sd_gpa": ["a", "b"]}, "no table of numbers"),
+        ({"Phi_deg": [1.0]}, "no column 'phi1_deg'"),
+    ):
+        with pytest.raises(bi.InputError, match=said):
+            measurements_of(table)
+
+
+def test_bounds_outside_a_box_are_refused():
+    box = theory_surrogate("cubic", 2, 4, "box", "tensor", 400)
+    with pytest.raises(
+        bi.InputError, match="C44: the bounds 100.0 .. 160.0 GPa are outside the surrogate's domain; allowed: 15.0 .. 120.0"
+    ):
+        bi.extract(box, REFERENCE / "cubic_fe3si.csv", bounds={"C44": (100, 160)}, samples=1000, chains=2)
+
+
+def test_ratios_that_the_surrogate_does_not_know_are_cut_and_told(surrogates):
+    result = bi.extract(surrogates["cubic"], REFERENCE / "cubic_fe3si.csv", bounds={"C44": (1, 5000)}, samples=1000, chains=2)
+    assert any("the surrogate knows" in line for line in bi.summary(result)["warnings"])
+
+
+def test_kinds_of_modulus_agree(surrogates):
+    """The same data given as three kinds of modulus has the same posterior, up to the noise of the sampler."""
+    angles, measured, sd = columns("cubic")
+    _, settings = reference("cubic")
+    d = (1 - 0.07**2) / 1140.0
+    tables = {
+        "indentation_modulus": (measured, sd),
+        "effective_modulus": (1 / (1 / measured + d), sd / (1 + d * measured) ** 2),
+        "sample_modulus": ((1 - 0.3**2) * measured, (1 - 0.3**2) * sd),
+    }
+    means = []
+    for kind, (values, sds) in tables.items():
+        table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
+        result = bi.extract(surrogates["cubic"], table, modulus_kind=kind, samples=5000, **settings)
+        means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
+    assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
+
+
+def test_simulation_based_calibration(surrogates):
+    """Ranks of truths drawn from the prior among draws of their posteriors are uniform (Talts et al. 2018); a small one."""
+    rng = np.random.default_rng(12)
+    model = surrogates["cubic"]
+    _, settings = reference("cubic")
+    angles, measured, sd = columns("cubic")
+    prior = Posterior.of(model, table_of(angles, measured, sd), what=PRIOR, **settings)
+    truths = prior.sample(method="ensemble", samples=2000, burn_in=5000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
+    ranks = []
+    for k, truth in enumerate(truths):
+        modulus, _ = model.predict(stiffness_rows("cubic", [truth])[0], angles)
+        posterior = Posterior.of(
+            model, table_of(angles, modulus + sd * rng.normal(size=len(sd)), sd), surrogate_variance="none", **settings
+        )
+        draws = posterior.sample(method="ensemble", samples=2000, burn_in=8000, chains=1, threads=1, seed=k)[0][0, ::21]
+        statistics = np.column_stack([draws, posterior.evaluate(draws)[1]])
+        ranks.append((statistics < np.append(truth, posterior.evaluate(truth)[1])).mean(axis=0))
+    for values in np.array(ranks).T:
+        assert stats.kstest(values, "uniform").pvalue > 0.002
+
+
+# Next grain
+
+
+def test_gain_by_brute_force(surrogates, results):
+    """The gain of each candidate against its definition, by a double loop over draws."""
+    _, settings = reference("cubic")
+    table = table_of(*columns("cubic"))
+    settings |= {"surrogate_variance": "none", "sd_gpa": 4.5, "count": 1}
+    few = results["cubic"].isel(draw=slice(None, None, 200))
+    draws = np.stack([few.posterior[name].values.ravel() for name in constant_names("cubic")], axis=1)
+    found, wanted = (bi.next_grain(surrogates["cubic"], table, target=target, result=few, **settings) for target in ("all", "C44"))
+    angles = np.array([item["euler_deg"] for item in found["candidates"]])
+    assert len(angles) == 153
+    predicted, _ = Posterior.of(surrogates["cubic"], table, **settings).moduli(draws, angles)
+    v = np.linspace(predicted.min() - 30, predicted.max() + 30, 1500)
+    for c in (0, 50, 152):
+        density = stats.norm(predicted[:, c], 4.5).pdf(v[:, None]) / len(draws)
+        p = density.sum(axis=1)
+        gain = -np.trapezoid(p * np.log(p), v) - 0.5 * np.log(2 * np.pi * np.e * 4.5**2)
+        assert found["candidates"][c]["gain"] == pytest.approx(gain, abs=2e-3)
+        first, second = density @ draws[:, 2], density @ draws[:, 2] ** 2
+        left = np.trapezoid(second - first**2 / p, v)
+        assert wanted["candidates"][c]["gain"] == pytest.approx(1 - left / draws[:, 2].var(), abs=2e-3)
+    gains = [item["gain"] for item in found["candidates"]]
+    assert found["suggestions"][0]["euler_deg"] == found["candidates"][int(np.argmax(gains))]["euler_deg"]
+
+
+def test_suggestions_do_not_repeat(surrogates, results, symmetry):
+    _, settings = reference(symmetry)
+    settings |= {"surrogate_variance": "none", "result": results[symmetry], "seed": 3, "count": 5, "target": "C44"}
+    table = REFERENCE / f"{FILES[symmetry]}.csv"
+    one, two = (bi.next_grain(surrogates[symmetry], table, workers=n, **settings)["suggestions"] for n in (1, 2))
+    assert one == two
+    angles = np.radians([item["euler_deg"] for item in one])
+    sine = np.sin(angles[:, 1])
+    direction = np.column_stack([np.sin(angles[:, 2]) * sine, np.cos(angles[:, 2]) * sine, np.cos(angles[:, 1])])
+    apart = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))[np.triu_indices(5, 1)]
+    assert apart.min() >= 4.99
+    assert all(item["gain"] > 0 for item in one)
+
+
+def test_errors_that_measurements_share_teach_nothing_of_the_constants(surrogates, results):
+    """With a calibration error a further grain tells less of the constants, however much it tells of that error."""
+    _, settings = reference("cubic")
+    settings |= {"surrogate_variance": "none", "sd_gpa": 1.0, "count": 1}
+    table = REFERENCE / "cubic_fe3si.csv"
+    free, shared = (
+        bi.next_grain(surrogates["cubic"], table, calibration_sd=sd, samples=4000, **settings)["suggestions"][0] for sd in (0.0, 0.05)
+    )
+    # The predictions spread more by what is not known of the calibration, which is no more to be learnt about the constants.
+    assert shared["sd"] > free["sd"]
+    assert shared["gain"] < 0.5 * np.log(1 + (shared["sd"] / 1.0) ** 2) - 0.2
+
+
+def test_targets(surrogates, results):
+    table = REFERENCE / "cubic_fe3si.csv"
+    settings = reference("cubic")[1] | {"surrogate_variance": "none", "result": results["cubic"], "count": 1}
+    gains = {t: bi.next_grain(surrogates["cubic"], table, target=t, **settings)["candidates"] for t in ("C44/C11", "C44^2 C11^-2", "C44")}
+    # The logarithm of a square has four times the variance, before and after.
+    assert [item["gain"] for item in gains["C44/C11"]] == pytest.approx([item["gain"] for item in gains["C44^2 C11^-2"]])
+    assert gains["C44"] != gains["C44/C11"]
+    for target, words in (("C77", "C77.*allowed"), ("C14", "zero"), ("hardness", "unknown"), ("young[000]", "unknown")):
+        with pytest.raises(bi.InputError, match=f"&next target: .*{words}"):
+            bi.next_grain(surrogates["cubic"], table, target=target, **settings)
+
+
+@pytest.mark.parametrize("sd_gpa", [1e-5, 1e-7, 1e-9])
+def test_a_precise_next_measurement_is_no_burden(surrogates, results, sd_gpa):
+    settings = reference("cubic")[1] | {"surrogate_variance": "none", "result": results["cubic"], "count": 2}
+    gains = [
+        bi.next_grain(surrogates["cubic"], REFERENCE / "cubic_fe3si.csv", sd_gpa=sd, **settings)["suggestions"][0]["gain"]
+        for sd in (sd_gpa, 10 * sd_gpa)
+    ]
+    assert gains[0] - gains[1] == pytest.approx(np.log(10))
+
+
+# The stages
+
+
+def test_stages(tmp_path, surrogates):
+    surrogates["cubic"].save(tmp_path / "model.txt")
+    (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
+    (tmp_path / "case.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n"
+        "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
+        "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
+    )
+    problem = bi.Problem(tmp_path / "case.nml", "run")
+    document = extract_stage(problem, tmp_path / "out", None)
+    assert document["parameters"]["C12"]["sd"] < 7
+    stored = az.from_netcdf(str(tmp_path / "out" / "posterior.nc"), engine="h5netcdf")
+    assert stored.posterior["C44"].shape == (4, 2000)
+    suggestions = next_stage(problem, tmp_path / "out", None)
+    assert len(suggestions["suggestions"]) == 3
+    (tmp_path / "case.nml").write_text(
+        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n&sampler samples = 100 /\n"
+    )
+    with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
+        extract_stage(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", None)
