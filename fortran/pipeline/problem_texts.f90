@@ -17,8 +17,8 @@ module problem_texts
 
 contains
 
-   !> 1 resolved namelist, 2 the same with every group, 3 warnings, 4 groups of the file, 5 stages, 6 pairs of `scan`; 11, 12, 13 cells of the tables,
-   !> header first.
+   !> 1 resolved namelist, 2 the same with every group, 3 warnings, 4 groups of the file, 5 stages, 6 pairs of `scan`; 11, 12, 13
+   !> cells of the tables, header first.
    !> The number is `item`.
    function text_of(self, item) result(text)
       type(problem_type), intent(in) :: self

@@ -75,7 +75,7 @@ contains
       case ('theory')
          simulator = theory_simulator_type()
       case default
-         call raise(error, "simulator: '"//settings%simulator//"' cannot simulate: print the next points with 'build --ask', " &
+         call raise(error, "simulator '"//settings%simulator//"' cannot simulate: print the next points with 'build --ask', " &
             & //"import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
       end select
    end subroutine new_simulator

@@ -273,7 +273,7 @@ def test_ask_and_tell(tmp_path):
     assert tell(problem, tmp_path, points)["imported"] == 0
     document = build(problem, tmp_path)
     assert (document["simulations"], document["new_simulations"]) == (12, 0)
-    with pytest.raises(bi.InputError, match="&simulation simulator: 'import' cannot simulate"):
+    with pytest.raises(bi.InputError, match="&simulation: simulator 'import' cannot simulate"):
         build(make_problem(tmp_path, simulation={"simulator": "'import'"}, design={"n_candidates": 200, "budget": 13}), tmp_path)
     (tmp_path / "bare.csv").write_text(text)
     with pytest.raises(bi.InputError, match="modulus_gpa"):
