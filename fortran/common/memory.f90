@@ -72,7 +72,14 @@ contains
    !> A number of `bytes` in words: '5.6 GB'.
    pure function memory_text(bytes) result(string)
       real(wp), intent(in) :: bytes
-      character(len=:), allocatable :: string
+      character(len=len_trim(in_units(bytes))) :: string
+
+      string = in_units(bytes)
+   end function memory_text
+
+   pure function in_units(bytes) result(string)
+      real(wp), intent(in) :: bytes
+      character(len=40) :: string
 
       if (bytes < 1.0e9_wp) then
          string = to_text(nint(1.0e-6_wp*bytes))//' MB'
@@ -81,5 +88,5 @@ contains
       else
          string = to_text(nint(1.0e-12_wp*min(bytes, 1.0e21_wp)))//' TB'
       end if
-   end function memory_text
+   end function in_units
 end module memory

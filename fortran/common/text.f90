@@ -1,4 +1,7 @@
 !> Numbers to text, for messages and result files.
+!>
+!> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length result in static memory of the
+!> caller, where threads overwrite each other's.
 module text
    use kinds, only: wp, i8
    implicit none
@@ -9,6 +12,7 @@ module text
       module procedure integer_to_text
       module procedure long_to_text
       module procedure real_to_text
+      module procedure digits_to_text
       module procedure logical_to_text
    end interface to_text
 
@@ -16,100 +20,114 @@ contains
 
    pure function integer_to_text(value) result(string)
       integer, intent(in) :: value
-      character(len=:), allocatable :: string
-      character(len=24) :: buffer
+      character(len=decimal_length(int(value, i8))) :: string
 
-      write (buffer, '(i0)') value
-      string = trim(buffer)
+      write (string, '(i0)') value
    end function integer_to_text
 
    pure function long_to_text(value) result(string)
       integer(i8), intent(in) :: value
-      character(len=:), allocatable :: string
+      character(len=decimal_length(value)) :: string
+
+      write (string, '(i0)') value
+   end function long_to_text
+
+   pure integer function decimal_length(value) result(length)
+      integer(i8), intent(in) :: value
       character(len=24) :: buffer
 
       write (buffer, '(i0)') value
-      string = trim(buffer)
-   end function long_to_text
+      length = len_trim(buffer)
+   end function decimal_length
 
-   !> `digits` significant digits (default 6, without trailing zeros; 17 round-trips a double).
-   pure function real_to_text(value, digits) result(string)
+   pure function real_to_text(value) result(string)
       real(wp), intent(in) :: value
-      integer, intent(in), optional :: digits
-      character(len=:), allocatable :: string
-      character(len=40) :: buffer, layout
-      integer :: n, e, last
+      character(len=len_trim(significant(value, 6))) :: string
 
-      n = 6
-      if (present(digits)) n = digits
-      if (value /= value) then
-         string = 'NaN'
-         return
-      end if
-      if (abs(value) > huge(value)) then
-         string = merge('Infinity ', '-Infinity', value > 0.0_wp)
-         string = trim(string)
+      string = significant(value, 6)
+   end function real_to_text
+
+   pure function digits_to_text(value, digits) result(string)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: digits
+      character(len=len_trim(significant(value, digits))) :: string
+
+      string = significant(value, digits)
+   end function digits_to_text
+
+   !> A `value` with `n` significant digits, without trailing zeros; 17 round-trip a double.
+   pure function significant(value, n) result(string)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: n
+      character(len=40) :: string
+      character(len=40) :: layout
+      integer :: last
+
+      if (.not. abs(value) <= huge(value)) then
+         string = not_finite(value)
          return
       end if
       write (layout, '(a,i0,a,i0,a)') '(es', n + 9, '.', n - 1, 'e3)'
-      write (buffer, layout) value
-      buffer = adjustl(buffer)
-      e = index(buffer, 'E')
-      read (buffer(e + 1:), *) last
+      write (string, layout) value
+      read (string(index(string, 'E') + 1:), *) last
       if (last >= -4 .and. last < n) then
          write (layout, '(a,i0,a)') '(f40.', n - 1 - last, ')'
-         write (buffer, layout) value
-         buffer = adjustl(buffer)
-         string = trim(buffer)
-         if (index(string, '.') > 0) then
-            last = len(string)
-            do while (string(last:last) == '0')
-               last = last - 1
-            end do
-            if (string(last:last) == '.') last = last + 1
-            if (last > len(string)) then
-               string = string//'0'
-            else
-               string = string(:last)
-            end if
-         end if
-         if (string(1:1) == '.') string = '0'//string
-         if (len(string) > 1) then
-            if (string(1:2) == '-.') string = '-0.'//string(3:)
-         end if
-      else
-         string = trim(buffer)
+         write (string, layout) value
+         last = verify(string, '0', back=.true.)
+         if (index(string, '.') > 0) string = string(:merge(last + 1, last, string(last:last) == '.'))//' '
       end if
-   end function real_to_text
+      string = with_leading_zero(string)
+   end function significant
 
    !> A `value` with so many `decimals` after the point, and no point without them.
    pure function fixed(value, decimals) result(string)
       real(wp), intent(in) :: value
       integer, intent(in) :: decimals
-      character(len=:), allocatable :: string
-      character(len=340) :: buffer, layout
+      character(len=len_trim(with_decimals(value, decimals))) :: string
+
+      string = with_decimals(value, decimals)
+   end function fixed
+
+   pure function with_decimals(value, decimals) result(string)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: decimals
+      character(len=340) :: string
+      character(len=12) :: layout
 
       if (.not. abs(value) <= huge(value)) then
-         string = real_to_text(value)
+         string = not_finite(value)
          return
       end if
       write (layout, '(a,i0,a)') '(f340.', decimals, ')'
-      write (buffer, layout) value
-      string = trim(adjustl(buffer))
-      if (decimals == 0) string = string(:len(string) - 1)
+      write (string, layout) value
+      if (decimals == 0) string(len(string):) = ' '
+      string = with_leading_zero(string)
+   end function with_decimals
+
+   pure function not_finite(value) result(string)
+      real(wp), intent(in) :: value
+      character(len=9) :: string
+
+      string = 'NaN'
+      if (value > huge(value)) string = 'Infinity'
+      if (value < -huge(value)) string = '-Infinity'
+   end function not_finite
+
+   !> '0.5' for ' .5', without blanks before it.
+   pure function with_leading_zero(number) result(string)
+      character(len=*), intent(in) :: number
+      character(len=len(number)) :: string
+
+      string = adjustl(number)
       if (string(1:1) == '.') string = '0'//string
-      if (index(string, '-.') == 1) string = '-0'//string(2:)
-   end function fixed
+      if (string(1:2) == '-.') string = '-0'//string(2:)
+   end function with_leading_zero
 
    pure function logical_to_text(value) result(string)
       logical, intent(in) :: value
-      character(len=:), allocatable :: string
+      character(len=merge(6, 7, value)) :: string
 
-      if (value) then
-         string = '.true.'
-      else
-         string = '.false.'
-      end if
+      string = merge('.true. ', '.false.', value)
    end function logical_to_text
 
    !> `string` in lower case.

@@ -1,4 +1,3 @@
-! The flat procedures that f2py wraps: explicit shapes, literal kinds, no derived types, `threadsafe` on each.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success. The Python module `core` raises it.
 
 !> A crystal class by `symmetry`, a name or synonym: its name, the count of its constants, and their names, three characters each.
@@ -7,7 +6,6 @@ subroutine crystal_class_of(symmetry, name, count, constants, status, message)
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_to_status, error_type
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    character(len=12), intent(out) :: name
    integer(c_int), intent(out) :: count
@@ -37,7 +35,6 @@ subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, messa
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_to_status, error_type
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: k, n
    real(c_double), intent(in) :: constants(k, n)
@@ -63,7 +60,6 @@ subroutine crystal_averages(n, stiffness, index, log_index, averages)
    use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
    implicit none
-   !f2py threadsafe
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: stiffness(6, 6, n)
    real(c_double), intent(out) :: index(n), log_index(n), averages(4, n)
@@ -87,7 +83,6 @@ subroutine region_directions(symmetry, spread, most, count, directions)
    use errors, only: error_type
    use kinds, only: wp
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: spread, most
    integer(c_int), intent(out) :: count
@@ -117,7 +112,6 @@ subroutine region_representatives(symmetry, n, directions, angle, images, alike)
    use distinct_directions, only: all_alike, new_region, region_type, representative
    use errors, only: error_type
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: directions(3, n), angle

@@ -11,7 +11,6 @@ subroutine indentation_new(problem, mesh, handle, counts, costs, element, status
    use fe_indentation, only: indentation_model_type
    use simulation_handles, only: model_of_handle, new_model_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    integer(c_int64_t), intent(out) :: handle
@@ -84,7 +83,6 @@ subroutine indentation_nodes(handle, nodes, contacts, x, gap, status, message)
    use fe_indentation, only: indentation_model_type
    use simulation_handles, only: model_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: nodes, contacts
    real(c_double), intent(out) :: x(3, nodes), gap(contacts)
@@ -111,7 +109,6 @@ subroutine indentation_table(handle, item, width, count, table, status, message)
    use fe_indentation, only: indentation_model_type
    use simulation_handles, only: model_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: item
    integer(c_int), intent(in) :: width, count
@@ -157,7 +154,6 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    use simulation_handles, only: model_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: step, nodes, bricks
    real(c_double), intent(in) :: stiffness(6, 6), euler(3)
@@ -194,7 +190,6 @@ subroutine indentation_stiffness(handle, facets, stiffness, euler, rotated, infi
    use fe_indentation, only: indentation_model_type
    use simulation_handles, only: model_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: facets
    real(c_double), intent(in) :: stiffness(6, 6), euler(3)

@@ -9,7 +9,6 @@ subroutine quantity_list(symmetry, names, status, message)
    use errors, only: error_to_status, error_type
    use quantities, only: quantity_type, reported_quantities
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    character(len=2048), intent(out) :: names
    integer(c_int), intent(out) :: status
@@ -37,7 +36,6 @@ subroutine quantity_values(symmetry, names, m, k, n, constants, values, status, 
    use quantities, only: evaluate_quantities, new_quantity, quantity_type
    use text, only: to_text
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry, names
    integer(c_int), intent(in) :: m, k, n
    real(c_double), intent(in) :: constants(k, n)
@@ -76,7 +74,6 @@ subroutine prior_default_bounds(surrogate, k, lower, upper, status, message)
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: surrogate
    integer(c_int), intent(in) :: k
    real(c_double), intent(out) :: lower(k), upper(k)
@@ -103,7 +100,6 @@ subroutine posterior_new(problem, surrogate, what, handle, parameters, grains, s
    use errors, only: error_to_status, error_type
    use posterior_objects, only: posterior_object_type, posterior_of_handle, register_posterior
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem, surrogate
    integer(c_int), intent(in) :: what
    integer(c_int64_t), intent(out) :: handle
@@ -245,7 +241,6 @@ subroutine posterior_sizes(handle, label, sizes, status, message)
    use errors, only: error_to_status, error_type
    use posterior_objects, only: labelled_values_of
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: label
    integer(c_int), intent(out) :: sizes(3), status
@@ -262,7 +257,6 @@ subroutine posterior_values(handle, label, n, values, status, message)
    use errors, only: error_to_status, error_type
    use posterior_objects, only: labelled_values_of
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: label
    integer(c_int64_t), intent(in) :: n
@@ -283,7 +277,6 @@ subroutine posterior_document(handle, label, length, text, full_length, status, 
    use errors, only: error_to_status, error_type
    use posterior_objects, only: document_of
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: label
    integer(c_int), intent(in) :: length

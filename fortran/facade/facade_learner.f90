@@ -10,7 +10,6 @@ subroutine learner_new(basis, prior, handle, status, message)
    use surrogate_handles, only: find_basis
    use surrogate_learner, only: learner_type, new_learner
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: basis
    character(len=*), intent(in) :: prior
    integer(c_int64_t), intent(out) :: handle
@@ -41,7 +40,6 @@ subroutine learner_candidates(handle, rule, k, n, constants, euler_deg, status, 
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, set_learner_candidates
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: rule
    integer(c_int), intent(in) :: k, n
@@ -63,7 +61,6 @@ subroutine learner_exclude(handle, n, numbers, status, message)
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: exclude_candidates, learner_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: n
    integer(c_int), intent(in) :: numbers(n)
@@ -84,7 +81,6 @@ subroutine learner_add(handle, k, n, constants, euler_deg, modulus, chosen, stat
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: add_simulations, learner_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: k, n, chosen
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n), modulus(n)
@@ -131,7 +127,6 @@ subroutine learner_evidence(handle, n, alpha, beta, evidence, status, message)
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: evaluate_evidence, learner_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: alpha(n), beta(n)
@@ -249,7 +244,6 @@ subroutine learner_surrogate(handle, provenance, surrogate, status, message)
    use surrogate_learner, only: learner_type, surrogate_of
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: provenance
    integer(c_int64_t), intent(out) :: surrogate

@@ -4,7 +4,6 @@
 subroutine modulus_kind_list(names)
    use modulus_kinds, only: modulus_kind_names
    implicit none
-   !f2py threadsafe
    character(len=200), intent(out) :: names
 
    names = modulus_kind_names
@@ -17,7 +16,6 @@ subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, mod
    use errors, only: error_to_status, error_type
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: kind
    real(c_double), intent(in) :: indenter_modulus, indenter_nu, sample_nu
    integer(c_int), intent(in) :: n

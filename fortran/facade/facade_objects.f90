@@ -5,7 +5,6 @@ subroutine object_release(handle)
    use, intrinsic :: iso_c_binding, only: c_int64_t
    use object_registry, only: release_object
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
 
    call release_object(handle)
@@ -19,7 +18,6 @@ subroutine object_document_length(handle, kind, length, status, message)
    use errors, only: error_to_status, error_type
    use surrogate_handles, only: describe_object
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: kind
    integer(c_int), intent(out) :: length, status
@@ -40,7 +38,6 @@ subroutine object_document(handle, kind, length, text, status, message)
    use errors, only: error_to_status, error_type
    use surrogate_handles, only: describe_object
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: kind
    integer(c_int), intent(in) :: length
@@ -63,7 +60,6 @@ subroutine object_values(handle, kind, label, length, values, status, message)
    use errors, only: error_to_status, error_type, raise
    use surrogate_handles, only: describe_object
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: kind, label
    integer(c_int), intent(in) :: length

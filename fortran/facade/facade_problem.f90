@@ -8,7 +8,6 @@ subroutine problem_read(path, command, handle, status, message)
    use problem_handles, only: register_problem
    use problem_input, only: read_problem
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: path, command
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
@@ -30,7 +29,6 @@ subroutine problem_from_text(origin, content, handle, status, message)
    use problem_handles, only: register_problem
    use problem_input, only: problem_of_text
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: origin, content
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
@@ -54,7 +52,6 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
    use problem, only: problem_type
    use problem_handles, only: register_problem
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: path, symmetry
    integer(c_int), intent(in) :: sd_optional
    integer(c_int64_t), intent(out) :: handle
@@ -85,7 +82,6 @@ subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: n, n_sd
    real(c_double), intent(in) :: euler_deg(3, n), modulus_gpa(n), sd_gpa(n_sd)
@@ -105,7 +101,6 @@ subroutine problem_text_length(handle, item, length, status, message)
    use errors, only: error_type, error_to_status
    use problem_handles, only: text_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: item
    integer(c_int), intent(out) :: length, status
@@ -124,7 +119,6 @@ subroutine problem_text(handle, item, length, text, status, message)
    use errors, only: error_type, error_to_status
    use problem_handles, only: text_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: item, length
    character(kind=c_char, len=1), intent(out) :: text(length)
@@ -148,7 +142,6 @@ subroutine problem_table_rows(handle, table, n, status, message)
    use point_tables, only: points_type
    use problem_handles, only: table_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: table
    integer(c_int), intent(out) :: n, status
@@ -170,7 +163,6 @@ subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler
    use point_tables, only: points_type
    use problem_handles, only: table_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: table, n
    character(len=1), intent(out) :: symmetry(12, n)

@@ -9,7 +9,6 @@ subroutine simulator_new(problem, mesh, handle, depths, status, message)
    use settings_groups, only: simulation_settings_type
    use simulation_handles, only: new_simulator_handle, simulation_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    integer(c_int64_t), intent(out) :: handle
@@ -69,7 +68,6 @@ subroutine simulation_identity(problem, mesh, identity, status, message)
    use settings_groups, only: simulation_settings_type
    use simulation_handles, only: simulation_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    character(len=1024), intent(out) :: identity
@@ -92,7 +90,6 @@ subroutine simulation_other_mesh(problem, mesh, status, message)
    use settings_groups, only: simulation_settings_type
    use simulation_handles, only: simulation_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem
    character(len=64), intent(out) :: mesh
    integer(c_int), intent(out) :: status
@@ -116,7 +113,6 @@ subroutine simulation_resolution(problem, mesh, n, stiffness, largest, warning, 
    use simulate, only: simulation_error
    use simulation_handles, only: simulation_of_handle
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    integer(c_int), intent(in) :: n

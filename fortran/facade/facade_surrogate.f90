@@ -8,7 +8,6 @@ subroutine domain_admits(symmetry, k, bounds, anisotropy_cap, n, constants, insi
    use errors, only: error_to_status, error_type
    use surrogate_domain, only: domain_type, new_domain
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: k, n
    real(c_double), intent(in) :: bounds(k, 2), anisotropy_cap, constants(k, n)
@@ -39,7 +38,6 @@ subroutine basis_new(symmetry, k, bounds, anisotropy_cap, coordinates, truncatio
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: symmetry, coordinates, truncation
    integer(c_int), intent(in) :: k, sizes(2)
    real(c_double), intent(in) :: bounds(k, 2), anisotropy_cap
@@ -73,7 +71,6 @@ subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale
    use kinds, only: degree
    use surrogate_handles, only: find_basis
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: k, n, n_terms
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n)
@@ -102,7 +99,6 @@ subroutine basis_coverage(handle, n, stiffness, reach, covered, status, message)
    use errors, only: error_to_status, error_type
    use surrogate_handles, only: find_basis
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: stiffness(6, 6, n)
@@ -133,7 +129,6 @@ subroutine surrogate_basis(surrogate, handle, status, message)
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: surrogate
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
@@ -161,7 +156,6 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
    use surrogate_handles, only: find_basis
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: basis
    integer(c_int), intent(in) :: n_terms
    real(c_double), intent(in) :: coefficients(n_terms), covariance(n_terms, n_terms), precisions(3)
@@ -206,7 +200,6 @@ subroutine surrogate_path(name, output, folder, data_folder, shipped, path, stat
    use errors, only: error_to_status, error_type
    use surrogate_lookup, only: find_surrogate, places_type
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: name, output, folder, data_folder, shipped
    character(len=4096), intent(out) :: path
    integer(c_int), intent(out) :: status
@@ -229,7 +222,6 @@ subroutine surrogate_load(name, symmetry, output, folder, data_folder, shipped, 
    use surrogate_lookup, only: load_named_surrogate, places_type
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: name, symmetry, output, folder, data_folder, shipped
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
@@ -258,7 +250,6 @@ subroutine surrogate_save(handle, path, status, message)
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: surrogate_type
    implicit none
-   !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: path
    integer(c_int), intent(out) :: status
@@ -277,7 +268,6 @@ subroutine surrogate_check_replaceable(path, status, message)
    use errors, only: error_to_status, error_type
    use surrogate_file, only: check_replaceable
    implicit none
-   !f2py threadsafe
    character(len=*), intent(in) :: path
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message

@@ -51,9 +51,10 @@ def theory_surrogate(
     basis = Basis(domain, coordinates, truncation, degree, bandlimit)
     modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
     terms, scale = basis.terms(constants, angles)
-    normal = terms @ terms.T + 1e-8 * np.eye(basis.n_terms)
+    values, vectors = np.linalg.eigh(terms @ terms.T)
+    inverse = (vectors / np.maximum(values, 1e-8)) @ vectors.T
     y = basis.to_y(modulus, scale)
-    coefficients = np.linalg.solve(normal, terms @ y)
+    coefficients = inverse @ (terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
-    covariance = variance * np.linalg.inv(normal)
+    covariance = variance * inverse
     return Surrogate(basis, coefficients, covariance, alpha=1.0, beta=1 / variance, sd_inflation=sd_inflation)

@@ -49,13 +49,14 @@ def test_a_file_is_the_module_of_its_name(path):
     assert "private" in found
 
 
-@pytest.mark.parametrize("path", [path for path in LIBRARY if path.parent.name == "facade"], ids=relative)
-def test_the_facade_gives_up_the_lock(path):
-    text = path.read_text()
-    procedures = re.findall(r"^subroutine \w+.*?^end subroutine", text, flags=re.M | re.S)
-    assert procedures
-    for procedure in procedures:
-        assert "!f2py threadsafe" in procedure, procedure.splitlines()[0]
+def test_only_long_work_gives_up_the_lock():
+    # gfortran keeps lengths of deferred-length texts in static memory, so two threads must not make such texts at once.
+    text = "".join(path.read_text() for path in LIBRARY if path.parent.name == "facade")
+    procedures = re.findall(r"^subroutine (\w+)(.*?)^end subroutine", text, flags=re.M | re.S)
+    assert {name for name, body in procedures if "!f2py threadsafe" in body} == {
+        "indentation_run", "simulator_run", "theory_moduli", "posterior_sample", "posterior_next", "posterior_moduli", "posterior_evaluate",
+        "learner_choose", "learner_fit", "learner_update", "learner_predict", "learner_leave_out", "surrogate_predict",
+    }  # fmt: skip
 
 
 def test_fortran_folders_depend_one_way():
