@@ -1,12 +1,10 @@
 !> The variables of the settings as a list, as a page of the documentation, and with their values as a namelist.
 module settings_lists
-   use kinds, only: wp
-   use numbers, only: number_text
+   use namelist_file, only: value_type
    use settings_groups, only: settings_type
    use settings_schema, only: visit_settings
-   use settings_visitor, only: allowed_in_words, choice_list_type, kind_integer, kind_logical, kind_names, kind_source, &
-      & settings_visitor_type, shape_constants, shape_list, text_value_type, variable_type
-   use text, only: to_text
+   use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_names, kind_source, settings_visitor_type, &
+      & shape_constants, shape_list, variable_type
    implicit none
    private
    public :: schema_type, group_type, new_schema, schema_markdown, settings_namelist
@@ -27,8 +25,7 @@ module settings_lists
       type(schema_type) :: schema
    contains
       procedure :: begin_group => list_group
-      procedure :: numbers => list_numbers
-      procedure :: texts => list_texts
+      procedure :: visit => list_variable
    end type lister_type
 
    type, extends(settings_visitor_type) :: writer_type
@@ -38,9 +35,7 @@ module settings_lists
       logical :: writing = .false.
    contains
       procedure :: begin_group => write_group
-      procedure :: numbers => write_numbers
-      procedure :: texts => write_texts
-      procedure, private :: write_values
+      procedure :: visit => write_variable
    end type writer_type
 
    character, parameter :: newline = achar(10)
@@ -75,36 +70,20 @@ contains
       call move_alloc(grown, self%schema%groups)
    end subroutine list_group
 
-   subroutine list_numbers(self, variable, values)
+   subroutine list_variable(self, variable, values)
       class(lister_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
-      real(wp), allocatable, intent(inout) :: values(:)
-
-      if (allocated(values)) deallocate (values)
-      call append(self%schema%variables, variable)
-   end subroutine list_numbers
-
-   subroutine list_texts(self, variable, values)
-      class(lister_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(text_value_type), allocatable, intent(inout) :: values(:)
-
-      if (allocated(values)) deallocate (values)
-      call append(self%schema%variables, variable)
-   end subroutine list_texts
-
-   subroutine append(variables, variable)
-      type(variable_type), allocatable, intent(inout) :: variables(:)
-      type(variable_type), intent(in) :: variable
+      type(value_type), allocatable, intent(inout) :: values(:)
       type(variable_type), allocatable :: grown(:)
       integer :: n
 
-      n = size(variables)
+      if (allocated(values)) deallocate (values)
+      n = size(self%schema%variables)
       allocate (grown(n + 1))
-      grown(:n) = variables
+      grown(:n) = self%schema%variables
       grown(n + 1) = variable
-      call move_alloc(grown, variables)
-   end subroutine append
+      call move_alloc(grown, self%schema%variables)
+   end subroutine list_variable
 
    !> Number of a group, 0 if there is none of this name.
    pure integer function find_group(self, name) result(i)
@@ -184,66 +163,42 @@ contains
       if (self%writing) self%page = self%page//newline//'&'//self%group_name//newline
    end subroutine write_group
 
-   subroutine write_numbers(self, variable, values)
+   !> One line of a variable.
+   subroutine write_variable(self, variable, values)
       class(writer_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
-      real(wp), allocatable, intent(inout) :: values(:)
-      character(len=:), allocatable :: string
+      type(value_type), allocatable, intent(inout) :: values(:)
       integer :: i
 
       if (.not. self%writing) return
-      string = ''
-      if (allocated(values)) then
-         do i = 1, size(values)
-            if (i > 1) string = string//', '
-            select case (variable%kind)
-            case (kind_integer)
-               string = string//to_text(nint(values(i)))
-            case (kind_logical)
-               string = string//to_text(values(i) > 0.5_wp)
-            case default
-               string = string//number_text(values(i))
-            end select
-         end do
+      if (.not. allocated(values)) then
+         self%page = self%page//'  ! '//variable%name//' is unset'//newline
+         return
       end if
-      call self%write_values(variable, string)
-   end subroutine write_numbers
-
-   subroutine write_texts(self, variable, values)
-      class(writer_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(text_value_type), allocatable, intent(inout) :: values(:)
-      character(len=:), allocatable :: string
-      integer :: i, j
-
-      if (.not. self%writing) return
-      string = ''
-      if (allocated(values)) then
-         do i = 1, size(values)
-            if (i > 1) string = string//', '
-            string = string//''''
-            do j = 1, len(values(i)%text)
-               if (values(i)%text(j:j) == '''') string = string//''''
-               string = string//values(i)%text(j:j)
-            end do
-            string = string//''''
-         end do
-      end if
-      call self%write_values(variable, string)
-   end subroutine write_texts
-
-   !> One line; no values: the variable is unset.
-   subroutine write_values(self, variable, string)
-      class(writer_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      character(len=*), intent(in) :: string
-
-      if (len(string) == 0) then
-         self%page = self%page//'  ! '//variable%name//' is unset'
-      else
-         self%page = self%page//'  '//variable%name//' = '//string
-         if (len(variable%unit) > 0) self%page = self%page//' ! '//variable%unit
-      end if
+      self%page = self%page//'  '//variable%name//' = '
+      do i = 1, size(values)
+         if (i > 1) self%page = self%page//', '
+         if (is_text(variable)) then
+            self%page = self%page//quoted(values(i)%text)
+         else
+            self%page = self%page//values(i)%text
+         end if
+      end do
+      if (len(variable%unit) > 0) self%page = self%page//' ! '//variable%unit
       self%page = self%page//newline
-   end subroutine write_values
+   end subroutine write_variable
+
+   !> A text in quotes, doubled within.
+   pure function quoted(text)
+      character(len=*), intent(in) :: text
+      character(len=:), allocatable :: quoted
+      integer :: i
+
+      quoted = ''''
+      do i = 1, len(text)
+         quoted = quoted//text(i:i)
+         if (text(i:i) == '''') quoted = quoted//''''
+      end do
+      quoted = quoted//''''
+   end function quoted
 end module settings_lists

@@ -13,7 +13,7 @@ module settings_reader
    use settings_names, only: check_names
    use settings_schema, only: visit_settings
    use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
-      & kind_logical, kind_source, settings_visitor_type, shape_constants, shape_list, shape_one, text_value_type, variable_type
+      & kind_logical, kind_source, settings_visitor_type, shape_constants, shape_list, shape_one, variable_type
    use text, only: join, lower, to_text
    implicit none
    private
@@ -31,8 +31,7 @@ module settings_reader
       type(error_type), allocatable :: error, missing
    contains
       procedure :: begin_group => begin_group
-      procedure :: numbers => read_numbers
-      procedure :: texts => read_texts
+      procedure :: visit => read_variable
       procedure, private :: find_values
       procedure, private :: refuse
    end type reader_type
@@ -89,57 +88,39 @@ contains
       self%given = given
    end subroutine begin_group
 
-   subroutine read_numbers(self, variable, values)
+   !> The values of the file, checked one by one, or the default.
+   subroutine read_variable(self, variable, values)
       class(reader_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
-      real(wp), allocatable, intent(inout) :: values(:)
-      type(value_type), allocatable :: written(:)
+      type(value_type), allocatable, intent(inout) :: values(:)
       character(len=:), allocatable :: message
       integer :: i
 
-      if (allocated(values)) deallocate (values)
-      call self%find_values(variable, written)
-      if (.not. allocated(written)) return
-      allocate (values(size(written)))
+      call self%find_values(variable, values)
+      if (.not. allocated(values)) return
       message = ''
-      do i = 1, size(written)
-         call read_number(variable, written(i), values(i), message)
-         if (len(message) > 0) exit
-      end do
-      if (len(message) > 0) call self%refuse(variable, message)
-   end subroutine read_numbers
-
-   subroutine read_texts(self, variable, values)
-      class(reader_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(text_value_type), allocatable, intent(inout) :: values(:)
-      type(value_type), allocatable :: written(:)
-      character(len=:), allocatable :: message
-      integer :: i
-
-      if (allocated(values)) deallocate (values)
-      call self%find_values(variable, written)
-      if (.not. allocated(written)) return
-      allocate (values(size(written)))
-      message = ''
-      do i = 1, size(written)
-         call read_text(variable, written(i), values(i)%text, message)
-         if (len(message) > 0) exit
-      end do
-      if (len(message) > 0) then
+      do i = 1, size(values)
+         if (is_text(variable)) then
+            call check_text(variable, values(i), message)
+         else
+            call check_number(variable, values(i), message)
+         end if
+         if (len(message) == 0) cycle
          call self%refuse(variable, message)
-      else if (variable%group == 'problem' .and. variable%name == 'symmetry') then
-         call new_crystal_class(values(1)%text, self%class, self%error)
-         ! One name for its synonyms.
-         if (.not. allocated(self%error)) values(1)%text = self%class%name
-      end if
-   end subroutine read_texts
+         return
+      end do
+      if (variable%group /= 'problem' .or. variable%name /= 'symmetry') return
+      call new_crystal_class(values(1)%text, self%class, self%error)
+      ! One name for its synonyms.
+      if (.not. allocated(self%error)) values(1)%text = self%class%name
+   end subroutine read_variable
 
    !> The values as written, as many as there must be, or those of the default; unallocated: unset, or refused.
    subroutine find_values(self, variable, values)
       class(reader_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
       type(value_type), allocatable, intent(out) :: values(:)
+      character(len=:), allocatable :: reason
       integer :: i
 
       if (allocated(self%error)) return
@@ -158,9 +139,10 @@ contains
             call raise(self%missing, place(self%path, variable%group, variable%name)//'the variable is missing; ' &
                & //variable%meaning//allowed_part(variable), exit_bad_input)
          else if (index(self%needed, ' '//variable%group//' ') > 0) then
-            call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; ' &
-               & //trim(merge('every file  ', self%command//repeat(' ', 12 - len(self%command)), variable%group == 'problem')) &
-               & //' needs it', exit_bad_input)
+            reason = self%command
+            if (variable%group == 'problem') reason = 'every file'
+            call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; '//reason//' needs it', &
+               & exit_bad_input)
          end if
       else if (variable%default /= 'unset') then
          allocate (values(1))
@@ -201,79 +183,72 @@ contains
       call raise(self%error, place(self%path, variable%group, variable%name)//message, exit_bad_input)
    end subroutine refuse
 
-   subroutine read_text(v, value, string, message)
+   !> A text in quotes; words in lower case.
+   subroutine check_text(v, value, message)
       type(variable_type), intent(in) :: v
-      type(value_type), intent(in) :: value
-      character(len=:), allocatable, intent(out) :: string
+      type(value_type), intent(inout) :: value
       character(len=:), allocatable, intent(inout) :: message
       integer :: i, longest
 
-      string = value%text
       longest = merge(longest_quantity, longest_text, v%shape == shape_list)
-      if (.not. value%quoted) then
-         message = printable(value%text)//' is not in quotes; a text is needed'//allowed_part(v)
-      else if (len(string) > longest) then
-         message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string)//'''); at most ' &
-            & //to_text(longest)//' are allowed'
-      else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
-         message = ''''//printable(string)//''' holds a control character; plain text is allowed'
-      else if (v%kind == kind_choice .or. v%kind == kind_source) then
-         if (string /= v%default .or. len(string) > 0) then
+      associate (string => value%text)
+         if (.not. value%quoted) then
+            message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
+         else if (len(string) > longest) then
+            message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string)//'''); at most ' &
+               & //to_text(longest)//' are allowed'
+         else if (any([(iachar(string(i:i)) < 32, i=1, len(string))])) then
+            message = ''''//printable(string)//''' holds a control character; plain text is allowed'
+         else if (v%kind == kind_file .and. len_trim(string) == 0) then
+            message = 'the name of the file is empty'
+         else if (any(v%kind == [kind_choice, kind_source]) .and. string /= v%default) then
             if (index(', '//v%allowed//',', ', '//lower(string)//',') > 0) then
                string = lower(string)
-            else if ((v%kind == kind_choice .or. index(string, '.') == 0) .and. string /= v%default) then
+            else if (v%kind == kind_choice .or. index(string, '.') == 0) then
                message = ''''//printable(string)//''' is not known'//allowed_part(v)
             end if
          end if
-      end if
-      if (len(message) == 0 .and. len_trim(string) == 0 .and. v%kind == kind_file) then
-         message = 'the name of the file is empty'
-      end if
-   end subroutine read_text
+      end associate
+   end subroutine check_text
 
-   subroutine read_number(v, value, number, message)
+   !> A finite number in its range; a logical as .true. or .false.
+   subroutine check_number(v, value, message)
       type(variable_type), intent(in) :: v
-      type(value_type), intent(in) :: value
-      real(wp), intent(out) :: number
+      type(value_type), intent(inout) :: value
       character(len=:), allocatable, intent(inout) :: message
+      real(wp) :: number
       integer :: whole, outcome, other
 
-      number = 0.0_wp
       if (value%quoted) then
          message = 'the text '''//printable(value%text)//''' stands where '//noun(v)//' is needed'//allowed_part(v)
          return
       end if
-      select case (v%kind)
-      case (kind_logical)
+      if (v%kind == kind_logical) then
          select case (lower(value%text))
          case ('.true.', '.t.', 'true', 't')
-            number = 1.0_wp
+            value%text = '.true.'
          case ('.false.', '.f.', 'false', 'f')
-            number = 0.0_wp
+            value%text = '.false.'
          case default
             message = printable(value%text)//' is not a logical'//allowed_part(v)
          end select
          return
-      case (kind_integer)
+      end if
+      call read_real(value%text, number, outcome)
+      if (v%kind == kind_integer) then
+         other = outcome
          call read_integer(value%text, whole, outcome)
          number = whole
-         if (outcome == number_malformed) then
-            call read_real(value%text, number, other)
-            if (other == number_not_finite) outcome = number_not_finite
-         end if
-      case default
-         call read_real(value%text, number, outcome)
-      end select
+         if (outcome == number_malformed .and. other == number_not_finite) outcome = number_not_finite
+      end if
       if (outcome == number_malformed) then
          message = printable(value%text)//' is not '//noun(v)//allowed_part(v)
-      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') == 0) then
-         message = printable(value%text)//' is out of range'//allowed_part(v)
-      else if (outcome /= number_ok) then
+      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
          message = printable(value%text)//' is not a finite number'//allowed_part(v)
-      else if (.not. in_interval(number, v%allowed)) then
+      else if (outcome /= number_ok .or. .not. in_interval(number, v%allowed)) then
          message = printable(value%text)//' is out of range'//allowed_part(v)
       end if
-   end subroutine read_number
+   end subroutine check_number
 
    pure function noun(v) result(words)
       type(variable_type), intent(in) :: v

@@ -1,11 +1,14 @@
 !> What is done with every variable of the settings, one after the other: reading, listing and writing extend this type.
 !>
-!> `settings_schema` calls one of the typed procedures for each variable; they turn its component into numbers or texts and
-!> back, so that a visitor knows only these two. Each takes `name`, the component (`value`), and what variable_type says of
+!> `settings_schema` calls one of the typed procedures for each variable; they turn its component into the texts of a namelist and
+!> back, so that a visitor knows only these. Each takes `name`, the component (`value`), and what variable_type says of
 !> `default`, `allowed`, `unit` and `meaning`; a group also whether it is `given`.
 module settings_visitor
    use kinds, only: wp
+   use namelist_file, only: value_type
+   use numbers, only: number_text, read_integer, read_real
    use settings_groups, only: longest_quantity
+   use text, only: to_text
    implicit none
    private
    public :: settings_visitor_type, variable_type, choice_list_type, is_text, allowed_in_words
@@ -45,10 +48,8 @@ module settings_visitor
    contains
       !> A group begins, whose name and meaning are set.
       procedure(begin_group_interface), deferred :: begin_group
-      !> The values of a number or a logical (as 0 or 1); unallocated: unset.
-      procedure(numbers_interface), deferred :: numbers
-      !> The values of a text; unallocated: unset.
-      procedure(texts_interface), deferred :: texts
+      !> The values of a variable as a namelist has them; unallocated: unset.
+      procedure(visit_interface), deferred :: visit
       procedure :: words
       procedure :: group
       procedure :: integer => visit_integer
@@ -62,13 +63,7 @@ module settings_visitor
       procedure :: choice => visit_choice
       procedure :: source => visit_source
       procedure :: names => visit_names
-      procedure, private :: one_text
    end type settings_visitor_type
-
-   !> One text of any length.
-   type, public :: text_value_type
-      character(len=:), allocatable :: text
-   end type text_value_type
 
    abstract interface
       subroutine begin_group_interface(self, given)
@@ -78,21 +73,12 @@ module settings_visitor
          logical, intent(inout) :: given
       end subroutine begin_group_interface
 
-      subroutine numbers_interface(self, variable, values)
-         import :: settings_visitor_type, variable_type, wp
+      subroutine visit_interface(self, variable, values)
+         import :: settings_visitor_type, value_type, variable_type
          class(settings_visitor_type), intent(inout) :: self
          type(variable_type), intent(in) :: variable
-         !> (1), or (n).
-         real(wp), allocatable, intent(inout) :: values(:)
-      end subroutine numbers_interface
-
-      subroutine texts_interface(self, variable, values)
-         import :: settings_visitor_type, variable_type, text_value_type
-         class(settings_visitor_type), intent(inout) :: self
-         type(variable_type), intent(in) :: variable
-         !> (1), or (n).
-         type(text_value_type), allocatable, intent(inout) :: values(:)
-      end subroutine texts_interface
+         type(value_type), allocatable, intent(inout) :: values(:)
+      end subroutine visit_interface
    end interface
 
 contains
@@ -125,11 +111,12 @@ contains
       class(settings_visitor_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       integer, intent(inout) :: value
-      real(wp), allocatable :: values(:)
+      character(len=:), allocatable :: text
+      integer :: outcome
 
-      allocate (values(1), source=real(value, wp))
-      call self%numbers(new_variable(self, name, kind_integer, shape_one, default, allowed, unit, meaning), values)
-      if (allocated(values)) value = nint(values(1))
+      text = to_text(value)
+      call visit_one(self, new_variable(self, name, kind_integer, shape_one, default, allowed, unit, meaning), text)
+      if (allocated(text)) call read_integer(text, value, outcome)
    end subroutine visit_integer
 
    subroutine visit_real(self, name, value, default, allowed, unit, meaning)
@@ -138,8 +125,8 @@ contains
       real(wp), intent(inout) :: value
       real(wp), allocatable :: values(:)
 
-      allocate (values(1), source=value)
-      call self%numbers(new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
+      values = [value]
+      call visit_list(self, new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
       if (allocated(values)) value = values(1)
    end subroutine visit_real
 
@@ -150,9 +137,11 @@ contains
       real(wp), allocatable, intent(inout) :: value
       real(wp), allocatable :: values(:)
 
-      if (allocated(value)) allocate (values(1), source=value)
-      call self%numbers(new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
-      if (allocated(value)) deallocate (value)
+      if (allocated(value)) then
+         values = [value]
+         deallocate (value)
+      end if
+      call visit_list(self, new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
       if (allocated(values)) value = values(1)
    end subroutine visit_optional_real
 
@@ -162,7 +151,7 @@ contains
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       real(wp), allocatable, intent(inout) :: value(:)
 
-      call self%numbers(new_variable(self, name, kind_real, shape_list, default, allowed, unit, meaning), value)
+      call visit_list(self, new_variable(self, name, kind_real, shape_list, default, allowed, unit, meaning), value)
    end subroutine visit_reals
 
    !> A real for each constant of the crystal class.
@@ -171,18 +160,18 @@ contains
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       real(wp), allocatable, intent(inout) :: value(:)
 
-      call self%numbers(new_variable(self, name, kind_real, shape_constants, default, allowed, unit, meaning), value)
+      call visit_list(self, new_variable(self, name, kind_real, shape_constants, default, allowed, unit, meaning), value)
    end subroutine visit_constants
 
    subroutine visit_logical(self, name, value, default, meaning)
       class(settings_visitor_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, meaning
       logical, intent(inout) :: value
-      real(wp), allocatable :: values(:)
+      character(len=:), allocatable :: text
 
-      allocate (values(1), source=merge(1.0_wp, 0.0_wp, value))
-      call self%numbers(new_variable(self, name, kind_logical, shape_one, default, '', '', meaning), values)
-      if (allocated(values)) value = values(1) > 0.5_wp
+      text = to_text(value)
+      call visit_one(self, new_variable(self, name, kind_logical, shape_one, default, '', '', meaning), text)
+      if (allocated(text)) value = text == '.true.'
    end subroutine visit_logical
 
    subroutine visit_text(self, name, value, default, meaning)
@@ -190,7 +179,7 @@ contains
       character(len=*), intent(in) :: name, default, meaning
       character(len=:), allocatable, intent(inout) :: value
 
-      call self%one_text(new_variable(self, name, kind_text, shape_one, default, '', '', meaning), value)
+      call visit_one(self, new_variable(self, name, kind_text, shape_one, default, '', '', meaning), value)
    end subroutine visit_text
 
    !> The name of a CSV file.
@@ -199,7 +188,7 @@ contains
       character(len=*), intent(in) :: name, default, meaning
       character(len=:), allocatable, intent(inout) :: value
 
-      call self%one_text(new_variable(self, name, kind_file, shape_one, default, '', '', meaning), value)
+      call visit_one(self, new_variable(self, name, kind_file, shape_one, default, '', '', meaning), value)
    end subroutine visit_file
 
    !> One of the words `allowed`.
@@ -208,7 +197,7 @@ contains
       character(len=*), intent(in) :: name, default, allowed, meaning
       character(len=:), allocatable, intent(inout) :: value
 
-      call self%one_text(new_variable(self, name, kind_choice, shape_one, default, allowed, '', meaning), value)
+      call visit_one(self, new_variable(self, name, kind_choice, shape_one, default, allowed, '', meaning), value)
    end subroutine visit_choice
 
    !> One of the words `allowed`, or the name of a CSV file.
@@ -217,7 +206,7 @@ contains
       character(len=*), intent(in) :: name, default, allowed, meaning
       character(len=:), allocatable, intent(inout) :: value
 
-      call self%one_text(new_variable(self, name, kind_source, shape_one, default, allowed, '', meaning), value)
+      call visit_one(self, new_variable(self, name, kind_source, shape_one, default, allowed, '', meaning), value)
    end subroutine visit_source
 
    !> A list of names of quantities.
@@ -225,7 +214,7 @@ contains
       class(settings_visitor_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, meaning
       character(len=longest_quantity), allocatable, intent(inout) :: value(:)
-      type(text_value_type), allocatable :: values(:)
+      type(value_type), allocatable :: values(:)
       integer :: i
 
       if (allocated(value)) then
@@ -235,7 +224,7 @@ contains
          end do
          deallocate (value)
       end if
-      call self%texts(new_variable(self, name, kind_text, shape_list, default, '', '', meaning), values)
+      call self%visit(new_variable(self, name, kind_text, shape_list, default, '', '', meaning), values)
       if (.not. allocated(values)) return
       allocate (value(size(values)))
       do i = 1, size(values)
@@ -243,19 +232,43 @@ contains
       end do
    end subroutine visit_names
 
-   subroutine one_text(self, variable, value)
+   !> One value as a text; unallocated: unset.
+   subroutine visit_one(self, variable, text)
       class(settings_visitor_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
-      character(len=:), allocatable, intent(inout) :: value
-      type(text_value_type), allocatable :: values(:)
+      character(len=:), allocatable, intent(inout) :: text
+      type(value_type), allocatable :: values(:)
 
-      if (allocated(value)) then
+      if (allocated(text)) then
          allocate (values(1))
-         call move_alloc(value, values(1)%text)
+         call move_alloc(text, values(1)%text)
       end if
-      call self%texts(variable, values)
-      if (allocated(values)) value = values(1)%text
-   end subroutine one_text
+      call self%visit(variable, values)
+      if (allocated(values)) text = values(1)%text
+   end subroutine visit_one
+
+   !> Reals; unallocated: unset.
+   subroutine visit_list(self, variable, list)
+      class(settings_visitor_type), intent(inout) :: self
+      type(variable_type), intent(in) :: variable
+      real(wp), allocatable, intent(inout) :: list(:)
+      type(value_type), allocatable :: values(:)
+      integer :: i, outcome
+
+      if (allocated(list)) then
+         allocate (values(size(list)))
+         do i = 1, size(list)
+            values(i)%text = number_text(list(i))
+         end do
+         deallocate (list)
+      end if
+      call self%visit(variable, values)
+      if (.not. allocated(values)) return
+      allocate (list(size(values)))
+      do i = 1, size(values)
+         call read_real(values(i)%text, list(i), outcome)
+      end do
+   end subroutine visit_list
 
    !> A variable of the group that is visited.
    function new_variable(self, name, kind, shape, default, allowed, unit, meaning) result(v)

@@ -45,7 +45,7 @@ WRONG = {
     "infinite": ("next", {"sd_gpa": float("inf")}, "&next sd_gpa: inf is not a finite number; allowed 0 to 1000 GPa"),
     "text": ("simulation", {"depths": "ten"}, "&simulation depths: the text 'ten' stands where an integer is needed; allowed 1 to 1000"),
     "number": ("sampler", {"method": 3}, "&sampler method: 3 is not in quotes; a text is needed; allowed 'ensemble', 'scmh'"),
-    "name": ("simulation", {"mash": "paper"}, "&simulation mash: unknown variable, did you mean mesh?; allowed: simulator mesh"),
+    "name": ("simulation", {"mash": "paper"}, "&simulation mash: unknown variable, did you mean mesh?; allowed: simulator, mesh, "),
     "count": ("prior", {"c_min": [1, 2]}, "&prior c_min: 2 values; 3 are needed: C11, C12, C44"),
     "lists": ("knowledge", {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]}, "&knowledge quantity: 1 of them for 2 of mean"),
     "crossed": ("prior", {"c_min": [9, 9, 9], "c_max": (8, 10, 10)}, "&prior c_min: C11 = 9.0 GPa is not below its c_max of 8.0 GPa"),
