@@ -1,0 +1,71 @@
+"""What the documents name is there: links, files, modules, benchmarks."""
+
+import re
+import sys
+
+import pytest
+
+from conftest import SOURCE
+
+sys.path.insert(0, str(SOURCE / "tests" / "benchmarks"))
+import bench_simulate
+
+PAGES = [SOURCE / "README.md", *sorted((SOURCE / "docs").rglob("*.md"))]
+TOP = ("fortran", "cpp", "python", "tests", "inputs", "docs", ".ci")
+
+
+def relative(path):
+    return str(path.relative_to(SOURCE))
+
+
+def anchors(page):
+    """Headings as links name them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=relative)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        linked = page.parent / path if path else page
+        assert linked.exists(), target
+        assert not anchor or anchor in anchors(linked), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=relative)
+def test_files_that_are_named_exist(page):
+    # Capitals stand for what a reader chooses: `bench_NAME.py`.
+    for name in re.findall(rf"(?:^|[\s`(])((?:{'|'.join(map(re.escape, TOP))})/[\w./-]*\w/?)", page.read_text(), flags=re.M):
+        if not re.search(r"[A-Z]{2}|\bX\b|_X\.", name):
+            assert (SOURCE / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=relative)
+def test_benchmarks_that_are_named_exist(page):
+    for name, words in re.findall(r"bench ([a-z]+)((?: [a-z]+)*)", page.read_text()):
+        assert (SOURCE / "tests" / "benchmarks" / f"bench_{name}.py").exists(), name
+        if name == "simulate" and words:
+            assert set(words.split()) <= {*bench_simulate.SECTIONS}, words
+
+
+def test_modules_of_the_architecture_exist():
+    text = (SOURCE / "docs" / "architecture.md").read_text().split("## Contracts")[0]
+    rows = [[re.findall(r"`([\w./]+)`", cell) for cell in row.split("|")[1:-1]] for row in text.splitlines() if row.startswith("|")]
+    package = SOURCE / "python" / "bayesindent"
+    checked = 0
+    for folders, *_, modules in rows:
+        # The first table names folders of the tree, the second those of the package; its first row is of the package itself.
+        places = [next(place for place in (SOURCE / name, package / name) if place.is_dir()) for name in folders] or [package]
+        for module in modules:
+            assert any((place / module).exists() or [*place.glob(f"{module}.*")] for place in (*places, SOURCE)), f"{folders}: {module}"
+            checked += 1
+    assert checked > 80
+
+
+def test_every_folder_of_the_core_is_in_the_architecture():
+    text = (SOURCE / "docs" / "architecture.md").read_text()
+    for folder in sorted(path for path in (SOURCE / "fortran").iterdir() if path.is_dir()):
+        assert f"| `fortran/{folder.name}/` |" in text, folder.name
