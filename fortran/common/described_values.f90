@@ -19,6 +19,7 @@ module described_values
       procedure :: real => describe_real
       procedure :: reals => describe_reals
       procedure :: wants
+      procedure :: array
    end type described_values_type
 
 contains
@@ -70,7 +71,18 @@ contains
       !> Given or taken.
       real(wp), allocatable, intent(inout) :: values(:)
 
-      call self%document%put(label, size(values))
-      if (self%wants(label)) self%values = values
+      call self%array(label, size(values), values)
    end subroutine describe_reals
+
+   !> The n `values` of an array of any shape, in Fortran's order.
+   subroutine array(self, label, n, values)
+      class(described_values_type), intent(inout) :: self
+      !> Of the array, see `labelled_values`.
+      character(len=*), intent(in) :: label
+      integer, intent(in) :: n
+      real(wp), intent(in) :: values(n)
+
+      call self%document%put(label, n)
+      if (self%wants(label)) self%values = values
+   end subroutine array
 end module described_values

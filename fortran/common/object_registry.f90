@@ -8,7 +8,7 @@ module object_registry
    use text, only: to_text
    implicit none
    private
-   public :: register_object, find_object, release_object
+   public :: keep_object, register_object, find_object, release_object
 
    type :: entry_type
       integer(i8) :: handle = 0
@@ -20,6 +20,26 @@ module object_registry
    integer(i8) :: last_handle = 0
 
 contains
+
+   !> Keep what was made and allocated as a pointer, or free it if there was an error.
+   subroutine keep_object(object, kind, error, handle)
+      class(*), target, intent(inout) :: object
+      !> What it is, for messages: 'surrogate', 'posterior', ..
+      character(len=*), intent(in) :: kind
+      !> Of making it.
+      type(error_type), allocatable, intent(in) :: error
+      !> Its number, 0 after an error.
+      integer(i8), intent(out) :: handle
+      class(*), pointer :: made
+
+      handle = 0
+      made => object
+      if (allocated(error)) then
+         deallocate (made)
+      else
+         call register_object(made, kind, handle)
+      end if
+   end subroutine keep_object
 
    !> Keep an object of the heap; `release_object` frees it.
    subroutine register_object(object, kind, handle)

@@ -1,42 +1,20 @@
 ! Indentation models for Python, under handles of the kind 'indentation'; `object_release` frees them.
 
 !> Make the model of a problem's &simulation; `mesh` takes the place of its own unless it is blank.
-!>
-!> `counts`: elements of all meshes, depths, meshes, then of the finest mesh: nodes, bricks, infinite elements, contact nodes,
-!> unknowns, clamped nodes, hanging nodes. `costs`, summed over the meshes: entries of the factor, operations of one
-!> factorisation, bytes of workspace of one simulation; then the last depth (um). `element`: the name of the brick.
-subroutine indentation_new(problem, mesh, handle, counts, costs, element, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
+subroutine indentation_new(problem, mesh, handle, status, message)
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
-   use fe_indentation, only: indentation_model_type
-   use simulation_handles, only: model_of_handle, new_model_handle
+   use simulation_handles, only: new_model_handle
    implicit none
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: counts(10)
-   real(c_double), intent(out) :: costs(4)
-   character(len=8), intent(out) :: element
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
-   type(indentation_model_type), pointer :: model
    type(error_type), allocatable :: error
 
-   counts = 0
-   costs = 0.0_c_double
-   element = ''
    call new_model_handle(problem, mesh, handle, error)
-   if (.not. allocated(error)) call model_of_handle(handle, model, error)
    call error_to_status(error, status, message)
-   if (status /= 0) return
-   associate (grid => model%grid(1))
-      counts = [model%elements, size(model%depth), size(model%grid), size(grid%mesh%x, 2), size(grid%mesh%brick, 2), &
-         & size(grid%mesh%facet, 2), size(grid%mesh%contact), grid%assembly%unknowns, &
-         & size(grid%mesh%clamped), size(grid%mesh%hanging)]
-   end associate
-   costs = [sum(model%grid%cholesky%entries), sum(model%grid%cholesky%operations), sum(model%grid%cholesky%bytes), &
-      & model%depth(size(model%depth))]
-   element = model%element
 end subroutine indentation_new
 
 !> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the model. `curve`: depth
@@ -75,74 +53,6 @@ subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diag
    diagnostics = [result%seconds, result%seconds_factor, result%contact_residual, result%equilibrium_residual, &
       & real(result%elements, c_double)]
 end subroutine indentation_run
-
-!> The finest mesh: coordinates `x` of the nodes, and the `gap` between the `contacts` (contact nodes) and the indenter; um.
-subroutine indentation_nodes(handle, nodes, contacts, x, gap, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use fe_indentation, only: indentation_model_type
-   use simulation_handles, only: model_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: nodes, contacts
-   real(c_double), intent(out) :: x(3, nodes), gap(contacts)
-   integer(c_int), intent(out) :: status
-   character(len=1024), intent(out) :: message
-   type(indentation_model_type), pointer :: model
-   type(error_type), allocatable :: error
-
-   x = 0.0_c_double
-   gap = 0.0_c_double
-   call model_of_handle(handle, model, error)
-   call error_to_status(error, status, message)
-   if (status /= 0) return
-   x = model%grid(1)%mesh%x
-   gap = model%grid(1)%gap
-end subroutine indentation_nodes
-
-!> A table of nodes of the finest mesh, numbered from 0, `width` by `count`. `item`: 'brick', 'facet' (of the infinite elements),
-!> 'contact', 'clamped', 'hanging',
-!> or 'master': those whose mean each hanging node follows, -1 where there is none.
-subroutine indentation_table(handle, item, width, count, table, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use fe_indentation, only: indentation_model_type
-   use simulation_handles, only: model_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   character(len=*), intent(in) :: item
-   integer(c_int), intent(in) :: width, count
-   integer(c_int), intent(out) :: table(width, count), status
-   character(len=1024), intent(out) :: message
-   type(indentation_model_type), pointer :: model
-   type(error_type), allocatable :: error
-   integer :: i
-
-   call model_of_handle(handle, model, error)
-   call error_to_status(error, status, message)
-   if (status /= 0) return
-   associate (mesh => model%grid(1)%mesh)
-      select case (item)
-      case ('brick')
-         table = mesh%brick - 1
-      case ('facet')
-         table = mesh%facet - 1
-      case ('contact')
-         table(1, :) = mesh%contact - 1
-      case ('clamped')
-         table(1, :) = mesh%clamped - 1
-      case ('hanging')
-         table(1, :) = mesh%hanging - 1
-      case ('master')
-         table = -1
-         do i = 1, count
-            table(:mesh%masters(i), i) = mesh%master(:mesh%masters(i), i) - 1
-         end do
-      case default
-         table = -1
-      end select
-   end associate
-end subroutine indentation_table
 
 !> Displacement of the nodes (um) and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh at depth
 !> number `step`, of one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians).

@@ -6,7 +6,7 @@ subroutine learner_new(basis, prior, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use abstract_basis, only: basis_type
    use errors, only: error_to_status, error_type
-   use object_registry, only: register_object
+   use object_registry, only: keep_object
    use surrogate_handles, only: find_basis
    use surrogate_learner, only: learner_type, new_learner
    implicit none
@@ -17,20 +17,13 @@ subroutine learner_new(basis, prior, handle, status, message)
    character(len=512), intent(out) :: message
    class(basis_type), pointer :: found
    type(learner_type), pointer :: learner
-   class(*), pointer :: object
    type(error_type), allocatable :: error
 
-   handle = 0
    allocate (learner)
    call find_basis(basis, found, error)
    if (.not. allocated(error)) call new_learner(found, prior, learner, error)
    call error_to_status(error, status, message)
-   if (status /= 0) then
-      deallocate (learner)
-      return
-   end if
-   object => learner
-   call register_object(object, 'learner', handle)
+   call keep_object(learner, 'learner', error, handle)
 end subroutine learner_new
 
 !> Give the n candidates, all of them available, and the rule of the choice.
@@ -239,7 +232,7 @@ end subroutine learner_leave_out
 subroutine learner_surrogate(handle, provenance, surrogate, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_to_status, error_type
-   use object_registry, only: register_object
+   use object_registry, only: keep_object
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, surrogate_of
    use surrogate_model, only: surrogate_type
@@ -251,18 +244,11 @@ subroutine learner_surrogate(handle, provenance, surrogate, status, message)
    character(len=512), intent(out) :: message
    type(learner_type), pointer :: learner
    type(surrogate_type), pointer :: made
-   class(*), pointer :: object
    type(error_type), allocatable :: error
 
-   surrogate = 0
    allocate (made)
    call find_learner(handle, learner, error)
    if (.not. allocated(error)) call surrogate_of(learner, provenance, made, error)
    call error_to_status(error, status, message)
-   if (status /= 0) then
-      deallocate (made)
-      return
-   end if
-   object => made
-   call register_object(object, 'surrogate', surrogate)
+   call keep_object(made, 'surrogate', error, surrogate)
 end subroutine learner_surrogate

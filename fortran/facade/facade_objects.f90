@@ -10,47 +10,30 @@ subroutine object_release(handle)
    call release_object(handle)
 end subroutine object_release
 
-!> Length in bytes of the JSON document of an object of a kind ('basis', 'surrogate', 'learner'): its numbers and texts, arrays by
-!> their lengths.
-subroutine object_document_length(handle, kind, length, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use described_values, only: described_values_type
-   use errors, only: error_to_status, error_type
-   use surrogate_handles, only: describe_object
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   character(len=*), intent(in) :: kind
-   integer(c_int), intent(out) :: length, status
-   character(len=512), intent(out) :: message
-   type(described_values_type) :: visitor
-   type(error_type), allocatable :: error
-
-   length = 0
-   call describe_object(handle, kind, visitor, error)
-   call error_to_status(error, status, message)
-   if (status == 0) length = len(visitor%document%text())
-end subroutine object_document_length
-
-!> The document itself: a text of this length, of an object of this kind.
-subroutine object_document(handle, kind, length, text, status, message)
+!> The JSON document of an object of a kind, or of the settings (see `object_documents`): a text of full_length bytes, which is
+!> given if there is room for them, `length`.
+subroutine object_document(handle, kind, length, text, full_length, status, message)
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
    use described_values, only: described_values_type
    use errors, only: error_to_status, error_type
-   use surrogate_handles, only: describe_object
+   use object_documents, only: describe_object
    implicit none
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: kind
    integer(c_int), intent(in) :: length
    character(kind=c_char, len=1), intent(out) :: text(length)
-   integer(c_int), intent(out) :: status
+   integer(c_int), intent(out) :: full_length, status
    character(len=512), intent(out) :: message
    type(described_values_type) :: visitor
    type(error_type), allocatable :: error
 
    text = ' '
+   full_length = 0
    call describe_object(handle, kind, visitor, error)
    call error_to_status(error, status, message)
-   if (status == 0) text = transfer(visitor%document%text(), text, length)
+   if (status /= 0) return
+   full_length = len(visitor%document%text())
+   if (full_length <= length) text(:full_length) = transfer(visitor%document%text(), text, full_length)
 end subroutine object_document
 
 !> The values of one array, by its label, of an object of this kind; the document gives the length.
@@ -58,7 +41,7 @@ subroutine object_values(handle, kind, label, length, values, status, message)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use described_values, only: described_values_type
    use errors, only: error_to_status, error_type, raise
-   use surrogate_handles, only: describe_object
+   use object_documents, only: describe_object
    implicit none
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: kind, label

@@ -4,8 +4,8 @@
 subroutine problem_read(path, command, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
+   use object_registry, only: keep_object
    use problem, only: problem_type
-   use problem_handles, only: register_problem
    use problem_input, only: read_problem
    implicit none
    character(len=*), intent(in) :: path, command
@@ -17,7 +17,7 @@ subroutine problem_read(path, command, handle, status, message)
 
    allocate (self)
    call read_problem(path, command, self, error)
-   call register_problem(self, error, handle)
+   call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
 end subroutine problem_read
 
@@ -25,8 +25,8 @@ end subroutine problem_read
 subroutine problem_from_text(origin, content, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
+   use object_registry, only: keep_object
    use problem, only: problem_type
-   use problem_handles, only: register_problem
    use problem_input, only: problem_of_text
    implicit none
    character(len=*), intent(in) :: origin, content
@@ -38,7 +38,7 @@ subroutine problem_from_text(origin, content, handle, status, message)
 
    allocate (self)
    call problem_of_text(origin, content, self, error)
-   call register_problem(self, error, handle)
+   call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
 end subroutine problem_from_text
 
@@ -49,8 +49,8 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, error_to_status
    use point_tables, only: read_crystals, read_measurements
+   use object_registry, only: keep_object
    use problem, only: problem_type
-   use problem_handles, only: register_problem
    implicit none
    character(len=*), intent(in) :: path, symmetry
    integer(c_int), intent(in) :: sd_optional
@@ -70,7 +70,7 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
       allocate (self%measurements)
       call read_measurements(path, path//': ', sd_optional == 1, self%measurements, error)
    end if
-   call register_problem(self, error, handle)
+   call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
 end subroutine problem_of_table
 
@@ -95,99 +95,3 @@ subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_
    call error_to_status(error, status, message)
 end subroutine problem_set_measurements
 
-!> `length` in bytes of the text number `item`: see `problem_texts`; handle 0: of the texts without a problem.
-subroutine problem_text_length(handle, item, length, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use problem_handles, only: text_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: item
-   integer(c_int), intent(out) :: length, status
-   character(len=4096), intent(out) :: message
-   character(len=:), allocatable :: whole
-   type(error_type), allocatable :: error
-
-   call text_of_handle(handle, item, whole, error)
-   call error_to_status(error, status, message)
-   length = len(whole)
-end subroutine problem_text_length
-
-!> The text number `item` itself, `length` bytes. Items end with the byte 31, rows of a table with the byte 30.
-subroutine problem_text(handle, item, length, text, status, message)
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use problem_handles, only: text_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: item, length
-   character(kind=c_char, len=1), intent(out) :: text(length)
-   integer(c_int), intent(out) :: status
-   character(len=4096), intent(out) :: message
-   character(len=:), allocatable :: whole
-   type(error_type), allocatable :: error
-   integer :: i
-
-   call text_of_handle(handle, item, whole, error)
-   call error_to_status(error, status, message)
-   do i = 1, min(length, len(whole))
-      text(i) = whole(i:i)
-   end do
-end subroutine problem_text
-
-!> The number n of rows of table 1 crystals, 2 measurements, 3 candidates; -1 if the file names none.
-subroutine problem_table_rows(handle, table, n, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use point_tables, only: points_type
-   use problem_handles, only: table_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: table
-   integer(c_int), intent(out) :: n, status
-   character(len=4096), intent(out) :: message
-   type(points_type), pointer :: points
-   type(error_type), allocatable :: error
-
-   call table_of_handle(handle, table, points, error)
-   call error_to_status(error, status, message)
-   n = -1
-   if (associated(points)) n = points%n
-end subroutine problem_table_rows
-
-!> Numbers of a table of n rows: angles in degrees, constants, stiffness, modulus_gpa and sd_gpa in GPa, NaN where the table has
-!> none. symmetry: the class of each row, twelve characters; blank in measurements, whose constants and stiffness are zero.
-subroutine problem_table(handle, table, n, symmetry, constants, stiffness, euler_deg, modulus_gpa, sd_gpa)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type
-   use point_tables, only: points_type
-   use problem_handles, only: table_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: table, n
-   character(len=1), intent(out) :: symmetry(12, n)
-   real(c_double), intent(out) :: constants(21, n), stiffness(6, 6, n), euler_deg(3, n), modulus_gpa(n), sd_gpa(n)
-   type(points_type), pointer :: points
-   type(error_type), allocatable :: error
-   integer :: i, j
-
-   symmetry = ' '
-   constants = 0
-   stiffness = 0
-   call table_of_handle(handle, table, points, error)
-   if (.not. associated(points)) return
-   if (allocated(points%class)) then
-      do i = 1, n
-         do j = 1, len(points%class(i)%name)
-            symmetry(j, i) = points%class(i)%name(j:j)
-         end do
-      end do
-   end if
-   if (allocated(points%constants)) then
-      constants = points%constants
-      stiffness = points%stiffness
-   end if
-   euler_deg = points%euler_deg
-   modulus_gpa = points%modulus_gpa
-   sd_gpa = points%sd_gpa
-end subroutine problem_table

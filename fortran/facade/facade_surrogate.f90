@@ -151,7 +151,7 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: basis_type
    use errors, only: error_to_status, error_type, exit_bad_input, raise
-   use object_registry, only: register_object
+   use object_registry, only: keep_object
    use surrogate_file, only: check_values
    use surrogate_handles, only: find_basis
    use surrogate_model, only: surrogate_type
@@ -165,10 +165,8 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
    character(len=512), intent(out) :: message
    class(basis_type), pointer :: found
    type(surrogate_type), pointer :: surrogate
-   class(*), pointer :: object
    type(error_type), allocatable :: error
 
-   handle = 0
    allocate (surrogate)
    call find_basis(basis, found, error)
    if (.not. allocated(error)) then
@@ -186,12 +184,7 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
       end if
    end if
    call error_to_status(error, status, message)
-   if (status /= 0) then
-      deallocate (surrogate)
-      return
-   end if
-   object => surrogate
-   call register_object(object, 'surrogate', handle)
+   call keep_object(surrogate, 'surrogate', error, handle)
 end subroutine surrogate_new
 
 !> The path of a surrogate by its name; output, folder, data_folder and shipped as of `surrogate_load`.
@@ -218,7 +211,7 @@ end subroutine surrogate_path
 subroutine surrogate_load(name, symmetry, output, folder, data_folder, shipped, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_to_status, error_type
-   use object_registry, only: register_object
+   use object_registry, only: keep_object
    use surrogate_lookup, only: load_named_surrogate, places_type
    use surrogate_model, only: surrogate_type
    implicit none
@@ -227,19 +220,12 @@ subroutine surrogate_load(name, symmetry, output, folder, data_folder, shipped, 
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
-   class(*), pointer :: object
    type(error_type), allocatable :: error
 
-   handle = 0
    allocate (surrogate)
    call load_named_surrogate(name, symmetry, places_type(output, folder, data_folder, shipped), surrogate, error)
    call error_to_status(error, status, message)
-   if (status /= 0) then
-      deallocate (surrogate)
-      return
-   end if
-   object => surrogate
-   call register_object(object, 'surrogate', handle)
+   call keep_object(surrogate, 'surrogate', error, handle)
 end subroutine surrogate_load
 
 !> Write a surrogate.

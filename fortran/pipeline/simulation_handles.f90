@@ -4,7 +4,7 @@ module simulation_handles
    use fe_indentation, only: indentation_model_type, new_indentation_model
    use kinds, only: i8
    use namelist_file, only: place
-   use object_registry, only: find_object, register_object
+   use object_registry, only: find_object, keep_object
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
    use settings_groups, only: simulation_settings_type
@@ -42,20 +42,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(simulation_settings_type) :: settings
       type(indentation_model_type), pointer :: model
-      class(*), pointer :: object
 
-      handle = 0
-      call simulation_of_handle(problem, mesh, settings, error)
-      if (allocated(error)) return
       allocate (model)
-      call new_indentation_model(settings, model, error)
-      if (allocated(error)) then
-         deallocate (model)
-         call name_origin(problem, error)
-         return
-      end if
-      object => model
-      call register_object(object, 'indentation', handle)
+      call simulation_of_handle(problem, mesh, settings, error)
+      if (.not. allocated(error)) call new_indentation_model(settings, model, error)
+      call name_origin(problem, error)
+      call keep_object(model, 'indentation', error, handle)
    end subroutine new_model_handle
 
    subroutine model_of_handle(handle, model, error)
@@ -81,20 +73,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(simulation_settings_type) :: settings
       type(held_simulator_type), pointer :: held
-      class(*), pointer :: object
 
-      handle = 0
-      call simulation_of_handle(problem, mesh, settings, error)
-      if (allocated(error)) return
       allocate (held)
-      call new_simulator(settings, held%simulator, error)
-      if (allocated(error)) then
-         deallocate (held)
-         call name_origin(problem, error)
-         return
-      end if
-      object => held
-      call register_object(object, 'simulator', handle)
+      call simulation_of_handle(problem, mesh, settings, error)
+      if (.not. allocated(error)) call new_simulator(settings, held%simulator, error)
+      call name_origin(problem, error)
+      call keep_object(held, 'simulator', error, handle)
    end subroutine new_simulator_handle
 
    subroutine simulator_of_handle(handle, simulator, error)
@@ -119,6 +103,7 @@ contains
       type(problem_type), pointer :: self
       type(error_type), allocatable :: unknown
 
+      if (.not. allocated(error)) return
       call problem_of_handle(problem, self, unknown)
       if (associated(self)) error%message = place(self%path, 'simulation', '')//error%message
    end subroutine name_origin

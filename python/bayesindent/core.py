@@ -34,7 +34,7 @@ import numpy as np  # noqa: E402
 
 from . import _core  # type: ignore[attr-defined] # noqa: E402
 
-__all__ = ["BayesindentError", "InputError", "MachineError", "NativeObject", "check", "native"]
+__all__ = ["BayesindentError", "InputError", "MachineError", "NativeObject", "call", "check", "document", "native"]
 
 #: The f2py module itself.
 native = _core
@@ -60,19 +60,35 @@ def check(status: int, message: bytes | str) -> None:
     raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(text.strip())
 
 
+def call(procedure: str, *arguments):
+    """What a procedure of the core gives back, without its status and message, which become an exception."""
+    *results, status, message = getattr(native, procedure)(*arguments)
+    check(status, message)
+    return results[0] if len(results) == 1 else results
+
+
+def document(handle: int, kind: str) -> dict:
+    """Numbers and texts of an object of the core, arrays by their lengths; or, without a handle, what 'settings' there are."""
+    text, length = call("object_document", handle, kind, 1 << 16)
+    if length > len(text):
+        text, length = call("object_document", handle, kind, length)
+    return json.loads(text.tobytes()[:length].decode(errors="replace"))
+
+
 class NativeObject:
     """What the core holds for Python: one handle, freed with the last reference to this object.
 
-    A subclass sets the handle with `_hold` at the end of its constructor; from then on it is frozen. Copies and pickles carry no
-    handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
+    A subclass sets the handle with `_hold` in its constructor; from then on it is frozen, or once `_frozen` is set. Copies and pickles carry
+    no handle: `__reduce__` of a subclass says how the object is made anew, and without one they are refused.
     """
 
     #: What the core calls it: 'surrogate', 'posterior', ..
     kind = ""
     _handle: int
+    _frozen = False
 
-    def _hold(self, handle: int) -> None:
-        object.__setattr__(self, "_handle", int(handle))
+    def _hold(self, handle: int, *, frozen: bool = True) -> None:
+        self._handle, self._frozen = int(handle), frozen
 
     @property
     def handle(self) -> int:
@@ -80,7 +96,7 @@ class NativeObject:
         return self.__dict__.get("_handle", 0)
 
     def __setattr__(self, name: str, value) -> None:
-        if getattr(self, "_handle", 0):
+        if self._frozen:
             raise AttributeError(f"{type(self).__name__} is frozen: make a new one with another '{name}'")
         object.__setattr__(self, name, value)
 
@@ -94,16 +110,11 @@ class NativeObject:
 
     def _document(self) -> dict:
         """Numbers and texts of the core's object; arrays by their lengths."""
-        length, status, message = native.object_document_length(self._handle, self.kind)
-        check(status, message)
-        text, status, message = native.object_document(self._handle, self.kind, length)
-        check(status, message)
-        return json.loads(text.tobytes())
+        return document(self._handle, self.kind)
 
     def _array(self, label: str, length: int) -> np.ndarray:
         """An array (length,) of the core's object, which cannot be written to."""
-        values, status, message = native.object_values(self._handle, self.kind, label, length)
-        check(status, message)
+        values = call("object_values", self._handle, self.kind, label, length)
         values.flags.writeable = False
         return values
 

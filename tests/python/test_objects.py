@@ -86,4 +86,4 @@ def test_a_freed_handle_is_refused(problem_file):
     handle = problem._handle
     del problem
     with pytest.raises(bi.BayesindentError):
-        check(*native.problem_text_length(handle, 1)[1:])
+        check(*native.object_document(handle, "problem", 1)[2:])

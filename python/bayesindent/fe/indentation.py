@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import BayesindentError, InputError, NativeObject, check, native
+from ..core import BayesindentError, InputError, NativeObject, call
 from ..crystal.elasticity import oriented_crystals
 from ..settings.problem import Problem
 
@@ -15,6 +15,9 @@ __all__ = ["Indentation", "IndentationResult"]
 
 #: Variables of &simulation that say what a command does with simulations, not what one is.
 NOT_OURS = ("simulator", "both_meshes", "vtu", "inp")
+
+#: Tables of a mesh: the nodes in a row.
+WIDTHS = {"brick": (8,), "facet": (4,), "contact": (), "clamped": (), "hanging": (), "master": (4,)}
 
 
 def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
@@ -75,6 +78,8 @@ class Indentation(NativeObject):
     cannot be meant, `MachineError` where memory does not suffice.
     """
 
+    kind = "indentation"
+
     def __init__(self, **settings):
         for name in NOT_OURS:
             if name in settings:
@@ -91,17 +96,19 @@ class Indentation(NativeObject):
         return self
 
     def _set_up(self, problem: Problem, mesh: str = "") -> None:
-        handle, counts, costs, element, status, message = native.indentation_new(problem.handle, mesh)
-        check(status, message)
-        self._problem, self._mesh = problem, mesh
+        self._hold(call("indentation_new", problem.handle, mesh), frozen=False)
+        self._problem, self._mesh, self._facts = problem, mesh, self._document()
         self.settings = problem.settings.simulation
-        #: Name of the mesh, and of the brick element.
-        self.mesh, self.element = mesh or self.settings.mesh, element.decode().strip()
+        self.mesh = mesh or self.settings.mesh
+        #: Name of the brick element.
+        self.element = self._facts["element"]
+        names = ("elements", "depths", "meshes", "nodes", "bricks", "infinite_elements", "contact_nodes", "unknowns")
         (self.elements, self.depths, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
-         self.unknowns, self._clamped_nodes, self._hanging_nodes) = (int(count) for count in counts)  # fmt: skip
+         self.unknowns) = (self._facts[name] for name in names)  # fmt: skip
         #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation, last depth.
-        self.factor_entries, self.factor_operations, self.workspace_bytes, self.depth_max_um = (float(cost) for cost in costs)
-        self._hold(handle)
+        costs = ("factor_entries", "factor_operations", "workspace_bytes", "depth_max_um")
+        self.factor_entries, self.factor_operations, self.workspace_bytes, self.depth_max_um = (self._facts[name] for name in costs)
+        self._frozen = True
 
     def __reduce__(self):
         return self._made_of
@@ -112,8 +119,7 @@ class Indentation(NativeObject):
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
         matrix, angles = one_crystal(stiffness, euler_deg)
-        curve, moduli, diagnostics, status, message = native.indentation_run(self.handle, self.depths, matrix, angles)
-        check(status, message)
+        curve, moduli, diagnostics = call("indentation_run", self.handle, self.depths, matrix, angles)
         depth, force, radius = np.ascontiguousarray(curve.T)
         return IndentationResult(
             indentation_modulus_gpa=float(moduli[0]),
@@ -167,16 +173,11 @@ class Indentation(NativeObject):
 
     def mesh_arrays(self) -> MeshArrays:
         """The finest mesh."""
-        x, gap, status, message = native.indentation_nodes(self.handle, self.nodes, self.contact_nodes)
-        check(status, message)
-        sizes = {"brick": (8, self.bricks), "facet": (4, self.infinite_elements), "contact": (1, self.contact_nodes),
-                 "clamped": (1, self._clamped_nodes), "hanging": (1, self._hanging_nodes), "master": (4, self._hanging_nodes)}  # fmt: skip
-        tables = {}
-        for name, (width, count) in sizes.items():
-            table, status, message = native.indentation_table(self.handle, name, width, count)
-            check(status, message)
-            tables[name] = table.T if width > 1 else table[0]
-        return MeshArrays(x=x.T, gap=gap, **tables)
+        arrays = {name: self._array(name, self._facts[name]) for name in ("x", "gap", *WIDTHS)}
+        tables = {name: arrays[name].astype(np.intc).reshape(-1, *width) - 1 for name, width in WIDTHS.items()}
+        masters = self._array("masters", self._facts["masters"])
+        tables["master"][np.arange(4) >= masters[:, None]] = -1
+        return MeshArrays(x=arrays["x"].reshape(-1, 3), gap=arrays["gap"], **tables)
 
     def fields(self, stiffness, euler_deg, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the finest mesh.
@@ -184,10 +185,7 @@ class Indentation(NativeObject):
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
         number = step + 1 if step >= 0 else self.depths + 1 + step
-        u, stress, status, message = native.indentation_field(
-            self.handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg)
-        )
-        check(status, message)
+        u, stress = call("indentation_field", self.handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg))
         return u.T, stress.T
 
     def write_vtu(self, path, stiffness, euler_deg, step: int = -1) -> None:
@@ -213,8 +211,7 @@ class Indentation(NativeObject):
         from ..fe.deck import write_deck
 
         matrix, angles = one_crystal(stiffness, euler_deg)
-        rotated, infinite, status, message = native.indentation_stiffness(self.handle, self.infinite_elements, matrix, angles)
-        check(status, message)
+        rotated, infinite = call("indentation_stiffness", self.handle, self.infinite_elements, matrix, angles)
         depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
         return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title)
 
@@ -228,6 +225,5 @@ def resolution(problem: Problem, stiffness: np.ndarray, mesh: str = "") -> tuple
 
     `mesh` takes the place of the problem's own.
     """
-    largest, warning, status, message = native.simulation_resolution(problem.handle, mesh, np.moveaxis(stiffness, 0, -1))
-    check(status, message)
+    largest, warning = call("simulation_resolution", problem.handle, mesh, np.moveaxis(stiffness, 0, -1))
     return largest, warning.decode().strip()

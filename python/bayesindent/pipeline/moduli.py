@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.result_files import cell, write_csv
-from ..core import check, native
+from ..core import call, native
 from ..settings.problem import Points
 
 __all__ = ["as_measured", "identified", "joined", "write_moduli"]
@@ -26,8 +26,7 @@ def write_moduli(file: Path, problem, points: Points, modulus) -> None:
 def as_measured(measurements, modulus, kind: str = "") -> np.ndarray:
     """Indentation moduli in GPa as the kind of modulus that the settings of &measurements say, or another one."""
     numbers = measurements.indenter_modulus_gpa, measurements.indenter_nu, measurements.sample_nu
-    values, status, message = native.moduli_of_kind(kind or measurements.modulus_kind, *numbers, np.ravel(modulus))
-    check(status, message)
+    values = call("moduli_of_kind", kind or measurements.modulus_kind, *numbers, np.ravel(modulus))
     return values.reshape(np.shape(modulus))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..core import MachineError, NativeObject, check, native
+from ..core import MachineError, NativeObject, call, check, native
 from ..crystal.elasticity import stiffness_rows
 from ..fe.indentation import resolution
 from ..pipeline.campaign import Campaign
@@ -18,8 +18,7 @@ class Simulator(NativeObject):
     """What &simulation of a problem asks for; `mesh` takes the place of its own. Threads may share it."""
 
     def __init__(self, problem, mesh: str = ""):
-        handle, self.depths, status, message = native.simulator_new(problem.handle, mesh)
-        check(status, message)
+        handle, self.depths = call("simulator_new", problem.handle, mesh)
         self._made_of = (problem, mesh)
         self._hold(handle)
 
@@ -44,16 +43,12 @@ class Simulator(NativeObject):
 
 def physics_identity(problem, mesh: str = "") -> dict:
     """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    identity, status, message = native.simulation_identity(problem.handle, mesh)
-    check(status, message)
-    return json.loads(identity)
+    return json.loads(call("simulation_identity", problem.handle, mesh))
 
 
 def other_mesh(problem) -> str:
     """The mesh to compare the problem's own with."""
-    mesh, status, message = native.simulation_other_mesh(problem.handle)
-    check(status, message)
-    return mesh.decode().strip()
+    return call("simulation_other_mesh", problem.handle).decode().strip()
 
 
 def resolution_warnings(problem, stiffness) -> list[str]:

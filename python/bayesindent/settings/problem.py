@@ -9,14 +9,10 @@ from pathlib import Path
 import f90nml
 import numpy as np
 
-from ..core import InputError, NativeObject, check, native
+from ..core import InputError, NativeObject, call, document
 from ..crystal.elasticity import constant_names
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "stages"]
-
-_RESOLVED, _VALUES, _WARNINGS, _GROUPS, _STAGES, _SCAN, _CELLS = 1, 2, 3, 4, 5, 6, 10
-_SCHEMA, _STAGE_TABLE = 1, 2
-_CRYSTALS, _MEASUREMENTS, _CANDIDATES = 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -80,9 +76,11 @@ class Problem(NativeObject):
     variable.
     """
 
+    kind = "problem"
+
     def __init__(self, path: str | os.PathLike, command: str = "run"):
         self._made_of: tuple = (path, command)
-        self._fill(native.problem_read(os.fsencode(path), command), Path(path))
+        self._fill(call("problem_read", os.fsencode(path), command), Path(path))
 
     @classmethod
     def from_keywords(cls, origin: str, measurements_table: tuple | None = None, **groups: Mapping) -> "Problem":
@@ -94,35 +92,55 @@ class Problem(NativeObject):
         self = cls.__new__(cls)
         self._made_of = (origin, measurements_table, groups)
         text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
-        self._fill(native.problem_from_text(origin.encode(), text.encode()), Path(origin), measurements_table)
+        self._fill(call("problem_from_text", origin.encode(), text.encode()), Path(origin), measurements_table)
         return self
 
-    def _fill(self, result: tuple, path: Path, measurements_table: tuple | None = None) -> None:
-        handle, status, message = result
-        check(status, message)
-        try:
-            if measurements_table is not None:
-                euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in measurements_table)
-                n = modulus.size
-                if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
-                    found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
-                    raise InputError(f"{path}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
-                check(*native.problem_set_measurements(handle, np.asfortranarray(euler_deg.T), modulus, sd))
-            self.path = path
-            self.folder = path.parent
-            self.resolved = _text(handle, _RESOLVED).decode()
-            self.warnings = _items(_text(handle, _WARNINGS))
-            self.stages = _text(handle, _STAGES).decode().split()
-            self.settings = _settings(_text(handle, _VALUES).decode(), _text(handle, _GROUPS).decode().split())
-            #: Pairs of degree and bandlimit of &surrogate scan.
-            self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in _rows(_text(handle, _SCAN))]
-            self.crystals = _points(handle, _CRYSTALS)
-            self.measurements = _points(handle, _MEASUREMENTS)
-            self.candidates = _points(handle, _CANDIDATES)
-        except BaseException:
-            native.object_release(handle)
-            raise
-        self._hold(handle)
+    def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None) -> None:
+        self._hold(handle, frozen=False)
+        if measurements_table is not None:
+            euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in measurements_table)
+            n = modulus.size
+            if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
+                found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
+                raise InputError(f"{path}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
+            call("problem_set_measurements", handle, np.asfortranarray(euler_deg.T), modulus, sd)
+        facts = self._document()
+        self.path = path
+        self.folder = path.parent
+        self.resolved = facts["resolved"]
+        self.warnings = facts["warnings"]
+        self.stages = facts["stages"].split()
+        self.settings = _settings(facts["values"], facts["groups"].split())
+        #: Pairs of degree and bandlimit of &surrogate scan.
+        self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in facts["scan"]]
+        self.crystals, self.measurements, self.candidates = (
+            self._points(name, facts) for name in ("crystals", "measurements", "candidates")
+        )
+        self._frozen = True
+
+    def _points(self, table: str, facts: dict):
+        if table not in facts:
+            return None
+        n = len(facts[table]) - 1
+
+        def numbers(name: str) -> np.ndarray:
+            label = f"{table}_{name}"
+            return self._array(label, facts[label]).copy()
+
+        modulus, sd = numbers("modulus_gpa"), numbers("sd_gpa")
+        symmetry = facts[f"{table}_symmetry"]
+        return Points(
+            symmetry=[name.strip() for name in symmetry] or n * [None],
+            constants=[_named(*row) for row in zip(symmetry, numbers("constants").reshape(n, -1).tolist(), strict=True)]
+            if symmetry
+            else n * [{}],
+            stiffness=numbers("stiffness").reshape(n, 6, 6) if symmetry else None,
+            euler_deg=numbers("euler_deg").reshape(n, 3),
+            modulus_gpa=None if np.isnan(modulus).all() else modulus,
+            sd_gpa=None if np.isnan(sd).all() else sd,
+            columns=facts[table][0],
+            rows=facts[table][1:],
+        )
 
     def __reduce__(self):
         if len(self._made_of) == 2:
@@ -154,33 +172,31 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
-    return _read(native.problem_of_table(os.fsencode(path), symmetry, 0), _CRYSTALS)
+    return _read("crystals", path, symmetry, 0)
 
 
 def read_measurements(path: str | os.PathLike, *, sd_optional: bool = False) -> Points:
     """A CSV of orientations, modulus_gpa and sd_gpa (which may be absent only if `sd_optional`)."""
-    return _read(native.problem_of_table(os.fsencode(path), "", int(sd_optional)), _MEASUREMENTS)
+    return _read("measurements", path, "", int(sd_optional))
 
 
 @cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
-    return tuple(Variable(*row) for row in _rows(_text(0, _SCHEMA)))
+    return tuple(Variable(*row) for row in document(0, "settings")["schema"])
 
 
 @cache
 def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
-    return tuple(Stage(row[0], tuple(row[1].split()), *row[2:]) for row in _rows(_text(0, _STAGE_TABLE)))
+    return tuple(Stage(row[0], tuple(row[1].split()), *row[2:]) for row in document(0, "settings")["stages"])
 
 
-def _read(result: tuple, table: int) -> Points:
-    handle, status, message = result
-    check(status, message)
-    try:
-        return _points(handle, table)
-    finally:
-        native.object_release(handle)
+def _read(table: str, path: str | os.PathLike, symmetry: str, sd_optional: int) -> Points:
+    """A table alone, which the core holds as a problem without settings."""
+    holder = Problem.__new__(Problem)
+    holder._hold(call("problem_of_table", os.fsencode(path), symmetry, sd_optional))
+    return holder._points(table, holder._document())
 
 
 @cache
@@ -214,43 +230,7 @@ def _settings(namelist: str, given: list[str]):
     return types[""](**{group: types[group](**members) for group, members in groups.items()})
 
 
-def _text(handle: int, item: int) -> bytes:
-    length, status, message = native.problem_text_length(handle, item)
-    check(status, message)
-    text, status, message = native.problem_text(handle, item, length)
-    check(status, message)
-    return text.tobytes()
-
-
-def _rows(text: bytes) -> list[list[str]]:
-    return [_items(row) for row in text.split(b"\x1e")[:-1]]
-
-
-def _items(text: bytes) -> list[str]:
-    return [item.decode(errors="replace") for item in text.split(b"\x1f")[:-1]]
-
-
-def _points(handle: int, table: int):
-    n, status, message = native.problem_table_rows(handle, table)
-    check(status, message)
-    if n < 0:
-        return None
-    symmetry, constants, stiffness, euler_deg, modulus, sd = native.problem_table(handle, table, n)
-    rows = _rows(_text(handle, _CELLS + table))
-    names = [row.tobytes().decode().strip() or None for row in np.asfortranarray(symmetry).T]
-    return Points(
-        symmetry=names,
-        constants=[_named(name, column) for name, column in zip(names, constants.T.tolist(), strict=True)],
-        stiffness=None if table == _MEASUREMENTS else np.ascontiguousarray(np.moveaxis(stiffness, -1, 0)),
-        euler_deg=np.ascontiguousarray(euler_deg.T),
-        modulus_gpa=None if np.isnan(modulus).all() else modulus,
-        sd_gpa=None if np.isnan(sd).all() else sd,
-        columns=rows[0],
-        rows=rows[1:],
-    )
-
-
-def _named(symmetry: str | None, values: list[float]) -> dict[str, float]:
+def _named(symmetry: str, values: list[float]) -> dict[str, float]:
     """The constants of one row by name; `values` are padded to 21."""
-    names = constant_names(symmetry) if symmetry else ()
+    names = constant_names(symmetry)
     return dict(zip(names, values[: len(names)], strict=True))
