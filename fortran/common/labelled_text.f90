@@ -2,7 +2,7 @@
 !>
 !>     degree 4
 !>     lower 2
-!>     1.5E-1 2.0
+!>     0.15 2.0
 !>
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
 !> before it.
@@ -18,6 +18,8 @@ module labelled_text
    public :: labelled_text_type
 
    character, parameter :: newline = achar(10)
+   !> They bring a number back.
+   integer, parameter :: all_digits = 17
    !> Bytes; larger files are not read (see `files`).
    integer(i8), parameter :: largest = 1000000000_i8
 
@@ -113,7 +115,7 @@ contains
       character(len=:), allocatable :: rest
 
       if (.not. self%reading) then
-         call put(self, label//' '//exact(value)//newline)
+         call put(self, label//' '//to_text(value, all_digits)//newline)
          return
       end if
       value = 0.0_wp
@@ -135,7 +137,7 @@ contains
          n = size(values)
          call self%integer(label, n)
          do i = 1, size(values)
-            call put(self, exact(values(i))//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
+            call put(self, to_text(values(i), all_digits)//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
          end do
          return
       end if
@@ -226,7 +228,7 @@ contains
       end if
    end subroutine expect
 
-   !> A finite number as `exact` writes it.
+   !> A finite number as `to_text` writes it.
    subroutine parse(self, string, label, value)
       class(labelled_text_type), intent(inout) :: self
       character(len=*), intent(in) :: string, label
@@ -240,27 +242,6 @@ contains
          call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
       end if
    end subroutine parse
-
-   !> 17 digits, which bring a number back.
-   pure function exact(value) result(string)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: string
-      character(len=24) :: buffer
-      integer :: e, first
-
-      write (buffer, '(es24.16e3)') value
-      e = index(buffer, 'E')
-      if (e == 0) then
-         ! NaN and infinities, which a reader refuses.
-         string = trim(adjustl(buffer))
-         return
-      end if
-      string = adjustl(buffer(:e - 1))
-      string = string(:max(verify(trim(string), '0', back=.true.), index(string, '.') + 1))
-      first = verify(buffer(e + 2:), '0')
-      if (first == 0) return
-      string = string//'E'//trim(merge('-', ' ', buffer(e + 1:e + 1) == '-'))//buffer(e + 1 + first:)
-   end function exact
 
    !> Append to the content.
    subroutine put(self, piece)

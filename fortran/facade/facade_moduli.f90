@@ -1,14 +1,5 @@
 ! Kinds of modulus for f2py. status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
-!> Names of the kinds, separated by commas.
-subroutine modulus_kind_list(names)
-   use modulus_kinds, only: modulus_kind_names
-   implicit none
-   character(len=200), intent(out) :: names
-
-   names = modulus_kind_names
-end subroutine modulus_kind_list
-
 !> `values`: n indentation moduli (GPa) as another kind (GPa), of an indenter's Young's `modulus` (`indenter_modulus`, GPa) and
 !> Poisson's ratio (`indenter_nu`), and the Poisson's ratio that was assumed of the sample (`sample_nu`).
 subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, moduli, values, status, message)

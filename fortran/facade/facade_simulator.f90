@@ -1,26 +1,19 @@
 ! Simulators for Python, under handles of the kind 'simulator', and what is known of a simulation without making it.
 
-!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank. `depths`: points of a curve,
-!> at
-!> most.
-subroutine simulator_new(problem, mesh, handle, depths, status, message)
+!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank.
+subroutine simulator_new(problem, mesh, handle, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_type, error_to_status
-   use settings_groups, only: simulation_settings_type
-   use simulation_handles, only: new_simulator_handle, simulation_of_handle
+   use simulation_handles, only: new_simulator_handle
    implicit none
    integer(c_int64_t), intent(in) :: problem
    character(len=*), intent(in) :: mesh
    integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: depths, status
+   integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
-   type(simulation_settings_type) :: settings
    type(error_type), allocatable :: error
 
-   handle = 0
-   call simulation_of_handle(problem, mesh, settings, error)
-   if (.not. allocated(error)) call new_simulator_handle(problem, mesh, handle, error)
-   depths = settings%depths
+   call new_simulator_handle(problem, mesh, handle, error)
    call error_to_status(error, status, message)
 end subroutine simulator_new
 
@@ -59,49 +52,6 @@ subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, statu
    numbers(5) = 1.0_c_double
    message = outcome%message
 end subroutine simulator_run
-
-!> The identity of the physics of a problem, a line of JSON; `mesh` takes the place of its own unless it is blank.
-subroutine simulation_identity(problem, mesh, identity, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use physics_identity, only: identity_text
-   use settings_groups, only: simulation_settings_type
-   use simulation_handles, only: simulation_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: problem
-   character(len=*), intent(in) :: mesh
-   character(len=1024), intent(out) :: identity
-   integer(c_int), intent(out) :: status
-   character(len=1024), intent(out) :: message
-   type(simulation_settings_type) :: settings
-   type(error_type), allocatable :: error
-
-   identity = ''
-   call simulation_of_handle(problem, mesh, settings, error)
-   if (.not. allocated(error)) identity = identity_text(settings)
-   call error_to_status(error, status, message)
-end subroutine simulation_identity
-
-!> The mesh to compare the problem's own with.
-subroutine simulation_other_mesh(problem, mesh, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use meshes, only: other_mesh
-   use settings_groups, only: simulation_settings_type
-   use simulation_handles, only: simulation_of_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: problem
-   character(len=64), intent(out) :: mesh
-   integer(c_int), intent(out) :: status
-   character(len=1024), intent(out) :: message
-   type(simulation_settings_type) :: settings
-   type(error_type), allocatable :: error
-
-   mesh = ''
-   call simulation_of_handle(problem, '', settings, error)
-   if (.not. allocated(error)) mesh = other_mesh(settings%mesh)
-   call error_to_status(error, status, message)
-end subroutine simulation_other_mesh
 
 !> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa); `mesh` takes
 !> the

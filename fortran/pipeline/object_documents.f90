@@ -6,9 +6,13 @@ module object_documents
    use fe_indentation, only: indentation_model_type
    use json, only: json_type
    use kinds, only: i8, wp
+   use meshes, only: other_mesh
+   use modulus_kinds, only: modulus_kind_names
+   use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
+   use settings_groups, only: simulation_settings_type
    use settings_lists, only: new_schema, schema_type, settings_namelist
    use settings_visitor, only: allowed_in_words, kind_names
    use simulation_handles, only: model_of_handle
@@ -46,7 +50,7 @@ contains
    end subroutine describe_object
 
    !> `schema`, the variables: group, its meaning, name, type, number of values, unit, default, allowed, meaning; and `stages`, the
-   !> commands: name, groups, file of its document, summary, description.
+   !> commands: name, groups, file of its document, summary, description; and `modulus_kinds`, the names.
    subroutine describe_settings(document)
       type(json_type), intent(inout) :: document
       character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
@@ -72,6 +76,7 @@ contains
          end associate
       end do
       call document%end_array()
+      call document%put('modulus_kinds', modulus_kind_names)
       call document%begin_array('stages')
       call put_stage(run_command)
       do i = 1, size(all_stages)
@@ -95,11 +100,13 @@ contains
       end subroutine put_stage
    end subroutine describe_settings
 
-   !> The settings, resolved and with every group as `values`, and the tables; of a table alone that.
+   !> The settings, resolved and with every group as `values`, the identity of the physics on the mesh and on the one to compare it
+   !> with, and the tables; of a table alone that.
    subroutine describe_problem(self, visitor)
       type(problem_type), intent(in) :: self
       type(described_values_type), intent(inout) :: visitor
       type(schema_type) :: schema
+      type(simulation_settings_type) :: simulation
       type(error_type), allocatable :: error
       character(len=:), allocatable :: groups
       integer, allocatable :: pairs(:, :)
@@ -119,6 +126,12 @@ contains
          call visitor%document%put('stages', self%stages)
          call read_scan(self%settings%surrogate%scan, pairs, error)
          call visitor%document%put('scan', transpose(real(pairs, wp)))
+         simulation = self%settings%simulation
+         call visitor%document%begin_object('physics')
+         call visitor%document%put_json(simulation%mesh, identity_text(simulation))
+         simulation%mesh = other_mesh(simulation%mesh)
+         call visitor%document%put_json(simulation%mesh, identity_text(simulation))
+         call visitor%document%end_object()
       end if
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)

@@ -17,7 +17,7 @@ module settings_reader
    use text, only: join, lower, to_text
    implicit none
    private
-   public :: read_settings, default_settings
+   public :: read_settings
 
    type, extends(settings_visitor_type) :: reader_type
       !> For messages: the path of the file, or the Python function whose keywords these are.
@@ -63,18 +63,6 @@ contains
       if (.not. allocated(reader%error)) call move_alloc(reader%missing, reader%error)
       call move_alloc(reader%error, error)
    end subroutine read_settings
-
-   !> Every variable at its default; what has none is unset.
-   subroutine default_settings(settings)
-      type(settings_type), intent(out) :: settings
-      type(reader_type) :: reader
-
-      reader%path = ''
-      reader%command = ''
-      reader%needed = ''
-      allocate (reader%choices(0), reader%namelist%groups(0), reader%namelist%entries(0))
-      call visit_settings(reader, settings)
-   end subroutine default_settings
 
    subroutine begin_group(self, given)
       class(reader_type), intent(inout) :: self

@@ -6,7 +6,7 @@ program test_input
    use choices, only: all_choices
    use settings_groups, only: settings_type
    use settings_lists, only: new_schema, schema_type
-   use settings_reader, only: default_settings, read_settings
+   use settings_reader, only: read_settings
    use settings_visitor, only: kind_choice, kind_integer, kind_real
    use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use random, only: new_random_stream, random_stream_type
@@ -158,7 +158,8 @@ contains
       type(settings_type) :: s
       type(error_type), allocatable :: error
 
-      call default_settings(s)
+      call parse_namelist('f', '&execution /', file, error)
+      call read_settings('f', file, '', '', all_choices(), s, error)
       call check('defaults', s%simulation%mesh == 'halfspace' .and. nint(s%simulation%radius_um) == 16 &
          & .and. .not. s%simulation%given .and. s%design%budget == 40)
       call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))

@@ -345,7 +345,7 @@ contains
       end do
       call check('one byte changed', all_refused)
       call check('a line more', is_refused(whole//'more'//newline))
-      call check_damage(whole, 'beta 1.0', 'beta -1.0', 'beta = -10000.0', path//': the surrogate is damaged: ')
+      call check_damage(whole, 'beta 1', 'beta -1', 'beta = -10000.0', path//': the surrogate is damaged: ')
       call check_damage(whole, 'alpha 3.0', 'alpha NaN', '''alpha'': ''NaN''', 'line 18: ')
       call check_damage(whole, 'alpha 3.0', 'alpha 1.0E999', 'is not a finite number', 'line 18: ')
       call check_damage(whole, 'sd_inflation 1.25', 'sd_inflation 0.0', 'must be positive', '')

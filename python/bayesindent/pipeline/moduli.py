@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.result_files import cell, write_csv
-from ..core import call, native
+from ..core import call, document
 from ..settings.problem import Points
 
 __all__ = ["as_measured", "identified", "joined", "write_moduli"]
@@ -18,7 +18,7 @@ def identified(points: Points, row: int) -> dict:
 
 def write_moduli(file: Path, problem, points: Points, modulus) -> None:
     """The rows of the points with every kind of modulus, of indentation moduli in GPa (None where there is none)."""
-    kinds = native.modulus_kind_list().decode().replace(",", "").split()
+    kinds = document(0, "settings")["modulus_kinds"].split(", ")
     measured, moduli = problem.settings.measurements, np.array(modulus, dtype=float)
     write_csv(file, *joined(points, {f"{kind}_gpa": as_measured(measured, moduli, kind) for kind in kinds}))
 

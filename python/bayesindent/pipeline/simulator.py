@@ -1,6 +1,5 @@
 """What &simulation asks for: a simulator of one crystal, the identity of its physics, and many crystals into a campaign."""
 
-import json
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,9 +17,8 @@ class Simulator(NativeObject):
     """What &simulation of a problem asks for; `mesh` takes the place of its own. Threads may share it."""
 
     def __init__(self, problem, mesh: str = ""):
-        handle, self.depths = call("simulator_new", problem.handle, mesh)
-        self._made_of = (problem, mesh)
-        self._hold(handle)
+        self._made_of, self.depths = (problem, mesh), problem.settings.simulation.depths
+        self._hold(call("simulator_new", problem.handle, mesh))
 
     def __reduce__(self):
         return type(self), self._made_of
@@ -43,12 +41,12 @@ class Simulator(NativeObject):
 
 def physics_identity(problem, mesh: str = "") -> dict:
     """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    return json.loads(call("simulation_identity", problem.handle, mesh))
+    return problem.physics[mesh or problem.settings.simulation.mesh]
 
 
 def other_mesh(problem) -> str:
     """The mesh to compare the problem's own with."""
-    return call("simulation_other_mesh", problem.handle).decode().strip()
+    return list(problem.physics)[1]
 
 
 def resolution_warnings(problem, stiffness) -> list[str]:

@@ -113,6 +113,8 @@ class Problem(NativeObject):
         self.settings = _settings(facts["values"], facts["groups"].split())
         #: Pairs of degree and bandlimit of &surrogate scan.
         self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in facts["scan"]]
+        #: Identity of the physics by mesh: on the problem's own, and on the one to compare it with.
+        self.physics = facts["physics"]
         self.crystals, self.measurements, self.candidates = (
             self._points(name, facts) for name in ("crystals", "measurements", "candidates")
         )
