@@ -5,7 +5,8 @@ module files
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, new_file_type, replace_file, make_folder, folder_of, resolve_path, file_exists, is_folder, printable
+   public :: read_text_file, read_entry, new_file_type, replace_file, make_folder
+   public :: folder_of, resolve_path, file_exists, is_folder, printable
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
@@ -62,19 +63,15 @@ contains
       integer :: unit, bytes, status
       logical :: here
 
+      inquire (file=path, exist=here)
       if (len_trim(path) == 0) then
          call raise(error, 'the name of the file is empty', exit_bad_input)
-         return
-      end if
-      if (is_folder(path)) then
+      else if (is_folder(path)) then
          call raise(error, 'is a folder; a file is needed', exit_bad_input)
-         return
-      end if
-      inquire (file=path, exist=here)
-      if (.not. here) then
+      else if (.not. here) then
          call raise(error, 'the file does not exist', exit_bad_input)
-         return
       end if
+      if (allocated(error)) return
       open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=status)
       if (status /= 0) then
          call raise(error, 'the file cannot be opened for reading', exit_bad_input)
@@ -91,18 +88,34 @@ contains
       close (unit)
       if (status /= 0) then
          call raise(error, 'the file cannot be read', exit_bad_input)
-         return
-      end if
-      if (index(content, char(255)//char(254)) == 1 .or. index(content, char(254)//char(255)) == 1 &
+      else if (index(content, char(255)//char(254)) == 1 .or. index(content, char(254)//char(255)) == 1 &
          & .or. index(content, achar(0)) > 0) then
          call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
-         return
-      end if
-      if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
-      if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) then
-         call raise(error, 'the file is empty', exit_bad_input)
+      else
+         if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
+         if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call raise(error, 'the file is empty', exit_bad_input)
       end if
    end subroutine read_text_file
+
+   !> The rest of the first line that begins with `key` in a file of the system; '' where there is none.
+   subroutine read_entry(path, key, rest)
+      character(len=*), intent(in) :: path, key
+      character(len=:), allocatable, intent(out) :: rest
+      character(len=8192) :: line
+      integer :: unit, status
+
+      rest = ''
+      open (newunit=unit, file=path, action='read', status='old', iostat=status)
+      if (status /= 0) return
+      do
+         read (unit, '(a)', iostat=status) line
+         if (status /= 0) exit
+         if (index(line, key) /= 1) cycle
+         rest = trim(line(len(key) + 1:))
+         exit
+      end do
+      close (unit)
+   end subroutine read_entry
 
    !> Write a file of this `content` whole or not at all.
    subroutine replace_file(path, content, error)

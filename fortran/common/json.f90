@@ -186,11 +186,7 @@ contains
       character, intent(in) :: bracket
       character(len=*), intent(in), optional :: key
 
-      if (present(key)) then
-         call begin_value(self, key)
-      else
-         call begin_value(self, '')
-      end if
+      call begin_value(self, key)
       call append(self, bracket)
       self%depth = self%depth + 1
       self%begun(self%depth) = .false.
@@ -210,11 +206,12 @@ contains
    !> Comma, line and key before a value.
    pure subroutine begin_value(self, key)
       class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
+      character(len=*), intent(in), optional :: key
 
       if (self%begun(self%depth)) call append(self, ',')
       if (self%depth > 0) call append(self, newline//repeat(' ', self%depth))
       self%begun(self%depth) = .true.
+      if (.not. present(key)) return
       if (len(key) > 0) call append(self, quoted(key)//': ')
    end subroutine begin_value
 

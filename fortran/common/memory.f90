@@ -2,6 +2,7 @@
 !> system would end the process when it is used, not when it is allocated.
 module memory
    use errors, only: error_type, machine_failure, raise
+   use files, only: read_entry
    use kinds, only: wp
    use text, only: to_text
    implicit none
@@ -52,21 +53,12 @@ contains
    !> The number after a key at the beginning of a line; `unlimited` where there is none.
    real(wp) function entry_of(path, key) result(number)
       character(len=*), intent(in) :: path, key
-      character(len=200) :: line
-      integer :: unit, status
+      character(len=:), allocatable :: rest
+      integer :: status
 
-      number = unlimited
-      open (newunit=unit, file=path, action='read', status='old', iostat=status)
-      if (status /= 0) return
-      do
-         read (unit, '(a)', iostat=status) line
-         if (status /= 0) exit
-         if (index(line, key) /= 1) cycle
-         read (line(len(key) + 1:), *, iostat=status) number
-         if (status /= 0) number = unlimited
-         exit
-      end do
-      close (unit)
+      call read_entry(path, key, rest)
+      read (rest, *, iostat=status) number
+      if (status /= 0) number = unlimited
    end function entry_of
 
    !> A number of `bytes` in words: '5.6 GB'.

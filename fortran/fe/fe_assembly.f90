@@ -164,8 +164,8 @@ contains
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(inout) :: assembly
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:)
-      integer :: elements, nodes, e, a, b, i, j, count, node(most_nodes), column, found, filled, pass, p, t, r
+      integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:), owner(:), filled(:)
+      integer :: elements, nodes, e, a, b, i, j, count, node(most_nodes), column, found, p, t, r
       integer :: dof(3*most_nodes), total, status
 
       elements = size(mesh%brick, 2) + size(mesh%facet, 2)
@@ -187,50 +187,6 @@ contains
          next(node(:count)) = next(node(:count)) + 1
       end do
 
-      allocate (mark(assembly%unknowns), source=0)
-      allocate (rows(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1), source=0)
-      ! Count, then fill.
-      do pass = 1, 2
-         do i = 1, nodes
-            do j = 1, 3
-               column = assembly%unknown(j, i)
-               if (column == 0) cycle
-               found = 0
-               do t = touching_start(i), touching_start(i + 1) - 1
-                  call element_nodes(mesh, assembly, touching(t), node, count)
-                  do a = 1, count
-                     do b = 1, 3
-                        r = assembly%unknown(b, node(a))
-                        if (r < column) cycle
-                        if (mark(r) == column + (pass - 1)*assembly%unknowns) cycle
-                        mark(r) = column + (pass - 1)*assembly%unknowns
-                        found = found + 1
-                        rows(found) = r
-                     end do
-                  end do
-               end do
-               if (pass == 1) then
-                  assembly%column_start(column + 1) = found
-               else
-                  call sort(rows(:found))
-                  filled = assembly%column_start(column)
-                  assembly%row(filled:filled + found - 1) = rows(:found)
-               end if
-            end do
-         end do
-         if (pass == 1) then
-            assembly%column_start(1) = 1
-            do column = 1, assembly%unknowns
-               assembly%column_start(column + 1) = assembly%column_start(column + 1) + assembly%column_start(column)
-            end do
-            allocate (assembly%row(assembly%column_start(assembly%unknowns + 1) - 1), stat=status)
-            if (status /= 0) then
-               call raise_no_memory('the pattern of '//to_text(assembly%unknowns)//' unknowns', error)
-               return
-            end if
-         end if
-      end do
-
       allocate (assembly%entry_start(elements + 1))
       assembly%entry_start(1) = 1
       do e = 1, elements
@@ -238,11 +194,41 @@ contains
          assembly%entry_start(e + 1) = assembly%entry_start(e) + (3*count*(3*count + 1))/2
       end do
       total = assembly%entry_start(elements + 1) - 1
-      allocate (assembly%place(total), source=0, stat=status)
+      ! Elements share entries: they fill less than that.
+      allocate (assembly%place(total), filled(total), source=0, stat=status)
       if (status /= 0) then
          call raise_no_memory('the entries of '//to_text(elements)//' elements', error)
          return
       end if
+
+      allocate (mark(assembly%unknowns), owner(assembly%unknowns), source=0)
+      allocate (rows(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1))
+      do i = 1, nodes
+         owner(pack(assembly%unknown(:, i), assembly%unknown(:, i) > 0)) = i
+      end do
+      assembly%column_start(1) = 1
+      do column = 1, assembly%unknowns
+         found = 0
+         do t = touching_start(owner(column)), touching_start(owner(column) + 1) - 1
+            call element_nodes(mesh, assembly, touching(t), node, count)
+            do a = 1, count
+               do b = 1, 3
+                  r = assembly%unknown(b, node(a))
+                  if (r < column) cycle
+                  if (mark(r) == column) cycle
+                  mark(r) = column
+                  found = found + 1
+                  rows(found) = r
+               end do
+            end do
+         end do
+         call sort(rows(:found))
+         p = assembly%column_start(column)
+         filled(p:p + found - 1) = rows(:found)
+         assembly%column_start(column + 1) = p + found
+      end do
+      assembly%row = filled(:assembly%column_start(assembly%unknowns + 1) - 1)
+
       do e = 1, elements
          call element_nodes(mesh, assembly, e, node, count)
          do a = 1, count

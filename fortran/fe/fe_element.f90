@@ -7,7 +7,6 @@ module fe_element
    implicit none
    private
    public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, brick_stress, infinite_stiffness
-   public :: brick_volumes
 
    !> Formulations: 2 x 2 x 2 integration throughout (CalculiX' C3D8); volumetric strain averaged over the element
    !> (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with Taylor's correction of 1976 that makes it
@@ -136,19 +135,6 @@ contains
          end do
       end if
    end subroutine brick_strain
-
-   !> Volumes (um3) that integration assigns to the eight nodes' corners: their sum is the element's volume.
-   pure function brick_volumes(x) result(volume)
-      !> Nodes, um.
-      real(wp), intent(in) :: x(3, 8)
-      real(wp) :: volume(8)
-      real(wp) :: inverse(3, 3)
-      integer :: q
-
-      do q = 1, 8
-         call invert(matmul(x, transpose(natural_gradient(gauss*corner(:, q)))), inverse, volume(q))
-      end do
-   end function brick_volumes
 
    !> Stiffness (mN/um) of the infinite element over a facet with nodes `x` (um).
    !>

@@ -1,7 +1,7 @@
 !> What a program asks of the operating system, through the C library: arguments, exit status, the threads of BLAS.
 module system
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_long, c_null_char, c_null_ptr, c_ptr, c_loc
-   use files, only: folder_of, is_folder
+   use files, only: folder_of, is_folder, read_entry
    use version, only: installed_data
    implicit none
    private
@@ -87,28 +87,33 @@ contains
    !> thread would change the last bits of results with the number of cores. A user's own choice stands. The Python package does
    !> the same.
    subroutine settle_blas()
-      character(len=:), allocatable :: line, kernels
+      character(len=:), allocatable :: flags, kernels
       integer(c_int) :: status
-      integer :: kernels_status, threads_status, first
+      integer :: kernels_status, threads_status
 
       call get_environment_variable('OPENBLAS_CORETYPE', status=kernels_status)
       call get_environment_variable('OPENBLAS_NUM_THREADS', status=threads_status)
       if (kernels_status /= 1 .and. threads_status /= 1) return
       kernels = ''
-      call read_stream('/proc/cpuinfo', line)
-      first = index(line, 'flags')
-      if (first > 0) then
-         line = line(first:first + index(line(first:), achar(10)) - 2)//' '
-         if (all_flags(line, 'avx512f avx512dq avx512bw avx512vl')) then
-            kernels = 'SKYLAKEX'
-         else if (all_flags(line, 'avx2 fma')) then
-            kernels = 'HASWELL'
-         end if
+      call read_entry('/proc/cpuinfo', 'flags', flags)
+      if (has(['avx512f ', 'avx512dq', 'avx512bw', 'avx512vl'])) then
+         kernels = 'SKYLAKEX'
+      else if (has(['avx2', 'fma '])) then
+         kernels = 'HASWELL'
       end if
       if (threads_status /= 1 .and. len(kernels) == 0) return
       status = c_setenv('OPENBLAS_NUM_THREADS'//c_null_char, '1'//c_null_char, 0_c_int)
       if (len(kernels) > 0) status = c_setenv('OPENBLAS_CORETYPE'//c_null_char, kernels//c_null_char, 0_c_int)
       call restart()
+
+   contains
+
+      logical function has(names)
+         character(len=*), intent(in) :: names(:)
+         integer :: i
+
+         has = all([(index(flags//' ', ' '//trim(names(i))//' ') > 0, i=1, size(names))])
+      end function has
    end subroutine settle_blas
 
    !> Start this program again; return where that is not possible.
@@ -126,36 +131,4 @@ contains
       arguments(command_argument_count() + 1) = c_null_ptr
       status = c_execv('/proc/self/exe'//c_null_char, arguments)
    end subroutine restart
-
-   logical function all_flags(line, flags)
-      character(len=*), intent(in) :: line, flags
-      character(len=:), allocatable :: rest
-      integer :: blank
-
-      all_flags = .true.
-      rest = flags//' '
-      do while (len(rest) > 0)
-         blank = index(rest, ' ')
-         if (index(line, ' '//rest(:blank)) == 0) all_flags = .false.
-         rest = rest(blank + 1:)
-      end do
-   end function all_flags
-
-   !> The beginning of a file that does not know its size; '' if it cannot be read.
-   subroutine read_stream(path, content)
-      character(len=*), intent(in) :: path
-      character(len=:), allocatable, intent(out) :: content
-      character(len=8192) :: line
-      integer :: unit, status, lines
-
-      content = ''
-      open (newunit=unit, file=path, status='old', action='read', iostat=status)
-      if (status /= 0) return
-      do lines = 1, 64
-         read (unit, '(a)', iostat=status) line
-         if (status /= 0) exit
-         content = content//trim(line)//achar(10)
-      end do
-      close (unit)
-   end subroutine read_stream
 end module system

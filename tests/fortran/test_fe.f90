@@ -3,7 +3,7 @@ program test_fe
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
    use fe_contact, only: contact_residual, solve_contact
-   use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, brick_volumes, &
+   use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, &
       & infinite_stiffness
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
@@ -86,7 +86,6 @@ contains
       do q = 1, 8
          expected = expected + volume(q)*matmul(transpose(b(:, :24, q)), stress)
       end do
-      call check_close('volume of a distorted brick', sum(brick_volumes(x)), sum(volume), 1.0e-14_wp)
       do i = 1, 3
          call brick_stiffness(x, c, formulations(i), k, valid)
          call check('a distorted brick is valid: '//names(i), valid)
@@ -126,7 +125,7 @@ contains
       type(assembly_type) :: assembly
       type(error_type), allocatable :: error
       real(wp), allocatable :: values(:), u(:), f(:)
-      real(wp) :: gradient(3, 3), c(6, 6), volume, worst
+      real(wp) :: gradient(3, 3), c(6, 6), b(6, 33, 8), corner_volume(8), volume, worst
       integer :: i, j, p, e, r
       logical, allocatable :: outside(:)
 
@@ -136,7 +135,8 @@ contains
       allocate (mesh%clamped(0))
       volume = 0.0_wp
       do e = 1, size(mesh%brick, 2)
-         volume = volume + sum(brick_volumes(mesh%x(:, mesh%brick(:, e))))
+         call brick_strain(mesh%x(:, mesh%brick(:, e)), brick_full, b, corner_volume)
+         volume = volume + sum(corner_volume)
       end do
       call check_close('bricks fill the block', volume, 4.0_wp*0.9_wp*(1.3_wp**2*1.6_wp)**3, 1.0e-12_wp)
       call new_assembly(mesh, assembly, error)
