@@ -6,7 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from conftest import SOURCE
+import pytest
+
+from conftest import SANITIZED, SOURCE
+
+pytestmark = pytest.mark.skipif(SANITIZED, reason="AddressSanitizer does not work under a limit of memory")
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 

@@ -22,15 +22,16 @@ def test_posterior_meets_reference(symmetry, documents):
     document = documents[symmetry]
     mean = np.array([document["parameters"][name]["mean"] for name in constant_names(symmetry)])
     sd = np.array([document["parameters"][name]["sd"] for name in constant_names(symmetry)])
-    assert np.abs((mean - case["mean"]) / case["sd"]).max() < 0.15
-    assert sd == pytest.approx(case["sd"], rel=0.10)
-    assert np.abs(np.array(document["correlation"]) - case["corr"]).max() < 0.05
+    # Twice to three times what three seeds gave at most; the references are chains too.
+    assert np.abs((mean - case["mean"]) / case["sd"]).max() < 0.05
+    assert sd == pytest.approx(case["sd"], rel=0.03)
+    assert np.abs(np.array(document["correlation"]) - case["corr"]).max() < 0.03
     predicted = np.array([item["mean"] for item in document["predicted"]])
-    assert np.abs(predicted - case["predicted_mean"]).max() < 0.3
-    assert [item["sd"] for item in document["predicted"]] == pytest.approx(case["predicted_sd"], rel=0.10)
+    assert np.abs(predicted - case["predicted_mean"]).max() < 0.15
+    assert [item["sd"] for item in document["predicted"]] == pytest.approx(case["predicted_sd"], rel=0.05)
     for item in document["parameters"].values():
         assert item["r_hat"] < 1.01
-        assert item["ess_bulk"] > 2000
+        assert item["ess_bulk"] > 20000
 
 
 #: Of 4 chains of 400,000 sweeps: least effective size, and four standard errors of the means (in sds) and sds (relative) at that size.

@@ -50,17 +50,18 @@ def test_common_metals_are_inside_and_right(shipped):
     for euler in ([0, 0, 0], [20, 40, 60], [0, 90, 30]):
         theory = bi.halfspace_modulus(stiffness, euler)
         mean, sd = shipped.predict(stiffness, euler)
-        assert mean == pytest.approx(theory, rel=0.01)
-        assert (sd < 0.02 * mean).all()
+        # The finite elements are up to 0.6 % off for crystals of such anisotropy, which the sd of a simulation does not count.
+        assert mean == pytest.approx(theory, rel=0.007)
+        assert (sd < 0.002 * mean).all()
 
 
 def test_error_over_the_domain_of_the_paper(shipped):
     constants, angles = DOMAINS[shipped.symmetry].crystals(2000, 2024)
     stiffness = stiffness_rows(shipped.symmetry, constants)
     error = np.abs(shipped.predict(stiffness, angles)[0] - bi.halfspace_modulus(stiffness, angles))
-    assert error.mean() <= 0.5
-    # Measured: 0.54 (cubic) and 0.52 GPa (hexagonal).
-    assert np.quantile(error, 0.99) <= 1.0
+    # Measured: 0.19 and 0.54 (cubic), 0.18 and 0.52 GPa (hexagonal).
+    assert error.mean() <= 0.22
+    assert np.quantile(error, 0.99) <= 0.6
     assert shipped.outside(stiffness).mean() < 0.005
 
 

@@ -155,11 +155,11 @@ def test_outside_unstable_and_of_another_class(cubic):
 @pytest.mark.parametrize(
     "symmetry, coordinates, truncation, degree, bandlimit, n, at_most",
     [
-        # Design: cubic paper basis 2.0-2.2 GPa at 300 points; ours 0.31 at 60 and 0.057 at 300.
-        ("cubic", "box", "tensor", 2, 10, 300, 2.5),
-        ("cubic", "dimensionless", "total", 3, 6, 60, 0.5),
-        ("cubic", "dimensionless", "tensor", 4, 8, 300, 0.1),
-        ("hexagonal", "dimensionless", "total", 3, 6, 300, 0.6),
+        # Measured: 2.13, 0.25, 0.077 and 0.35.
+        ("cubic", "box", "tensor", 2, 10, 300, 2.4),
+        ("cubic", "dimensionless", "total", 3, 6, 60, 0.3),
+        ("cubic", "dimensionless", "tensor", 4, 8, 300, 0.09),
+        ("hexagonal", "dimensionless", "total", 3, 6, 300, 0.42),
     ],
 )
 def test_theory_numbers(symmetry, coordinates, truncation, degree, bandlimit, n, at_most):
@@ -175,7 +175,7 @@ def test_any_class_has_a_surrogate_in_its_box():
     surrogate = Surrogate.fit(domain, *theory_sample(domain, 400, 3), coordinates="box", degree=2, bandlimit=4, prior="zero")
     constants, angles, modulus = theory_sample(domain, 300, 4)
     error = surrogate.predict(stiffness_rows("tetragonal", constants), angles)[0] - modulus
-    assert np.mean(np.abs(error)) < 0.02 * modulus.mean()
+    assert np.mean(np.abs(error)) < 0.015 * modulus.mean()
     with pytest.raises(bi.InputError, match="a tetragonal crystal has no dimensionless ones"):
         Basis(domain, "dimensionless", "total", 2, 4)
 
@@ -186,7 +186,7 @@ def test_theory_prior_needs_no_data_for_the_theory():
     # The simulation differs from the theory by a factor: 20 points are enough to see it.
     surrogate = Surrogate.fit(domain, constants, angles, 1.08 * modulus, degree=3, bandlimit=6)
     constants, angles, modulus = theory_sample(domain, 1000, 10)
-    assert np.mean(np.abs(surrogate.predict(stiffness_rows("hexagonal", constants), angles)[0] - 1.08 * modulus)) <= 0.5
+    assert np.mean(np.abs(surrogate.predict(stiffness_rows("hexagonal", constants), angles)[0] - 1.08 * modulus)) <= 0.3
 
 
 def test_what_a_basis_cannot_be_is_refused():
