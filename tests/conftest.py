@@ -9,7 +9,7 @@ import pytest
 
 SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[1]))
 REFERENCE = SOURCE / "tests" / "reference"
-#: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses, and ends a process that has no memory.
+#: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses.
 SANITIZED = "libasan" in os.environ.get("LD_PRELOAD", "")
 
 #: The paper's domains as namelist groups.
