@@ -62,9 +62,14 @@ contains
       character(len=*), intent(in) :: output
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
+      type(places_type) :: places
 
-      call load_named_surrogate(self%settings%surrogate%file, self%class%name, places_type(output//'/', self%folder, &
-         & data_folder(), shipped_surrogates), surrogate, error)
+      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
+      places%output = output//'/'
+      places%folder = self%folder
+      places%data_folder = data_folder()
+      places%shipped = shipped_surrogates
+      call load_named_surrogate(self%settings%surrogate%file, self%class%name, places, surrogate, error)
       if (allocated(error)) error%message = place(self%path, 'surrogate', 'file')//error%message
    end subroutine load_surrogate_of
 
