@@ -74,7 +74,7 @@ contains
          write (layout, '(a,i0,a)') '(f40.', n - 1 - last, ')'
          write (string, layout) value
          last = verify(string, '0', back=.true.)
-         if (index(string, '.') > 0) string = string(:merge(last + 1, last, string(last:last) == '.'))//' '
+         if (index(string, '.') > 0) string = string(:min(len(string), merge(last + 1, last, string(last:last) == '.')))//' '
       end if
       string = with_leading_zero(string)
    end function significant
