@@ -12,6 +12,7 @@ contains
       real(wp), intent(in) :: values(:)
       integer, intent(out) :: order(:)
       integer :: merged(size(values)), width, first, middle, last, i, j, k, n
+      logical :: right
 
       n = size(values)
       order = [(i, i=1, n)]
@@ -23,20 +24,14 @@ contains
             i = first
             j = middle
             do k = first, last - 1
-               if (i < middle .and. j < last) then
-                  if (values(order(j)) < values(order(i))) then
-                     merged(k) = order(j)
-                     j = j + 1
-                  else
-                     merged(k) = order(i)
-                     i = i + 1
-                  end if
-               else if (i < middle) then
-                  merged(k) = order(i)
-                  i = i + 1
-               else
+               right = j < last
+               if (right .and. i < middle) right = values(order(j)) < values(order(i))
+               if (right) then
                   merged(k) = order(j)
                   j = j + 1
+               else
+                  merged(k) = order(i)
+                  i = i + 1
                end if
             end do
          end do

@@ -2,9 +2,8 @@
 
 !> A crystal class by `symmetry`, a name or synonym: its name, the count of its constants, and their names, three characters each.
 subroutine crystal_class_of(symmetry, name, count, constants, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, error_to_status, error_type
    implicit none
    character(len=*), intent(in) :: symmetry
    character(len=12), intent(out) :: name
@@ -31,9 +30,8 @@ end subroutine crystal_class_of
 
 !> Stiffness matrices (GPa, crystal frame) of n crystals of one `symmetry` from their k constants (GPa).
 subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, error_to_status, error_type
    implicit none
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: k, n
@@ -77,10 +75,9 @@ end subroutine crystal_averages
 !> Directions over the region of a valid symmetry, (3, count) of which the first `most` are given: with spread > 0 so many that are
 !> far apart, else an even lattice.
 subroutine region_directions(symmetry, spread, most, count, directions)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
    use distinct_directions, only: lattice_of_directions, new_region, region_type, spread_of_directions
-   use errors, only: error_type
+   use interoperation, only: c_double, c_int, error_type
    use kinds, only: wp
    implicit none
    character(len=*), intent(in) :: symmetry
@@ -107,10 +104,9 @@ end subroutine region_directions
 !> Of n directions, unit vectors in crystal axes, the images in the region that a crystal of a valid symmetry cannot tell from them;
 !> alike: 1 if one of them has all others within `angle` (radians), else 0.
 subroutine region_representatives(symmetry, n, directions, angle, images, alike)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use crystal_class, only: crystal_class_type, new_crystal_class
    use distinct_directions, only: all_alike, new_region, region_type, representative
-   use errors, only: error_type
+   use interoperation, only: c_double, c_int, error_type
    implicit none
    character(len=*), intent(in) :: symmetry
    integer(c_int), intent(in) :: n
@@ -133,9 +129,8 @@ end subroutine region_representatives
 !> Indentation modulus (GPa), exact and of a circular contact, of n crystals of given stiffness (GPa) at n Euler angles `euler`
 !> (radians), on `threads` threads.
 subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use interoperation, only: c_double, c_int, error_type
    use text, only: to_text
    implicit none
    !f2py threadsafe

@@ -1,30 +1,12 @@
 ! Indentation models for Python, under handles of the kind 'indentation'; `object_release` frees them.
 
-!> Make the model of a problem's &simulation; `mesh` takes the place of its own unless it is blank.
-subroutine indentation_new(problem, mesh, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use simulation_handles, only: new_model_handle
-   implicit none
-   integer(c_int64_t), intent(in) :: problem
-   character(len=*), intent(in) :: mesh
-   integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: status
-   character(len=1024), intent(out) :: message
-   type(error_type), allocatable :: error
-
-   call new_model_handle(problem, mesh, handle, error)
-   call error_to_status(error, status, message)
-end subroutine indentation_new
-
 !> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the model. `curve`: depth
 !> (um), force (mN), contact
 !> radius (um). `moduli` (GPa): estimate, slope with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds,
 !> seconds of factorisation, contact residual, equilibrium residual, elements of all solves.
 subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diagnostics, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use simulation_handles, only: model_of_handle
    implicit none
    !f2py threadsafe
@@ -57,11 +39,10 @@ end subroutine indentation_run
 !> Displacement of the nodes (um) and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh at depth
 !> number `step`, of one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians).
 subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, displacement, stress, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: error_type, error_to_status
    use fe_element, only: brick_stress
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use simulation_handles, only: model_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: handle
@@ -93,11 +74,10 @@ end subroutine indentation_field
 
 !> Stiffness in the sample frame, `rotated` (GPa), and of each infinite element of the finest mesh, one a facet of `facets` (mN/um).
 subroutine indentation_stiffness(handle, facets, stiffness, euler, rotated, infinite, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: error_type, error_to_status
    use fe_element, only: infinite_stiffness
    use fe_indentation, only: indentation_model_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use simulation_handles, only: model_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: handle

@@ -3,9 +3,8 @@
 
 !> Keep a learner over a basis (a handle) with a prior (a word of `prior_names`), without simulations and candidates.
 subroutine learner_new(basis, prior, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use abstract_basis, only: basis_type
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
    use surrogate_handles, only: find_basis
    use surrogate_learner, only: learner_type, new_learner
@@ -28,8 +27,7 @@ end subroutine learner_new
 
 !> Give the n candidates, all of them available, and the rule of the choice.
 subroutine learner_candidates(handle, rule, k, n, constants, euler_deg, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, set_learner_candidates
    implicit none
@@ -49,8 +47,7 @@ end subroutine learner_candidates
 
 !> The numbers of n candidates that may not be chosen any more.
 subroutine learner_exclude(handle, n, numbers, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: exclude_candidates, learner_type
    implicit none
@@ -69,8 +66,7 @@ end subroutine learner_exclude
 
 !> Learn the modulus (GPa) of n crystals; `chosen` /= 0 if the design has chosen them, see `add_simulations`.
 subroutine learner_add(handle, k, n, constants, euler_deg, modulus, chosen, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: add_simulations, learner_type
    implicit none
@@ -89,8 +85,7 @@ end subroutine learner_add
 
 !> Posterior from all simulations at alpha and beta, or at those of largest evidence if alpha is 0.
 subroutine learner_fit(handle, alpha, beta, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: fit_learner, learner_type
    implicit none
@@ -115,8 +110,7 @@ end subroutine learner_fit
 
 !> ln evidence of the simulations at n pairs of alpha and beta.
 subroutine learner_evidence(handle, n, alpha, beta, evidence, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: evaluate_evidence, learner_type
    implicit none
@@ -137,8 +131,7 @@ end subroutine learner_evidence
 
 !> The next `count` candidates, as `chosen`, and the variance of y at each.
 subroutine learner_choose(handle, count, threads, chosen, variance, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: choose_next, learner_type
    implicit none
@@ -162,8 +155,7 @@ end subroutine learner_choose
 
 !> Posterior mean once the moduli of all choices were added; `exactly` /= 0: everything afresh.
 subroutine learner_update(handle, exactly, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use sequential_design, only: update_posterior_mean
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type
@@ -183,8 +175,7 @@ end subroutine learner_update
 
 !> The modulus (GPa) of n crystals by the posterior mean.
 subroutine learner_predict(handle, k, n, constants, euler_deg, modulus, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, predict_moduli
    implicit none
@@ -206,8 +197,7 @@ end subroutine learner_predict
 
 !> Modulus (GPa) of each of the n simulations predicted with its group left out (`groups`, any numbers), and z, the error of y over its sd.
 subroutine learner_leave_out(handle, n, groups, modulus, z, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, leave_out
    implicit none
@@ -230,8 +220,7 @@ end subroutine learner_leave_out
 
 !> Keep the surrogate of what was learnt; `provenance` is a JSON object.
 subroutine learner_surrogate(handle, provenance, surrogate, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, surrogate_of

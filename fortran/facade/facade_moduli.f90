@@ -3,8 +3,7 @@
 !> `values`: n indentation moduli (GPa) as another kind (GPa), of an indenter's Young's `modulus` (`indenter_modulus`, GPa) and
 !> Poisson's ratio (`indenter_nu`), and the Poisson's ratio that was assumed of the sample (`sample_nu`).
 subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, moduli, values, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, error_to_status, error_type
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    implicit none
    character(len=*), intent(in) :: kind

@@ -13,9 +13,8 @@ end subroutine object_release
 !> The JSON document of an object of a kind, or of the settings (see `object_documents`): a text of full_length bytes, which is
 !> given if there is room for them, `length`.
 subroutine object_document(handle, kind, length, text, full_length, status, message)
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
    use described_values, only: described_values_type
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_char, c_int, c_int64_t, error_to_status, error_type
    use object_documents, only: describe_object
    implicit none
    integer(c_int64_t), intent(in) :: handle
@@ -38,9 +37,9 @@ end subroutine object_document
 
 !> The values of one array, by its label, of an object of this kind; the document gives the length.
 subroutine object_values(handle, kind, label, length, values, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use described_values, only: described_values_type
-   use errors, only: error_to_status, error_type, raise
+   use errors, only: raise
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use object_documents, only: describe_object
    implicit none
    integer(c_int64_t), intent(in) :: handle

@@ -1,14 +1,14 @@
 ! Problems for Python, under handles of the kind 'problem'.
 
-!> Read the namelist file `path` for a `command`: a stage, or 'run'. handle: 0 if refused.
-subroutine problem_read(path, command, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
+!> The problem of the namelist file `path` for a `command`, a stage or 'run'; or without a command that of a namelist's text, `content`,
+!> made of keywords of the Python function `path`. handle: 0 if refused.
+subroutine problem_new(path, command, content, handle, status, message)
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
    use problem, only: problem_type
-   use problem_input, only: read_problem
+   use problem_input, only: problem_of_text, read_problem
    implicit none
-   character(len=*), intent(in) :: path, command
+   character(len=*), intent(in) :: path, command, content
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
@@ -16,38 +16,20 @@ subroutine problem_read(path, command, handle, status, message)
    type(error_type), allocatable :: error
 
    allocate (self)
-   call read_problem(path, command, self, error)
+   if (len(command) > 0) then
+      call read_problem(path, command, self, error)
+   else
+      call problem_of_text(path, content, self, error)
+   end if
    call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
-end subroutine problem_read
-
-!> The problem of a namelist's text, `content`, made of keywords of the Python function `origin`. handle: 0 if refused.
-subroutine problem_from_text(origin, content, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use object_registry, only: keep_object
-   use problem, only: problem_type
-   use problem_input, only: problem_of_text
-   implicit none
-   character(len=*), intent(in) :: origin, content
-   integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: status
-   character(len=4096), intent(out) :: message
-   type(problem_type), pointer :: self
-   type(error_type), allocatable :: error
-
-   allocate (self)
-   call problem_of_text(origin, content, self, error)
-   call keep_object(self, 'problem', error, handle)
-   call error_to_status(error, status, message)
-end subroutine problem_from_text
+end subroutine problem_new
 
 !> A table alone, as `crystals` (symmetry: of the rows that do not say theirs) or, if symmetry is blank, `measurements` of a
 !> problem; sd_optional: 1 if the column sd_gpa may be absent.
 subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use errors, only: error_type, error_to_status
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use point_tables, only: read_crystals, read_measurements
    use object_registry, only: keep_object
    use problem, only: problem_type
@@ -77,8 +59,7 @@ end subroutine problem_of_table
 !> The measurements of a problem that come as arrays: euler_deg in degrees, modulus_gpa and sd_gpa; n_sd is n, or 0 if the sds are
 !> to be inferred.
 subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_gpa, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
    implicit none

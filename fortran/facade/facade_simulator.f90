@@ -1,28 +1,27 @@
 ! Simulators for Python, under handles of the kind 'simulator', and what is known of a simulation without making it.
 
-!> Make what &simulation of a problem asks for; `mesh` takes the place of its own unless it is blank.
-subroutine simulator_new(problem, mesh, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_type, error_to_status
-   use simulation_handles, only: new_simulator_handle
+!> Make what &simulation of a problem asks for, of a kind: 'indentation' or 'simulator'; `mesh` takes the place of its own unless it is
+!> blank.
+subroutine simulation_new(problem, kind, mesh, handle, status, message)
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
+   use simulation_handles, only: new_simulation_handle
    implicit none
    integer(c_int64_t), intent(in) :: problem
-   character(len=*), intent(in) :: mesh
+   character(len=*), intent(in) :: kind, mesh
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
    type(error_type), allocatable :: error
 
-   call new_simulator_handle(problem, mesh, handle, error)
+   call new_simulation_handle(problem, kind, mesh, handle, error)
    call error_to_status(error, status, message)
-end subroutine simulator_new
+end subroutine simulation_new
 
 !> Simulate one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the simulator. `numbers`:
 !> indentation modulus (GPa),
 !> seconds, elements, points of the curve, and 1 if it failed, with the reason in `message`; `curve`: depth (um), force (mN).
 subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use simulate, only: outcome_failed, outcome_type, simulator_type
    use simulation_handles, only: simulator_of_handle
    implicit none
@@ -57,8 +56,7 @@ end subroutine simulator_run
 !> the
 !> place of its own unless it is blank. `warning`: what is to be said of those near instability, blank if there are none.
 subroutine simulation_resolution(problem, mesh, n, stiffness, largest, warning, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_type, error_to_status
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use settings_groups, only: simulation_settings_type
    use simulate, only: simulation_error
    use simulation_handles, only: simulation_of_handle

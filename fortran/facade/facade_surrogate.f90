@@ -4,8 +4,7 @@
 !> inside: 1 for each of n crystals of a class (`symmetry`) that is in the domain of bounds (lower, upper; GPa) and anisotropy_cap,
 !> else 0.
 subroutine domain_admits(symmetry, k, bounds, anisotropy_cap, n, constants, inside, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, error_to_status, error_type
    use surrogate_domain, only: domain_type, new_domain
    implicit none
    character(len=*), intent(in) :: symmetry
@@ -30,10 +29,9 @@ end subroutine domain_admits
 !> Keep a basis over the domain of a class (`symmetry`) between bounds (lower, upper; GPa) below anisotropy_cap; coordinates and
 !> truncation are words of `paper_basis`, sizes degree and bandlimit.
 subroutine basis_new(symmetry, k, bounds, anisotropy_cap, coordinates, truncation, sizes, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: basis_type
    use bases, only: new_basis
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: register_object
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain
@@ -65,9 +63,8 @@ end subroutine basis_new
 
 !> The n_terms terms of n crystals in n orientations, and the scale (GPa) of each.
 subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: basis_type
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use kinds, only: degree
    use surrogate_handles, only: find_basis
    implicit none
@@ -94,9 +91,8 @@ end subroutine basis_terms
 !> Of n crystals (stiffness, GPa): the reach of each, see `abstract_basis`, and covered: 1 if a surrogate with the basis knows it,
 !> else 0.
 subroutine basis_coverage(handle, n, stiffness, reach, covered, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: basis_type
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_basis
    implicit none
    integer(c_int64_t), intent(in) :: handle
@@ -123,8 +119,7 @@ end subroutine basis_coverage
 
 !> Keep the basis of a surrogate (a handle).
 subroutine surrogate_basis(surrogate, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: register_object
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: surrogate_type
@@ -148,9 +143,9 @@ end subroutine surrogate_basis
 !> Keep a surrogate over a basis (a handle): coefficients and covariance of its n_terms terms; precisions are alpha, beta and the
 !> factor on the sds, provenance a JSON object.
 subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, provenance, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: basis_type
-   use errors, only: error_to_status, error_type, exit_bad_input, raise
+   use errors, only: exit_bad_input, raise
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
    use surrogate_file, only: check_values
    use surrogate_handles, only: find_basis
@@ -189,8 +184,7 @@ end subroutine surrogate_new
 
 !> The path of a surrogate by its name; output, folder, data_folder and shipped as of `surrogate_load`.
 subroutine surrogate_path(name, output, folder, data_folder, shipped, path, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, error_to_status, error_type
    use surrogate_lookup, only: find_surrogate, places_type
    implicit none
    character(len=*), intent(in) :: name, output, folder, data_folder, shipped
@@ -209,8 +203,7 @@ end subroutine surrogate_path
 !> Keep a surrogate by its name in the folders of results (output), namelist (folder) and package data (data_folder), where those
 !> with the names in `shipped` are; of crystals of a class (symmetry), if that is not blank.
 subroutine surrogate_load(name, symmetry, output, folder, data_folder, shipped, handle, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
    use surrogate_lookup, only: load_named_surrogate, places_type
    use surrogate_model, only: surrogate_type
@@ -230,8 +223,7 @@ end subroutine surrogate_load
 
 !> Write a surrogate.
 subroutine surrogate_save(handle, path, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use surrogate_file, only: save_surrogate
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: surrogate_type
@@ -250,8 +242,7 @@ end subroutine surrogate_save
 
 !> Refuse to write a surrogate to a path where something is that is not one.
 subroutine surrogate_check_replaceable(path, status, message)
-   use, intrinsic :: iso_c_binding, only: c_int
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_int, error_to_status, error_type
    use surrogate_file, only: check_replaceable
    implicit none
    character(len=*), intent(in) :: path
@@ -265,8 +256,7 @@ end subroutine surrogate_check_replaceable
 
 !> modulus and sd (GPa): what the simulation of n crystals (stiffness, GPa) in n orientations (euler, radians) is predicted to give.
 subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use errors, only: error_to_status, error_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: check_crystals, predict, surrogate_type
    implicit none

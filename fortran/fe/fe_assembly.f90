@@ -6,6 +6,7 @@ module fe_assembly
    use fe_mesh, only: mesh_type
    use kinds, only: wp
    use memory, only: raise_no_memory
+   use sorting, only: sort_order
    use text, only: to_text
    implicit none
    private
@@ -164,7 +165,7 @@ contains
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(inout) :: assembly
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:), owner(:), filled(:)
+      integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:), order(:), owner(:), filled(:)
       integer :: elements, nodes, e, a, b, i, j, count, node(most_nodes), column, found, p, t, r
       integer :: dof(3*most_nodes), total, status
 
@@ -202,7 +203,7 @@ contains
       end if
 
       allocate (mark(assembly%unknowns), owner(assembly%unknowns), source=0)
-      allocate (rows(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1))
+      allocate (rows(3*most_nodes*64), order(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1))
       do i = 1, nodes
          owner(pack(assembly%unknown(:, i), assembly%unknown(:, i) > 0)) = i
       end do
@@ -222,9 +223,9 @@ contains
                end do
             end do
          end do
-         call sort(rows(:found))
+         call sort_order(real(rows(:found), wp), order(:found))
          p = assembly%column_start(column)
-         filled(p:p + found - 1) = rows(:found)
+         filled(p:p + found - 1) = rows(order(:found))
          assembly%column_start(column + 1) = p + found
       end do
       assembly%row = filled(:assembly%column_start(assembly%unknowns + 1) - 1)
@@ -263,22 +264,6 @@ contains
          find = low
       end function find
    end subroutine build_pattern
-
-   pure subroutine sort(list)
-      integer, intent(inout) :: list(:)
-      integer :: i, j, value
-
-      do i = 2, size(list)
-         value = list(i)
-         j = i - 1
-         do while (j >= 1)
-            if (list(j) <= value) exit
-            list(j + 1) = list(j)
-            j = j - 1
-         end do
-         list(j + 1) = value
-      end do
-   end subroutine sort
 
    !> Values of the matrix of a crystal with stiffness `c` (GPa, sample frame), in mN/um.
    subroutine assemble(mesh, assembly, formulation, c, values, error)

@@ -19,21 +19,13 @@ contains
       type(choice_list_type), allocatable :: lists(:)
 
       allocate (lists(8))
-      lists(1)%key = 'mesh'
-      lists(1)%words = mesh_names
-      lists(2)%key = 'modulus_kind'
-      lists(2)%words = modulus_kind_names
-      lists(3)%key = 'likelihood'
-      lists(3)%words = likelihood_names
-      lists(4)%key = 'sampler'
-      lists(4)%words = sampler_names
-      lists(5)%key = 'coordinates'
-      lists(5)%words = coordinate_names
-      lists(6)%key = 'truncation'
-      lists(6)%words = truncation_names
-      lists(7)%key = 'coefficient_prior'
-      lists(7)%words = prior_names
-      lists(8)%key = 'acquisition'
-      lists(8)%words = acquisition_names
+      lists(1) = choice_list_type('mesh', mesh_names)
+      lists(2) = choice_list_type('modulus_kind', modulus_kind_names)
+      lists(3) = choice_list_type('likelihood', likelihood_names)
+      lists(4) = choice_list_type('sampler', sampler_names)
+      lists(5) = choice_list_type('coordinates', coordinate_names)
+      lists(6) = choice_list_type('truncation', truncation_names)
+      lists(7) = choice_list_type('coefficient_prior', prior_names)
+      lists(8) = choice_list_type('acquisition', acquisition_names)
    end function all_choices
 end module choices

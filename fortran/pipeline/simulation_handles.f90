@@ -11,7 +11,7 @@ module simulation_handles
    use simulate, only: new_simulator, simulator_type
    implicit none
    private
-   public :: simulation_of_handle, new_model_handle, model_of_handle, new_simulator_handle, simulator_of_handle
+   public :: simulation_of_handle, new_simulation_handle, model_of_handle, simulator_of_handle
 
    type :: held_simulator_type
       class(simulator_type), allocatable :: simulator
@@ -34,21 +34,34 @@ contains
       if (len_trim(mesh) > 0) settings%mesh = trim(mesh)
    end subroutine simulation_of_handle
 
-   !> Make the indentation model of a problem, `mesh` in place of its own unless it is ''; its handle is 0 if there is none.
-   subroutine new_model_handle(problem, mesh, handle, error)
+   !> Make what &simulation of a problem asks for, `mesh` in place of its own unless it is ''; the handle is 0 after an error.
+   subroutine new_simulation_handle(problem, kind, mesh, handle, error)
+      !> Handle of a problem.
       integer(i8), intent(in) :: problem
-      character(len=*), intent(in) :: mesh
+      !> 'indentation', the model of finite elements, or 'simulator'.
+      character(len=*), intent(in) :: kind, mesh
       integer(i8), intent(out) :: handle
       type(error_type), allocatable, intent(out) :: error
+      type(problem_type), pointer :: self
       type(simulation_settings_type) :: settings
       type(indentation_model_type), pointer :: model
+      type(held_simulator_type), pointer :: held
 
-      allocate (model)
+      handle = 0
       call simulation_of_handle(problem, mesh, settings, error)
-      if (.not. allocated(error)) call new_indentation_model(settings, model, error)
-      call name_origin(problem, error)
-      call keep_object(model, 'indentation', error, handle)
-   end subroutine new_model_handle
+      if (.not. allocated(error)) call problem_of_handle(problem, self, error)
+      if (allocated(error)) return
+      if (kind == 'indentation') then
+         allocate (model)
+         call new_indentation_model(settings, model, error)
+         call keep_object(model, kind, error, handle)
+      else
+         allocate (held)
+         call new_simulator(settings, held%simulator, error)
+         call keep_object(held, kind, error, handle)
+      end if
+      if (allocated(error)) error%message = place(self%path, 'simulation', '')//error%message
+   end subroutine new_simulation_handle
 
    subroutine model_of_handle(handle, model, error)
       integer(i8), intent(in) :: handle
@@ -65,22 +78,6 @@ contains
       end select
    end subroutine model_of_handle
 
-   !> Make the simulator of a problem, `mesh` in place of its own unless it is ''; its handle is 0 if there is none.
-   subroutine new_simulator_handle(problem, mesh, handle, error)
-      integer(i8), intent(in) :: problem
-      character(len=*), intent(in) :: mesh
-      integer(i8), intent(out) :: handle
-      type(error_type), allocatable, intent(out) :: error
-      type(simulation_settings_type) :: settings
-      type(held_simulator_type), pointer :: held
-
-      allocate (held)
-      call simulation_of_handle(problem, mesh, settings, error)
-      if (.not. allocated(error)) call new_simulator(settings, held%simulator, error)
-      call name_origin(problem, error)
-      call keep_object(held, 'simulator', error, handle)
-   end subroutine new_simulator_handle
-
    subroutine simulator_of_handle(handle, simulator, error)
       integer(i8), intent(in) :: handle
       class(simulator_type), pointer, intent(out) :: simulator
@@ -95,16 +92,4 @@ contains
          simulator => object%simulator
       end select
    end subroutine simulator_of_handle
-
-   !> Say in the message where the settings come from.
-   subroutine name_origin(problem, error)
-      integer(i8), intent(in) :: problem
-      type(error_type), allocatable, intent(inout) :: error
-      type(problem_type), pointer :: self
-      type(error_type), allocatable :: unknown
-
-      if (.not. allocated(error)) return
-      call problem_of_handle(problem, self, unknown)
-      if (associated(self)) error%message = place(self%path, 'simulation', '')//error%message
-   end subroutine name_origin
 end module simulation_handles

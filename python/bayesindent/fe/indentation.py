@@ -96,7 +96,7 @@ class Indentation(NativeObject):
         return self
 
     def _set_up(self, problem: Problem, mesh: str = "") -> None:
-        self._hold(call("indentation_new", problem.handle, mesh), frozen=False)
+        self._hold(call("simulation_new", problem.handle, self.kind, mesh), frozen=False)
         self._problem, self._mesh, self._facts = problem, mesh, self._document()
         self.settings = problem.settings.simulation
         self.mesh = mesh or self.settings.mesh

@@ -16,9 +16,11 @@ __all__ = ["Simulator", "engine_of", "other_mesh", "physics_identity", "resoluti
 class Simulator(NativeObject):
     """What &simulation of a problem asks for; `mesh` takes the place of its own. Threads may share it."""
 
+    kind = "simulator"
+
     def __init__(self, problem, mesh: str = ""):
         self._made_of, self.depths = (problem, mesh), problem.settings.simulation.depths
-        self._hold(call("simulator_new", problem.handle, mesh))
+        self._hold(call("simulation_new", problem.handle, self.kind, mesh))
 
     def __reduce__(self):
         return type(self), self._made_of

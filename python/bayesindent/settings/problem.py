@@ -80,7 +80,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
         self._made_of: tuple = (path, command)
-        self._fill(call("problem_read", os.fsencode(path), command), Path(path))
+        self._fill(call("problem_new", os.fsencode(path), command, ""), Path(path))
 
     @classmethod
     def from_keywords(cls, origin: str, measurements_table: tuple | None = None, **groups: Mapping) -> "Problem":
@@ -92,7 +92,7 @@ class Problem(NativeObject):
         self = cls.__new__(cls)
         self._made_of = (origin, measurements_table, groups)
         text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
-        self._fill(call("problem_from_text", origin.encode(), text.encode()), Path(origin), measurements_table)
+        self._fill(call("problem_new", origin.encode(), "", text.encode()), Path(origin), measurements_table)
         return self
 
     def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None) -> None:
