@@ -7,10 +7,10 @@ expansion) plus normal noise of 2 %.
 Prior: flat in the constants over stable crystals with Hill's Poisson ratio between 0.05 and 0.48, log-anisotropy at most 2.5, and Hill's
 Young's modulus within a factor 3 of (1 - 0.3^2) times the mean measurement.
 Sampling: coordinates of log K in an orthonormal basis, with the Jacobian of the constants. The posteriors are long ridges that bend, since
-the data leave 2, 3 and 6 axes open; so a pilot run is followed by a triangular map that straightens the ridge, fitted after three of the
+the data leave 2, 3 and 6 axes open; so a pilot run is followed by a triangular map that straightens the ridge, fitted after some of the
 first rounds of 500 steps and then fixed. All before `burn_in` is dropped. Four independent ensembles; R-hat compares their halves. The
 autocorrelation time is emcee's, with the variance of all walkers; beside it stands what the variance of the walkers' means shows, and the
-larger counts. In the end a part of the draws is weighted by the ratio of the density with a field of degree 20 or 24, double precision and
+larger counts. In the end a part of the draws is weighted by the ratio of the density with a field of degree 16 to 24, double precision and
 finer quadrature, to that of the run: the prior reaches nearly incompressible crystals whose moduli a field of degree 14 misses by up to
 1 %. Effective samples are those of the weighted means.
 
@@ -71,8 +71,10 @@ class Case(NamedTuple):
 
 CASES = {
     "trigonal": Case("quartz", 30, 61, 14, 30, walkers=240, burn_in=6000, fits=(2, 4, 8), open=2, bends=4, moves=LARGE_STEPS),
-    "orthorhombic": Case("forsterite", 40, 62, 12, 36, walkers=120, burn_in=4500, fits=(2, 4, 6, 9), open=4, bends=4),
-    "triclinic": Case("albite", 100, 63, 12, 120, walkers=80, burn_in=6500, fits=(2, 4, 6, 13), open=6, bends=3, fine=20, weighted=12000),
+    "orthorhombic": Case(
+        "forsterite", 40, 62, 12, 36, walkers=120, burn_in=7000, fits=(2, 4, 6, 9), open=4, bends=4, fine=20, weighted=8000
+    ),
+    "triclinic": Case("albite", 100, 63, 12, 120, walkers=80, burn_in=6500, fits=(2, 4, 6, 13), open=6, bends=3, fine=16, weighted=3000),
 }
 ENSEMBLES = 4
 #: Steps of a round, after which the chains are saved; every which step is kept.
