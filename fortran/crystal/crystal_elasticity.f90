@@ -9,8 +9,9 @@ module crystal_elasticity
    use text, only: to_text
    implicit none
    private
-   public :: rotation_matrix, rotate_stiffness, stiffness_tensor, voigt_index
+   public :: rotation_matrix, euler_angles, rotate_stiffness, stiffness_tensor, voigt_index
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy
+   public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
 
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
@@ -38,6 +39,22 @@ contains
       g(2, :) = [-c1*s2 - s1*c2*c, -s1*s2 + c1*c2*c, c2*s]
       g(3, :) = [s1*s, -c1*s, c]
    end function rotation_matrix
+
+   !> Bunge-Euler angles, radians, of a rotation matrix g; phi2 is 0 where Phi is 0 or pi.
+   pure function euler_angles(g) result(euler)
+      real(wp), intent(in) :: g(3, 3)
+      real(wp) :: euler(3)
+      real(wp), parameter :: aligned = 1.0e-12_wp
+
+      euler(2) = atan2(norm2(g(3, :2)), g(3, 3))
+      if (norm2(g(3, :2)) > aligned) then
+         euler(1) = atan2(g(3, 1), -g(3, 2))
+         euler(3) = atan2(g(1, 3), g(2, 3))
+      else
+         euler(1) = atan2(g(1, 2), g(1, 1))
+         euler(3) = 0.0_wp
+      end if
+   end function euler_angles
 
    !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's matrix of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
@@ -200,11 +217,28 @@ contains
    pure real(wp) function anisotropy_index(c) result(index)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      type(averages_type) :: averages
 
-      averages = polycrystal_averages(c)
-      index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
+      index = anisotropy_of_averages(polycrystal_averages(c))
    end function anisotropy_index
+
+   !> The same from the averages.
+   pure real(wp) function anisotropy_of_averages(averages) result(index)
+      type(averages_type), intent(in) :: averages
+
+      index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
+   end function anisotropy_of_averages
+
+   !> Young's modulus (GPa) and Poisson's ratio of Hill's averages.
+   pure subroutine hill_young_poisson(averages, young, poisson)
+      type(averages_type), intent(in) :: averages
+      real(wp), intent(out) :: young, poisson
+      real(wp) :: bulk, shear
+
+      bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
+      shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+      young = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+      poisson = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+   end subroutine hill_young_poisson
 
    !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for an unstable crystal.
    pure real(wp) function log_anisotropy(c)
@@ -235,9 +269,21 @@ contains
       k(:, 4:) = sqrt(2.0_wp)*k(:, 4:)
    end function kelvin_form
 
+   !> The stiffness, GPa, of a Kelvin form.
+   pure function stiffness_of_kelvin(k) result(c)
+      !> GPa.
+      real(wp), intent(in) :: k(6, 6)
+      real(wp) :: c(6, 6)
+
+      c = k
+      c(4:, :) = sqrt(0.5_wp)*c(4:, :)
+      c(:, 4:) = sqrt(0.5_wp)*c(:, 4:)
+   end function stiffness_of_kelvin
+
    !> Eigenvalues and eigenvectors (columns) of a symmetric 6 x 6 matrix by cyclic Jacobi rotations.
    pure subroutine diagonalise(matrix, values, vectors)
       real(wp), intent(in) :: matrix(6, 6)
+      !> In no order; one vector a column.
       real(wp), intent(out) :: values(6), vectors(6, 6)
       real(wp) :: a(6, 6), t, cosine, sine, old(6)
       integer :: i, p, q, sweep

@@ -7,7 +7,8 @@ module distinct_directions
    use kinds, only: degree, pi, wp
    implicit none
    private
-   public :: region_type, new_region, representative, angle_between, all_alike, lattice_of_directions, spread_of_directions
+   public :: region_type, new_region, representative, angle_between, all_alike, lattice_of_directions, spread_of_directions, &
+      & group_rotations
 
    !> What differs by less is the same.
    real(wp), parameter :: same = 1.0e-9_wp
@@ -62,6 +63,53 @@ contains
          end do
       end do
    end subroutine new_region
+
+   !> Proper rotations of a class's group, (3, 3, n); an axis of infinite order stands as one of that `order`, a second one is left out.
+   function group_rotations(class, order) result(rotations)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: order
+      real(wp), allocatable :: rotations(:, :, :)
+      real(wp), allocatable :: generators(:, :, :), group(:, :, :)
+      integer, allocatable :: list(:)
+      integer :: g, i
+      logical :: infinite
+
+      allocate (list(0))
+      infinite = .false.
+      do g = 1, size(class%folds)
+         if (class%folds(g) == 0 .and. infinite) cycle
+         infinite = infinite .or. class%folds(g) == 0
+         list = [list, g]
+      end do
+      generators = class%generators(:, :, list)
+      do i = 1, size(list)
+         if (class%folds(list(i)) == 0) generators(:, :, i) = rotation_about(generators(:, :, i), 2.0_wp*pi/order)
+      end do
+      call close_group(generators, group)
+      rotations = group(:, :, pack([(g, g=1, size(group, 3))], [(determinant(group(:, :, g)) > 0.0_wp, g=1, size(group, 3))]))
+   end function group_rotations
+
+   !> The rotation about the axis of another by an angle (radians).
+   pure function rotation_about(other, angle) result(rotation)
+      real(wp), intent(in) :: other(3, 3), angle
+      real(wp) :: rotation(3, 3)
+      real(wp) :: u(3), cross(3, 3)
+
+      u = [other(3, 2) - other(2, 3), other(1, 3) - other(3, 1), other(2, 1) - other(1, 2)]
+      u = u/norm2(u)
+      cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
+      rotation = sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
+      rotation(1, 1) = rotation(1, 1) + 1.0_wp
+      rotation(2, 2) = rotation(2, 2) + 1.0_wp
+      rotation(3, 3) = rotation(3, 3) + 1.0_wp
+   end function rotation_about
+
+   pure real(wp) function determinant(a)
+      real(wp), intent(in) :: a(3, 3)
+
+      determinant = a(1, 1)*(a(2, 2)*a(3, 3) - a(2, 3)*a(3, 2)) - a(1, 2)*(a(2, 1)*a(3, 3) - a(2, 3)*a(3, 1)) &
+         & + a(1, 3)*(a(2, 1)*a(3, 2) - a(2, 2)*a(3, 1))
+   end function determinant
 
    !> All products of the generators and the inversion.
    pure subroutine close_group(generators, group)

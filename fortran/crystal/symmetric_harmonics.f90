@@ -11,9 +11,10 @@ module symmetric_harmonics
    use text, only: to_text
    implicit none
    private
-   public :: harmonics_type, new_harmonics, new_group_harmonics, evaluate_harmonics, largest_bandlimit
+   public :: harmonics_type, new_harmonics, new_group_harmonics, evaluate_harmonics, largest_bandlimit, largest_degree
 
-   integer, parameter :: largest_bandlimit = 20
+   !> Of a surrogate, and of any expansion.
+   integer, parameter :: largest_bandlimit = 20, largest_degree = 32
 
    type :: harmonics_type
       !> How many there are.
@@ -41,6 +42,11 @@ contains
       type(harmonics_type), intent(out) :: harmonics
       type(error_type), allocatable, intent(out) :: error
 
+      if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
+         call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
+            & //to_text(largest_bandlimit), exit_bad_input)
+         return
+      end if
       call new_group_harmonics(class%generators, bandlimit, harmonics, error)
    end subroutine new_harmonics
 
@@ -48,7 +54,7 @@ contains
    subroutine new_group_harmonics(generators, bandlimit, harmonics, error)
       !> Proper rotations, (3, 3, n).
       real(wp), intent(in) :: generators(:, :, :)
-      !> Highest degree, even, 0 to `largest_bandlimit`.
+      !> Highest degree, even, 0 to `largest_degree`.
       integer, intent(in) :: bandlimit
       type(harmonics_type), intent(out) :: harmonics
       type(error_type), allocatable, intent(out) :: error
@@ -57,9 +63,9 @@ contains
       real(wp), allocatable :: combination(:, :)
       integer :: l, a, b, g, i
 
-      if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-         call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
-            & //to_text(largest_bandlimit), exit_bad_input)
+      if (bandlimit < 0 .or. bandlimit > largest_degree .or. mod(bandlimit, 2) /= 0) then
+         call raise(error, 'degree = '//to_text(bandlimit)//' is not an even number in 0 .. '//to_text(largest_degree), &
+            & exit_bad_input)
          return
       end if
       call unite(bandlimit, identity((bandlimit + 1)*(bandlimit + 2)/2), all_of_them)

@@ -65,37 +65,9 @@ subroutine quantity_values(symmetry, names, m, k, n, constants, values, status, 
    end do
 end subroutine quantity_values
 
-!> Bounds lower and upper (GPa) of the k constants of a surrogate where none are stated.
-subroutine prior_default_bounds(surrogate, k, lower, upper, status, message)
-   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
-   use constants_prior, only: default_bounds
-   use kinds, only: wp
-   use errors, only: error_to_status, error_type
-   use surrogate_handles, only: find_surrogate_object
-   use surrogate_model, only: surrogate_type
-   implicit none
-   integer(c_int64_t), intent(in) :: surrogate
-   integer(c_int), intent(in) :: k
-   real(c_double), intent(out) :: lower(k), upper(k)
-   integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
-   type(surrogate_type), pointer :: model
-   type(error_type), allocatable :: error
-   real(wp), allocatable :: low(:), high(:)
-
-   lower = 0
-   upper = 0
-   call find_surrogate_object(surrogate, model, error)
-   call error_to_status(error, status, message)
-   if (status /= 0) return
-   call default_bounds(model, low, high)
-   lower = low
-   upper = high
-end subroutine prior_default_bounds
-
 !> The posterior of a problem over a surrogate. what: 0 the density, 1 the prior alone, 2 all of Step 2. handle: 0 if refused.
-!> Given back: parameters, grains.
-subroutine posterior_new(problem, surrogate, what, handle, parameters, grains, status, message)
+!> Given back: counts of parameters, grains, groups.
+subroutine posterior_new(problem, surrogate, what, handle, counts, status, message)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use errors, only: error_to_status, error_type
    use posterior_objects, only: posterior_object_type, posterior_of_handle, register_posterior
@@ -103,19 +75,17 @@ subroutine posterior_new(problem, surrogate, what, handle, parameters, grains, s
    integer(c_int64_t), intent(in) :: problem, surrogate
    integer(c_int), intent(in) :: what
    integer(c_int64_t), intent(out) :: handle
-   integer(c_int), intent(out) :: parameters, grains, status
+   integer(c_int), intent(out) :: counts(3), status
    character(len=4096), intent(out) :: message
    type(posterior_object_type), pointer :: self
    type(error_type), allocatable :: error
 
-   parameters = 0
-   grains = 0
+   counts = 0
    call register_posterior(problem, surrogate, what, handle, error)
    if (.not. allocated(error)) call posterior_of_handle(handle, self, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   parameters = self%density%dimension
-   grains = self%density%n_grains
+   counts = [self%density%dimension, self%density%n_grains, self%density%n_groups]
 end subroutine posterior_new
 
 !> Run chains of the sampler `method` with so many samples each after burn_in, which the posterior keeps.
@@ -160,6 +130,7 @@ subroutine posterior_evaluate(handle, parameters, n, x, log_density, log_likelih
    type(posterior_object_type), pointer :: self
    type(error_type), allocatable :: error
    integer :: i
+   logical :: admitted
 
    log_density = -huge(log_density)
    log_likelihood = -huge(log_density)
@@ -169,18 +140,19 @@ subroutine posterior_evaluate(handle, parameters, n, x, log_density, log_likelih
    if (status /= 0) return
    associate (density => self%density)
       do i = 1, n
-         if (.not. density%admits(x(:, i))) cycle
+         call density%evaluate(x(:, i), log_density(i), admitted)
+         if (.not. admitted) cycle
          inside(i) = 1
          log_likelihood(i) = 0
          if (.not. density%likelihood%prior_only) log_likelihood(i) = density%log_likelihood(x(:, i))
-         log_density(i) = density%prior%log_density(x(:, i)) + log_likelihood(i)
       end do
    end associate
 end subroutine posterior_evaluate
 
-!> Indentation moduli (GPa) of any m grains (euler, radians) at n points x of so many parameters, with the surrogate's error drawn
-!> given the data, and factor, one plus the calibration error drawn likewise.
-subroutine posterior_moduli(handle, parameters, n, x, m, euler, seed, moduli, factor)
+!> At n points x of so many parameters values: the indentation moduli (GPa) of any m grains (euler, radians), with the surrogate's error
+!> drawn given the data, and below them one plus the calibration error of each of the groups, drawn likewise. status: 0, or not
+!> for want of a model.
+subroutine posterior_moduli(handle, parameters, groups, n, x, m, euler, seed, values, status)
    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_int64_t
    use abstract_basis, only: grain_model_type
    use errors, only: error_type
@@ -189,23 +161,24 @@ subroutine posterior_moduli(handle, parameters, n, x, m, euler, seed, moduli, fa
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: parameters, n, m, seed
+   integer(c_int), intent(in) :: parameters, groups, n, m, seed
    real(c_double), intent(in) :: x(parameters, n), euler(3, m)
-   real(c_double), intent(out) :: moduli(m, n), factor(n)
+   real(c_double), intent(out) :: values(m + groups, n)
+   integer(c_int), intent(out) :: status
    type(posterior_object_type), pointer :: self
    type(random_stream_type) :: stream
    type(error_type), allocatable :: error
    class(grain_model_type), allocatable :: grains
    integer :: i
 
-   moduli = 0
-   factor = 0
+   values = 0
    call posterior_of_handle(handle, self, error)
-   if (allocated(error)) return
-   call self%density%new_grains(euler, grains)
+   if (.not. allocated(error)) call self%density%new_grains(euler, grains, error)
+   status = merge(1, 0, allocated(error))
+   if (status /= 0) return
    stream = new_random_stream(seed, 0)
    do i = 1, n
-      call self%density%draw_moduli(x(:, i), grains, stream, moduli(:, i), factor(i))
+      call self%density%draw_moduli(x(:, i), grains, stream, values(:m, i), values(m + 1:, i))
    end do
 end subroutine posterior_moduli
 

@@ -56,23 +56,21 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
    call error_to_status(error, status, message)
 end subroutine problem_of_table
 
-!> The measurements of a problem that come as arrays: euler_deg in degrees, modulus_gpa and sd_gpa; n_sd is n, or 0 if the sds are
-!> to be inferred.
-subroutine problem_set_measurements(handle, n, n_sd, euler_deg, modulus_gpa, sd_gpa, status, message)
-   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+!> The measurements of a problem that are no file: a page of CSV, in UTF-8.
+subroutine problem_set_measurements(handle, page, status, message)
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: n, n_sd
-   real(c_double), intent(in) :: euler_deg(3, n), modulus_gpa(n), sd_gpa(n_sd)
+   character(len=*), intent(in) :: page
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
    type(problem_type), pointer :: self
    type(error_type), allocatable :: error
 
    call problem_of_handle(handle, self, error)
-   if (.not. allocated(error)) call self%set_measurements(euler_deg, modulus_gpa, sd_gpa, error)
+   if (.not. allocated(error)) call self%set_measurements(page, error)
    call error_to_status(error, status, message)
 end subroutine problem_set_measurements
 

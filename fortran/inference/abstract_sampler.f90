@@ -5,7 +5,7 @@ module abstract_sampler
    use sampling_target, only: target_type
    implicit none
    private
-   public :: sampler_type, draw_uniform
+   public :: sampler_type, draw_starts
 
    type, abstract :: sampler_type
       !> Sweeps before the samples that are kept: as many evaluations of the density each as there are parameters.
@@ -32,28 +32,25 @@ module abstract_sampler
 
 contains
 
-   !> Points uniform in the support, with their log densities; `found` may be fewer than asked for.
-   subroutine draw_uniform(target, stream, points, density, found)
+   !> Points of the support from the target's starts, with their log densities; `found` may be fewer than asked for.
+   subroutine draw_starts(target, stream, points, density, found)
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, point), (point).
       real(wp), intent(out) :: points(:, :), density(:)
       integer, intent(out) :: found
-      real(wp) :: x(target%dimension), u
-      integer :: i, attempt
+      real(wp) :: x(target%dimension)
+      integer :: attempt
+      logical :: admitted
 
       found = 0
       do attempt = 1, 20000*size(density)
-         do i = 1, target%dimension
-            call stream%uniform(u)
-            x(i) = target%lower(i) + u*(target%upper(i) - target%lower(i))
-         end do
-         if (.not. target%admits(x)) cycle
+         call target%draw_start(stream, x)
+         call target%evaluate(x, density(found + 1), admitted)
+         if (.not. (admitted .and. density(found + 1) > -huge(1.0_wp))) cycle
          found = found + 1
          points(:, found) = x
-         density(found) = target%log_density(x)
-         if (.not. density(found) > -huge(1.0_wp)) found = found - 1
          if (found == size(density)) exit
       end do
-   end subroutine draw_uniform
+   end subroutine draw_starts
 end module abstract_sampler

@@ -8,13 +8,13 @@ module constants_posterior
    use abstract_basis, only: grain_model_type
    use abstract_error_model, only: error_model_type
    use constants_prior, only: prior_type
-   use dimensionless_coordinates, only: from_logarithms, log_volume_of, to_logarithms
    use error_models, only: new_error_model
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    use random, only: random_stream_type
-   use sampling_target, only: target_type
+   use sampling_target, only: point_type, target_type
    use small_matrices, only: sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
    use text, only: to_text
@@ -25,18 +25,15 @@ module constants_posterior
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
 
-   !> More, in GPa, is taken for MPa.
-   real(wp), parameter :: greatest_modulus = 2000.0_wp
-   !> Work arrays of a thread are on its stack.
-   integer, parameter :: most_grains = 5000
-
    type :: likelihood_type
       !> One of `modulus_kind_names`.
       character(len=:), allocatable :: modulus_kind
       !> Of the indenter (GPa) and of the sample, for the kinds that need them.
       real(wp) :: indenter_modulus = 1140.0_wp, indenter_nu = 0.07_wp, sample_nu = 0.3_wp
-      !> Relative sd of an error common to all grains.
+      !> Relative sd of an error common to all grains of a group.
       real(wp) :: calibration_sd = 0.0_wp
+      !> Relative sd of what differs from grain to grain beside the errors of measurement.
+      real(wp) :: scatter_sd = 0.0_wp
       !> One of `likelihood_names`, and the degrees of freedom of Student's t.
       character(len=:), allocatable :: errors
       real(wp) :: student_dof = 4.0_wp
@@ -48,18 +45,30 @@ module constants_posterior
       logical :: prior_only = .false.
    end type likelihood_type
 
+   !> Of the surface harmonics of theory where it is read roughly.
+   integer, parameter :: rough_degree = 14
+
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
       type(likelihood_type) :: likelihood
-      integer :: n_grains = 0, n_constants = 0
-      !> What the surrogate gives the measured grains.
+      integer :: n_grains = 0, n_constants = 0, n_groups = 1
+      !> Directions of each grain that are evaluated: 1, or `n_tilts`.
+      integer, private :: n_directions = 1
+      !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
+      !> The same with theory read roughly, if theory is in it: for samplers on their way.
+      class(grain_model_type), allocatable, private :: rough_grains
       type(modulus_map_type) :: kind
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, then the calibration's.
+      !> Errors that the grains share: the surrogate's, then the calibration's of each group.
       integer, private :: n_shared = 0
       !> Measured values and their sds, GPa.
       real(wp), allocatable :: measured(:), sd(:)
+      !> Of each grain: sd of the tilt, radians, and group.
+      real(wp), allocatable :: tilt_sd(:)
+      integer, allocatable :: group(:)
+      !> Bunge-Euler angles of the rows of `grains`, radians.
+      real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa.
       real(wp), allocatable, private :: scale(:)
       !> Variance of y that grains do not share.
@@ -67,34 +76,33 @@ module constants_posterior
       !> Sum of the logarithms of the scales.
       real(wp), private :: log_scales = 0.0_wp
    contains
-      procedure :: admits
-      procedure :: log_density
+      procedure :: evaluate
+      procedure :: evaluate_working
+      procedure :: to_working
+      procedure :: draw_start
       procedure :: log_likelihood
       procedure :: moduli
+      procedure :: set_field_degree
       procedure :: draw_moduli
       procedure :: draw_measurements
       procedure :: stiffness
       procedure :: new_grains
-      procedure :: to_working
-      procedure :: from_working
-      procedure :: log_volume
    end type posterior_type
 
 contains
 
    !> The posterior for n grains.
-   subroutine new_posterior(surrogate, prior, likelihood, euler, measured, sd, posterior, error)
+   subroutine new_posterior(surrogate, prior, likelihood, measured, posterior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
       type(likelihood_type), intent(in) :: likelihood
-      !> Bunge-Euler angles (radians), (3, n).
-      real(wp), intent(in) :: euler(:, :)
-      !> Measured values and their standard errors, GPa, (n).
-      real(wp), intent(in) :: measured(:), sd(:)
+      type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
+      !> Variance of y that is none.
+      real(wp), parameter :: none = 1.0e-20_wp
 
-      call check_measurements(euler, measured, sd, likelihood%prior_only, error)
+      call check_measurements(measured, likelihood%prior_only, error)
       if (allocated(error)) return
       if (.not. (likelihood%calibration_sd >= 0.0_wp .and. likelihood%calibration_sd < 1.0_wp)) then
          call raise(error, 'calibration_sd = '//to_text(likelihood%calibration_sd)//' is relative: 0 <= calibration_sd < 1', &
@@ -107,70 +115,121 @@ contains
       if (allocated(error)) return
       posterior%prior = prior
       posterior%likelihood = likelihood
-      posterior%n_grains = size(measured)
+      posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
-      posterior%measured = measured
-      posterior%sd = sd
-      posterior%scale = posterior%errors%scale*sd
+      posterior%measured = measured%modulus
+      posterior%sd = measured%sd
+      posterior%tilt_sd = measured%tilt_sd
+      posterior%group = measured%group
+      posterior%n_groups = max(1, maxval(measured%group))
+      posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
-      call new_grain_model(surrogate, euler, likelihood%surrogate_uncertainty, posterior%grains, error)
+      if (any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
+      posterior%euler = measured%euler
+      if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
+      call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
       if (allocated(error)) return
-      if (likelihood%surrogate_uncertainty) posterior%scatter = surrogate%sd_inflation**2/surrogate%beta
-      posterior%n_shared = posterior%grains%n_columns
-      if (likelihood%calibration_sd > 0.0_wp) posterior%n_shared = posterior%n_shared + 1
-      posterior%dimension = prior%n_constants
-      posterior%lower = prior%lower
-      posterior%upper = prior%upper
-      if (likelihood%infer_scale) then
-         posterior%dimension = posterior%dimension + 1
-         posterior%lower = [posterior%lower, log(least_factor)]
-         posterior%upper = [posterior%upper, log(greatest_factor)]
+      if (posterior%grains%has_theory) then
+         allocate (posterior%rough_grains, source=posterior%grains)
+         posterior%rough_grains%field_degree = rough_degree
+         call posterior%rough_grains%set_grains(posterior%euler, error)
+         if (allocated(error)) return
       end if
+      posterior%scatter = merge(surrogate%sd_inflation**2/surrogate%beta, 0.0_wp, likelihood%surrogate_uncertainty)
+      if (posterior%scatter < none) posterior%scatter = 0.0_wp
+      posterior%n_shared = posterior%grains%n_columns
+      if (likelihood%calibration_sd > 0.0_wp) posterior%n_shared = posterior%n_shared + posterior%n_groups
+      posterior%dimension = prior%n_constants
+      if (likelihood%infer_scale) posterior%dimension = posterior%dimension + 1
    end subroutine new_posterior
 
-   !> Refuse what cannot be a table of measurements.
-   subroutine check_measurements(euler, measured, sd, may_be_empty, error)
-      real(wp), intent(in) :: euler(:, :), measured(:), sd(:)
-      logical, intent(in) :: may_be_empty
+   !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
+   subroutine set_field_degree(self, degree, error)
+      class(posterior_type), intent(inout) :: self
+      !> Even.
+      integer, intent(in) :: degree
       type(error_type), allocatable, intent(out) :: error
-      integer :: n
 
-      n = size(measured)
-      if (size(euler, 2) /= n .or. size(sd) /= n) then
-         call raise(error, 'angles, moduli and sds are needed for the same number of grains', exit_bad_input)
-      else if (n == 0 .and. .not. may_be_empty) then
-         call raise(error, 'there are no measurements: at least one grain is needed', exit_bad_input)
-      else if (n > most_grains) then
-         call raise(error, to_text(n)//' grains are more than the '//to_text(most_grains)//' that are allowed', exit_bad_input)
-      else if (.not. (all(measured > 0.0_wp .and. measured < huge(1.0_wp)) .and. all(abs(euler) < huge(1.0_wp)))) then
-         call raise(error, 'a measured modulus is not positive, or a value is not finite', exit_bad_input)
-      else if (any(measured > greatest_modulus)) then
-         call raise(error, 'a measured modulus of '//to_text(maxval(measured))//' GPa looks like MPa; allowed up to ' &
-            & //to_text(greatest_modulus)//' GPa', exit_bad_input)
-      else if (.not. all(sd > 0.0_wp .and. sd < huge(1.0_wp))) then
-         call raise(error, 'the sd of a measurement must be positive and finite', exit_bad_input)
+      self%grains%field_degree = degree
+      call self%grains%set_grains(self%euler, error)
+   end subroutine set_field_degree
+
+   pure subroutine evaluate(self, x, log_density, admitted)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: log_density
+      logical, intent(out) :: admitted
+      real(wp) :: c(6, 6), other(6, 6), log_volume
+
+      c = self%stiffness(x)
+      log_density = -huge(1.0_wp)
+      admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
+      if (.not. admitted) return
+      log_volume = 0.0_wp
+      if (self%prior%in_logarithms) call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, &
+         & log_volume)
+      log_density = density_of_crystal(self, self%grains, x, c) - log_volume
+   end subroutine evaluate
+
+   pure subroutine evaluate_working(self, point, roughly, admitted)
+      class(posterior_type), intent(in) :: self
+      type(point_type), intent(inout) :: point
+      logical, intent(in) :: roughly
+      logical, intent(out) :: admitted
+      real(wp) :: c(6, 6), log_volume
+
+      call self%prior%logarithms%from_logarithms(point%w(:self%n_constants), c, log_volume)
+      point%x = point%w
+      point%x(:self%n_constants) = self%prior%class%constants_of(c)
+      admitted = self%prior%admits(point%x(:self%n_constants), c, norm2(point%w(3:self%n_constants))) &
+         & .and. scale_is_admitted(self, point%x)
+      if (.not. admitted) return
+      if (roughly .and. allocated(self%rough_grains)) then
+         point%log_working = density_of_crystal(self, self%rough_grains, point%x, c)
+      else
+         point%log_working = density_of_crystal(self, self%grains, point%x, c)
       end if
-   end subroutine check_measurements
+      point%log_density = point%log_working
+      if (self%prior%in_logarithms) then
+         point%log_density = point%log_density - log_volume
+      else
+         point%log_working = point%log_working + log_volume
+      end if
+   end subroutine evaluate_working
 
-   !> Whether a point `x` is in the support.
-   pure logical function admits(self, x)
+   !> Whether the factor on the sds is within its bounds, if there is one.
+   pure logical function scale_is_admitted(self, x)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
 
-      admits = self%prior%admits(x)
-      if (admits .and. self%likelihood%infer_scale) then
-         admits = x(self%dimension) >= self%lower(self%dimension) .and. x(self%dimension) <= self%upper(self%dimension)
-      end if
-   end function admits
+      scale_is_admitted = .true.
+      if (self%likelihood%infer_scale) scale_is_admitted = x(self%dimension) >= log(least_factor) &
+         & .and. x(self%dimension) <= log(greatest_factor)
+   end function scale_is_admitted
 
-   !> Logarithm of the density at a point `x` of the support, up to a constant.
-   pure real(wp) function log_density(self, x)
+   !> Normal factors of the prior and likelihood.
+   pure real(wp) function density_of_crystal(self, grains, x, c) result(log_density)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
+      class(grain_model_type), intent(in) :: grains
+      real(wp), intent(in) :: x(:), c(6, 6)
 
-      log_density = self%prior%log_density(x)
-      if (.not. self%likelihood%prior_only) log_density = log_density + self%log_likelihood(x)
-   end function log_density
+      log_density = self%prior%log_density(c)
+      if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, grains, x, c)
+   end function density_of_crystal
+
+   subroutine draw_start(self, stream, x)
+      class(posterior_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      !> (dimension).
+      real(wp), intent(out) :: x(:)
+      real(wp) :: log_weight
+
+      call self%prior%draw_start(stream, x(:self%n_constants), log_weight)
+      if (.not. self%likelihood%infer_scale) return
+      call stream%uniform(x(self%dimension))
+      x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
+   end subroutine draw_start
 
    !> Stiffness of the crystal at a point, in its axes, GPa.
    pure function stiffness(self, x) result(c)
@@ -182,33 +241,16 @@ contains
       c = self%prior%class%stiffness(x(:self%n_constants))
    end function stiffness
 
-   !> Coordinates `w` of a point `x`, in which ridges are nearly straight, see `to_logarithms`.
+   !> log K of the crystal.
    pure subroutine to_working(self, x, w)
       class(posterior_type), intent(in) :: self
+      !> (dimension).
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: w(:)
 
       w = x(:self%dimension)
-      call to_logarithms(self%prior%class, x(:self%n_constants), w(:self%n_constants))
+      w(:self%n_constants) = self%prior%logarithms%to_logarithms(self%stiffness(x))
    end subroutine to_working
-
-   !> The point `x` at coordinates `w`.
-   pure subroutine from_working(self, w, x)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-      real(wp), intent(out) :: x(:)
-
-      x = w(:self%dimension)
-      call from_logarithms(self%prior%class, w(:self%n_constants), x(:self%n_constants))
-   end subroutine from_working
-
-   !> log |dx/dw| at coordinates `w`, up to a constant.
-   pure real(wp) function log_volume(self, w)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-
-      log_volume = log_volume_of(self%prior%class, w(:self%n_constants))
-   end function log_volume
 
    !> Indentation moduli, `values` (GPa), that the mean surrogate gives the measured grains at a point.
    pure subroutine moduli(self, x, values)
@@ -216,31 +258,73 @@ contains
       !> (dimension), (grain).
       real(wp), intent(in) :: x(:)
       real(wp), intent(out), contiguous :: values(:)
-      real(wp) :: slope(self%n_grains)
+      real(wp) :: slope(self%n_grains), own_variance(self%n_grains)
 
-      call self%grains%evaluate_moduli(self%stiffness(x), values, slope)
+      call evaluate_grains(self, self%grains, self%stiffness(x), values, slope, own_variance)
    end subroutine moduli
+
+   !> Of each measured grain the mean indentation modulus, its derivative with respect to y, and the variance that it does not share
+   !> with others: the surrogate's, that of its orientation, and that of grains as such.
+   pure subroutine evaluate_grains(self, grains, c, modulus, slope, own_variance)
+      class(posterior_type), intent(in) :: self
+      class(grain_model_type), intent(in) :: grains
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (grain); GPa².
+      real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
+      real(wp), allocatable :: rows(:), slopes(:)
+      real(wp) :: shift, variance
+      integer :: g
+
+      if (self%n_directions == 1) then
+         call grains%evaluate_moduli(c, modulus, slope)
+         own_variance = self%scatter*slope**2 + (self%likelihood%scatter_sd*modulus)**2
+         return
+      end if
+      allocate (rows(self%n_grains*n_tilts), slopes(self%n_grains*n_tilts))
+      call grains%evaluate_moduli(c, rows, slopes)
+      do g = 1, self%n_grains
+         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
+         modulus(g) = rows(g) + shift
+         slope(g) = slopes(g)
+         own_variance(g) = self%scatter*slope(g)**2 + (self%likelihood%scatter_sd*rows(g))**2 + variance
+      end do
+   end subroutine evaluate_grains
 
    !> Logarithm of Eq. 13 and its extensions at a point `x`, normalised over the measurements.
    pure real(wp) function log_likelihood(self, x)
       class(posterior_type), intent(in) :: self
+      !> (dimension).
       real(wp), intent(in) :: x(:)
-      real(wp) :: c(6, 6), factor
-      real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains)
+
+      log_likelihood = likelihood_of_crystal(self, self%grains, x, self%stiffness(x))
+   end function log_likelihood
+
+   pure real(wp) function likelihood_of_crystal(self, grains, x, c) result(log_likelihood)
+      class(posterior_type), intent(in) :: self
+      class(grain_model_type), intent(in) :: grains
+      real(wp), intent(in) :: x(:), c(6, 6)
+      real(wp) :: factor
+      real(wp) :: model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
       real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
 
-      c = self%stiffness(x)
-      call self%grains%evaluate_moduli(c, model, slope)
-      call self%kind%apply(model, slope)
       factor = scale_factor(self, x)
-      if (self%n_shared == 0) then
+      if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
+         call grains%evaluate_moduli(c, model, slope)
+         call self%kind%apply(model, slope)
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
          return
       end if
-      call whiten(self, c, model, slope, factor, scales, u)
+      call evaluate_grains(self, grains, c, model, slope, own_variance)
+      call whiten(self, grains, c, factor, model, slope, own_variance, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
-   end function log_likelihood
+   end function likelihood_of_crystal
+
+   pure logical function has_own_variance(self)
+      class(posterior_type), intent(in) :: self
+
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%likelihood%scatter_sd > 0.0_wp
+   end function has_own_variance
 
    !> The factor on the sds at a point.
    pure real(wp) function scale_factor(self, x)
@@ -251,24 +335,44 @@ contains
       if (self%likelihood%infer_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> Scales of the errors that grains do not share, and over them the columns of U: the surrogate's shared errors, the calibration's.
-   pure subroutine whiten(self, c, model, slope, factor, scales, u)
+   !> From moduli to what is measured, `model` and `slope` in place; scales of the errors that grains do not share, and over them the
+   !> columns of U: the surrogate's shared errors, the calibration's of each group.
+   pure subroutine whiten(self, grains, c, factor, model, slope, own_variance, scales, u)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6), model(:), slope(:), factor
+      class(grain_model_type), intent(in) :: grains
+      real(wp), intent(in) :: c(6, 6), factor
+      real(wp), intent(inout) :: model(:), slope(:)
+      real(wp), intent(in) :: own_variance(:)
       real(wp), intent(out) :: scales(:), u(:, :)
-      real(wp) :: ratio(size(scales))
-      integer :: g
+      real(wp) :: ratio(size(scales)), map_slope(size(scales))
+      real(wp), allocatable :: columns(:, :)
+      integer :: g, first
 
+      map_slope = 1.0_wp
+      call self%kind%apply(model, map_slope)
+      slope = slope*map_slope
       scales = factor*self%scale
-      if (self%scatter > 0.0_wp) scales = sqrt(scales**2 + self%scatter*(self%errors%scale*slope)**2)
-      if (self%grains%n_columns > 0) then
-         call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
+      if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
+      if (grains%n_columns > 0) then
          ratio = slope/scales
-         do g = 1, self%grains%n_columns
+         if (self%n_directions == 1) then
+            call grains%evaluate_columns(c, u(:, :grains%n_columns))
+         else
+            allocate (columns(size(self%euler, 2), grains%n_columns))
+            call grains%evaluate_columns(c, columns)
+            u(:, :grains%n_columns) = columns(:self%n_grains, :)
+         end if
+         do g = 1, grains%n_columns
             u(:, g) = u(:, g)*ratio
          end do
       end if
-      if (self%likelihood%calibration_sd > 0.0_wp) u(:, self%n_shared) = self%likelihood%calibration_sd*model/scales
+      if (self%likelihood%calibration_sd > 0.0_wp) then
+         first = grains%n_columns
+         u(:, first + 1:) = 0.0_wp
+         do g = 1, self%n_grains
+            u(g, first + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
+         end do
+      end if
    end subroutine whiten
 
    !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
@@ -279,29 +383,30 @@ contains
       !> (shared error), in sds of the prior.
       real(wp), intent(out) :: b(:), precision(:, :)
       real(wp) :: c(6, 6), value
-      real(wp) :: model(self%n_grains), slope(self%n_grains), scales(self%n_grains), u(self%n_grains, self%n_shared)
+      real(wp) :: model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
+      real(wp) :: u(self%n_grains, self%n_shared)
 
       if (self%n_shared == 0) return
       c = self%stiffness(x)
-      call self%grains%evaluate_moduli(c, model, slope)
-      call self%kind%apply(model, slope)
-      call whiten(self, c, model, slope, scale_factor(self, x), scales, u)
+      call evaluate_grains(self, self%grains, c, model, slope, own_variance)
+      call whiten(self, self%grains, c, scale_factor(self, x), model, slope, own_variance, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
    !> What the surrogate gives other grains, for `draw_moduli` and `draw_measurements`.
-   subroutine new_grains(self, euler, grains)
+   subroutine new_grains(self, euler, grains, error)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
       class(grain_model_type), allocatable, intent(out) :: grains
+      type(error_type), allocatable, intent(out) :: error
 
       allocate (grains, source=self%grains)
-      call grains%set_grains(euler)
+      call grains%set_grains(euler, error)
    end subroutine new_grains
 
    !> Indentation moduli (GPa) of any grains at a point, with the surrogate's error drawn given the data; `factor` is one plus the
-   !> calibration error drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factor is 1.
+   !> calibration error of each group drawn likewise. Without these uncertainties the moduli are the mean surrogate's and the factors 1.
    subroutine draw_moduli(self, x, grains, stream, values, factor)
       class(posterior_type), intent(in) :: self
       !> (dimension).
@@ -310,7 +415,8 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (grain).
       real(wp), intent(out), contiguous :: values(:)
-      real(wp), intent(out) :: factor
+      !> (group).
+      real(wp), intent(out) :: factor(:)
       real(wp) :: c(6, 6), slope(size(values)), columns(size(values), grains%n_columns)
       real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared)
 
@@ -323,13 +429,13 @@ contains
       values = values + slope*matmul(columns, b(:grains%n_columns))
    end subroutine draw_moduli
 
-   !> Shared errors from their mean and precision, in place, and one plus the calibration error.
+   !> Shared errors from their mean and precision, in place, and one plus the calibration error of each group.
    subroutine draw_shared(self, stream, b, precision, factor)
       class(posterior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(inout) :: b(:)
       real(wp), intent(in) :: precision(:, :)
-      real(wp), intent(out) :: factor
+      real(wp), intent(out) :: factor(:)
       real(wp) :: z(size(b))
       integer :: j
 
@@ -342,10 +448,11 @@ contains
       end do
       b = b + z
       factor = 1.0_wp
-      if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(size(b))
+      if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(self%grains%n_columns + 1:)
    end subroutine draw_shared
 
-   !> What a further measurement of any grains would give at a point, of the kind that was measured, without its own error.
+   !> What a further measurement of any grains would give at a point, of the kind and the first group that were measured, without its
+   !> own error.
    subroutine draw_measurements(self, x, grains, stream, values, shared_variance, own_variance)
       class(posterior_type), intent(in) :: self
       !> (dimension).
@@ -357,8 +464,8 @@ contains
       !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
       real(wp) :: c(6, 6), slope(size(values)), influence(size(values), grains%n_columns)
-      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared), columns(size(values), self%n_shared), factor
-      real(wp) :: mean(size(values)), mean_slope(size(values))
+      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared), columns(size(values), self%n_shared)
+      real(wp) :: factor(self%n_groups), mean(size(values)), mean_slope(size(values))
       integer :: i, j
 
       c = self%stiffness(x)
@@ -367,7 +474,8 @@ contains
       mean = values
       mean_slope = slope
       call self%kind%apply(mean, mean_slope)
-      if (self%likelihood%calibration_sd > 0.0_wp) columns(:, self%n_shared) = self%likelihood%calibration_sd*mean
+      columns = 0.0_wp
+      if (self%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = self%likelihood%calibration_sd*mean
       call draw_shared(self, stream, b, precision, factor)
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
@@ -377,7 +485,7 @@ contains
          end do
       end if
       call self%kind%apply(values, slope)
-      values = factor*values
+      values = factor(1)*values
       shared_variance = 0.0_wp
       do j = 1, self%n_shared
          ! The next entry of L^-1 times the columns.
@@ -387,6 +495,6 @@ contains
          columns(:, j) = columns(:, j)/precision(j, j)
          shared_variance = shared_variance + columns(:, j)**2
       end do
-      own_variance = self%scatter*mean_slope**2
+      own_variance = self%scatter*mean_slope**2 + (self%likelihood%scatter_sd*mean)**2
    end subroutine draw_measurements
 end module constants_posterior

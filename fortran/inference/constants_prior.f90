@@ -1,21 +1,31 @@
-!> What is known of the constants before the measurements: bounds, stability, a cap on the anisotropy, the surrogate's domain,
-!> and normal knowledge of single constants, of quantities derived from them, or of ratios.
+!> What is known of the constants before the measurements: one rule for all classes, bounds, stability, limits of anisotropy, what the
+!> surrogate covers, and normal knowledge.
 !>
-!> The support is the box of the stated bounds cut by Born's criterion, by the cap on Eq. 14 and by the surrogate's domain.
-!> On it the density is uniform in the constants, times one normal factor for each piece of normal knowledge.
+!> The support holds the Born-stable crystals whose Poisson's ratio (Hill) is that of a metal or mineral, whose log-anisotropy is not
+!> beyond what is known of crystals, and whose Young's modulus (Hill) is within a factor of what the mean measurement would be on an
+!> isotropic solid. What is stated replaces its part: bounds of all constants on both sides the two limits of the averages, a cap on
+!> Eq. 14 the limit of the log-anisotropy. On the support the density is uniform in the constants or in log K, times one normal factor
+!> for each piece of knowledge.
 module constants_prior
    use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: anisotropy_index
+   use crystal_elasticity, only: anisotropy_of_averages, averages_type, hill_young_poisson, log_anisotropy, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use surrogate_model, only: surrogate_type
+   use settings_groups, only: prior_settings_type
    use text, only: to_text
    implicit none
    private
-   public :: prior_type, new_prior, default_bounds, knowledge_type
+   public :: prior_type, new_prior, knowledge_type, least_poisson, greatest_poisson
+
+   !> Limits where nothing is stated.
+   real(wp), parameter :: least_poisson = 0.05_wp, greatest_poisson = 0.48_wp, greatest_log_anisotropy = 2.5_wp, &
+      & young_factor = 3.0_wp
+   !> GPa; what is not within is no bound.
+   real(wp), parameter :: no_lower = -500.0_wp, no_upper = 5000.0_wp
 
    !> A quantity, known as mean ± sd in its unit.
    type :: knowledge_type
@@ -25,19 +35,31 @@ module constants_prior
 
    type :: prior_type
       type(crystal_class_type) :: class
+      type(log_coordinates_type) :: logarithms
       integer :: n_constants = 0
-      !> Bounds of the constants, GPa: the stated ones, cut to the surrogate's where its coordinates are the constants.
+      !> Bounds of the constants, GPa; where none is stated these are wide.
       real(wp), allocatable :: lower(:), upper(:)
-      real(wp) :: anisotropy_cap = huge(1.0_wp)
-      !> Share of the stated domain that the surrogate's domain leaves, estimated.
+      !> Whether both bounds of all constants are stated.
+      logical :: has_box = .false.
+      !> On Eq. 14, and on the norm of the anisotropic part of log K.
+      real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp)
+      !> Of Hill's averages; Young's modulus in GPa.
+      real(wp) :: poisson(2) = [-1.0_wp, 0.5_wp], young(2) = [0.0_wp, huge(1.0_wp)]
+      !> Uniform in log K, not in the constants.
+      logical :: in_logarithms = .false.
+      !> Share of the prior, without its normal factors, that the surrogate covers, estimated.
       real(wp) :: share_inside = 1.0_wp
       type(quantity_type), allocatable, private :: known(:)
       real(wp), allocatable, private :: known_mean(:), known_sd(:)
       !> Of the surrogate: it says which crystals are covered.
       class(basis_type), allocatable, private :: basis
+      !> GPa: middle of the range of Young's modulus from which starts are drawn.
+      real(wp), private :: typical_young = 100.0_wp
    contains
       procedure :: admits
       procedure :: log_density
+      procedure :: draw_start
+      procedure :: is_stated
    end type prior_type
 
    !> Points of the stated domain that are tried to see how much of it the surrogate covers.
@@ -45,148 +67,188 @@ module constants_prior
 
 contains
 
-   !> Bounds `lower` and `upper` (GPa) where the user states none: the surrogate's box of constants, else wide enough for any metal.
-   pure subroutine default_bounds(surrogate, lower, upper)
-      type(surrogate_type), intent(in) :: surrogate
-      real(wp), allocatable, intent(out) :: lower(:), upper(:)
-      integer :: j
-
-      if (.not. surrogate%basis%logarithmic) then
-         lower = surrogate%basis%domain%lower
-         upper = surrogate%basis%domain%upper
-         return
-      end if
-      associate (names => surrogate%basis%domain%class%constants)
-         lower = [(merge(10.0_wp, 1.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
-         upper = [(merge(1000.0_wp, 600.0_wp, any(names(j) == [character(len=3) :: 'C11', 'C22', 'C33'])), j=1, size(names))]
-      end associate
-   end subroutine default_bounds
-
-   !> The prior on `lower` .. `upper` (GPa) with the cap `anisotropy_cap` on Eq. 14, cut to the surrogate's domain.
-   !>
-   !> Bounds that the surrogate's domain does not meet at all are refused.
-   subroutine new_prior(surrogate, lower, upper, anisotropy_cap, knowledge, prior, error)
-      type(surrogate_type), intent(in) :: surrogate
-      real(wp), intent(in) :: lower(:), upper(:), anisotropy_cap
+   !> The prior that is stated, over what a surrogate covers.
+   subroutine new_prior(basis, class, stated, typical_young, knowledge, prior, error)
+      class(basis_type), intent(in) :: basis
+      type(crystal_class_type), intent(in) :: class
+      !> Of &prior.
+      type(prior_settings_type), intent(in) :: stated
+      !> Young's modulus of an isotropic solid with the mean measurement, GPa.
+      real(wp), intent(in) :: typical_young
       type(knowledge_type), intent(in) :: knowledge(:)
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
-      character(len=3), allocatable :: names(:)
-      integer :: k, j
+      integer :: j
 
-      k = surrogate%basis%domain%class%n_constants
-      names = surrogate%basis%domain%class%constants
-      if (size(lower) /= k .or. size(upper) /= k) then
-         call raise(error, 'bounds are needed for each of '//to_text(k)//' constants, not '//to_text(size(lower)), &
-            & exit_bad_input)
+      prior%class = class
+      prior%logarithms = new_log_coordinates(class)
+      prior%n_constants = class%n_constants
+      prior%lower = spread(no_lower, 1, class%n_constants)
+      prior%upper = spread(no_upper, 1, class%n_constants)
+      if (allocated(stated%c_min)) prior%lower = stated%c_min
+      if (allocated(stated%c_max)) prior%upper = stated%c_max
+      prior%has_box = all(prior%lower > no_lower) .and. all(prior%upper < no_upper)
+      do j = 1, class%n_constants
+         if (prior%upper(j) > prior%lower(j)) cycle
+         call raise(error, class%constants(j)//': the bounds '//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j)) &
+            & //' GPa are not an interval', exit_bad_input)
          return
-      end if
-      do j = 1, k
-         if (.not. (upper(j) > lower(j) .and. upper(j) - lower(j) < huge(1.0_wp))) then
-            call raise(error, names(j)//': the bounds '//to_text(lower(j))//' .. '//to_text(upper(j)) &
-               & //' GPa are not an interval', exit_bad_input)
-            return
-         end if
       end do
-      if (.not. anisotropy_cap > 0.0_wp) then
-         call raise(error, 'anisotropy_cap = '//to_text(anisotropy_cap)//' must be positive', exit_bad_input)
-         return
+      prior%typical_young = typical_young
+      if (.not. prior%has_box) then
+         prior%poisson = [least_poisson, greatest_poisson]
+         prior%young = typical_young*[1.0_wp/young_factor, young_factor]
       end if
+      if (allocated(stated%anisotropy_cap)) then
+         prior%anisotropy_cap = stated%anisotropy_cap
+      else
+         prior%log_anisotropy_max = greatest_log_anisotropy
+      end if
+      prior%in_logarithms = stated%measure == 'logarithms'
       do j = 1, size(knowledge)
-         if (.not. (knowledge(j)%sd > 0.0_wp .and. abs(knowledge(j)%mean) < huge(1.0_wp))) then
-            call raise(error, knowledge(j)%quantity%name//': a finite mean and an sd > 0 are needed, not ' &
-               & //to_text(knowledge(j)%mean)//' and '//to_text(knowledge(j)%sd), exit_bad_input)
-            return
-         end if
+         if (knowledge(j)%sd > 0.0_wp .and. abs(knowledge(j)%mean) < huge(1.0_wp)) cycle
+         call raise(error, knowledge(j)%quantity%name//': a finite mean and an sd > 0 are needed, not ' &
+            & //to_text(knowledge(j)%mean)//' and '//to_text(knowledge(j)%sd), exit_bad_input)
+         return
       end do
-      prior%class = surrogate%basis%domain%class
-      prior%n_constants = k
-      prior%lower = lower
-      prior%upper = upper
-      prior%anisotropy_cap = anisotropy_cap
       allocate (prior%known(size(knowledge)))
       do j = 1, size(knowledge)
          prior%known(j) = knowledge(j)%quantity
       end do
       prior%known_mean = knowledge%mean
       prior%known_sd = knowledge%sd
-      allocate (prior%basis, source=surrogate%basis)
-      call cut_to_surrogate(surrogate, prior, error)
+      call estimate_share(basis, prior, error)
    end subroutine new_prior
 
-   !> Refuse bounds outside the box of a surrogate, cut the support to what it knows, and estimate how much of it is left.
-   subroutine cut_to_surrogate(surrogate, prior, error)
-      type(surrogate_type), intent(in) :: surrogate
+   !> Cut the support to what the surrogate covers, and estimate how much of it is left.
+   subroutine estimate_share(basis, prior, error)
+      class(basis_type), intent(in) :: basis
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
-      character(len=3), allocatable :: names(:)
       type(random_stream_type) :: stream
-      real(wp) :: c(prior%n_constants), u, stated_cap
-      integer :: i, j, stated, inside
+      real(wp) :: x(prior%n_constants), c(6, 6), log_volume, log_weights(trials), weights(trials)
+      logical :: inside(trials)
+      integer :: i, n
 
-      names = prior%class%constants
-      stated_cap = prior%anisotropy_cap
-      prior%anisotropy_cap = min(prior%anisotropy_cap, surrogate%basis%domain%anisotropy_cap)
-      if (.not. prior%basis%logarithmic) then
-         do j = 1, prior%n_constants
-            if (prior%lower(j) < prior%basis%domain%lower(j) .or. prior%upper(j) > prior%basis%domain%upper(j)) then
-               call raise(error, names(j)//': the bounds '//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j)) &
-                  & //' GPa are outside the surrogate''s domain; allowed: '//to_text(prior%basis%domain%lower(j))//' .. ' &
-                  & //to_text(prior%basis%domain%upper(j))//' GPa, or a surrogate in dimensionless coordinates', exit_bad_input)
-               return
-            end if
-         end do
-      end if
       stream = new_random_stream(1, 0)
-      stated = 0
-      inside = 0
+      n = 0
       do i = 1, trials
-         do j = 1, prior%n_constants
-            call stream%uniform(u)
-            c(j) = prior%lower(j) + u*(prior%upper(j) - prior%lower(j))
-         end do
-         if (.not. anisotropy_index(prior%class%stiffness(c)) <= stated_cap) cycle
-         stated = stated + 1
-         if (prior%admits(c)) inside = inside + 1
+         call prior%draw_start(stream, x, log_weights(n + 1))
+         c = prior%class%stiffness(x)
+         if (.not. prior%admits(x, c)) cycle
+         n = n + 1
+         if (prior%in_logarithms .eqv. prior%has_box) then
+            call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), c, log_volume)
+            log_weights(n) = log_weights(n) + merge(-log_volume, log_volume, prior%has_box)
+         end if
+         inside(n) = basis%covers(c)
       end do
-      if (stated == 0) then
-         call raise(error, 'no stable crystal was found within the bounds and the anisotropy cap '//to_text(stated_cap) &
-            & //' ('//to_text(trials)//' tried)', exit_bad_input)
-      else if (inside == 0) then
-         call raise(error, 'the bounds are outside the surrogate''s domain: none of '//to_text(stated) &
-            & //' stable crystals within them is inside it', exit_bad_input)
-      else
-         prior%share_inside = real(inside, wp)/stated
+      allocate (prior%basis, source=basis)
+      if (n == 0) then
+         call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
+            & exit_bad_input)
+         return
       end if
-   end subroutine cut_to_surrogate
+      weights(:n) = exp(log_weights(:n) - maxval(log_weights(:n)))
+      prior%share_inside = sum(pack(weights(:n), inside(:n)))/sum(weights(:n))
+      if (.not. any(inside(:n))) call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n) &
+         & //' crystals of it is inside', exit_bad_input)
+   end subroutine estimate_share
 
-   !> Whether a crystal `c` (GPa) is in the support.
-   pure logical function admits(self, c)
+   !> Whether the constant j has a bound.
+   pure logical function is_stated(self, j)
       class(prior_type), intent(in) :: self
-      real(wp), intent(in) :: c(:)
-      real(wp) :: stiffness(6, 6)
+      integer, intent(in) :: j
+
+      is_stated = self%lower(j) > no_lower .or. self%upper(j) < no_upper
+   end function is_stated
+
+   !> Whether a crystal is in the support.
+   pure logical function admits(self, x, c, anisotropy)
+      class(prior_type), intent(in) :: self
+      !> Constants (n_constants) and stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: x(:), c(6, 6)
+      !> The log-anisotropy, if it is known.
+      real(wp), intent(in), optional :: anisotropy
+      type(averages_type) :: averages
+      real(wp) :: young, poisson
       integer :: j
 
       admits = .false.
       do j = 1, self%n_constants
-         if (.not. (c(j) >= self%lower(j) .and. c(j) <= self%upper(j))) return
+         if (.not. (x(j) >= self%lower(j) .and. x(j) <= self%upper(j))) return
       end do
-      stiffness = self%class%stiffness(c(:self%n_constants))
-      if (self%anisotropy_cap < self%basis%domain%anisotropy_cap) then
-         if (.not. anisotropy_index(stiffness) <= self%anisotropy_cap) return
+      averages = polycrystal_averages(c)
+      ! The averages of an unstable crystal are NaN.
+      if (.not. anisotropy_of_averages(averages) <= self%anisotropy_cap) return
+      if (.not. self%has_box) then
+         call hill_young_poisson(averages, young, poisson)
+         if (.not. (young >= self%young(1) .and. young <= self%young(2))) return
+         if (.not. (poisson >= self%poisson(1) .and. poisson <= self%poisson(2))) return
       end if
-      admits = self%basis%covers(stiffness)
+      if (self%log_anisotropy_max < huge(1.0_wp)) then
+         if (present(anisotropy)) then
+            if (.not. anisotropy <= self%log_anisotropy_max) return
+         else
+            if (.not. log_anisotropy(c) <= self%log_anisotropy_max) return
+         end if
+      end if
+      admits = .true.
+      if (allocated(self%basis)) admits = self%basis%covers(c)
    end function admits
 
-   !> Logarithm of the normal factors at a crystal `c` (GPa) of the support; the constant of the uniform part is left out.
+   !> Logarithm of the normal factors at a crystal `c` (GPa) of the support; the uniform part is left out.
    pure real(wp) function log_density(self, c)
       class(prior_type), intent(in) :: self
-      real(wp), intent(in) :: c(:)
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
       real(wp) :: values(size(self%known))
 
       log_density = 0.0_wp
       if (size(values) == 0) return
-      call evaluate_quantities(self%known, self%class%stiffness(c(:self%n_constants)), values)
+      call evaluate_quantities(self%known, c, values)
       log_density = -0.5_wp*sum(((values - self%known_mean)/self%known_sd)**2)
    end function log_density
+
+   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else an isotropic one with anisotropy added,
+   !> uniform in the ball of log-anisotropies that are allowed.
+   subroutine draw_start(self, stream, x, log_weight)
+      class(prior_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      !> Constants, GPa.
+      real(wp), intent(out) :: x(:)
+      !> What the density of the draws lacks to be uniform, in the constants with a box and in log K without.
+      real(wp), intent(out) :: log_weight
+      real(wp), parameter :: wider = 1.3_wp
+      real(wp) :: u, young, nu, w(self%n_constants), c(6, 6), radius, log_volume
+      integer :: j, free
+
+      log_weight = 0.0_wp
+      if (self%has_box) then
+         do j = 1, self%n_constants
+            call stream%uniform(u)
+            x(j) = self%lower(j) + u*(self%upper(j) - self%lower(j))
+         end do
+         return
+      end if
+      call stream%uniform(u)
+      young = self%typical_young*(young_factor*wider)**(2.0_wp*u - 1.0_wp)
+      call stream%uniform(u)
+      nu = 0.02_wp + 0.47_wp*u
+      ! Coordinates along unit matrices of multiplicity one and five.
+      w(1) = log(young/(1.0_wp - 2.0_wp*nu))
+      w(2) = sqrt(5.0_wp)*log(young/(1.0_wp + nu))
+      log_weight = log(1.0_wp/(1.0_wp + nu) + 2.0_wp/(1.0_wp - 2.0_wp*nu))
+      free = self%n_constants - 2
+      if (free > 0) then
+         do j = 3, self%n_constants
+            call stream%normal(w(j))
+         end do
+         call stream%uniform(u)
+         radius = min(self%log_anisotropy_max, 2.0_wp*greatest_log_anisotropy)*u**(1.0_wp/free)
+         w(3:) = radius*w(3:)/norm2(w(3:))
+      end if
+      call self%logarithms%from_logarithms(w, c, log_volume)
+      x = self%class%constants_of(c)
+   end subroutine draw_start
 end module constants_prior

@@ -18,6 +18,7 @@ module modulus_kinds
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
       procedure :: apply
+      procedure :: indentation_modulus
    end type modulus_map_type
 
 contains
@@ -60,4 +61,13 @@ contains
       slope = slope*self%factor
       modulus = modulus*self%factor
    end subroutine apply
+
+   !> The indentation modulus behind a value of the kind, GPa; very large where there is none.
+   pure real(wp) function indentation_modulus(self, measured)
+      class(modulus_map_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: measured
+
+      indentation_modulus = measured/max(self%factor - self%compliance*measured, 1.0e-3_wp)
+   end function indentation_modulus
 end module modulus_kinds

@@ -1,7 +1,9 @@
 !> What chains say: of each parameter, of the moduli of the grains, and what the data decided and what the prior did.
 module posterior_summary
+   use abstract_basis, only: grain_model_type
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: posterior_type
+   use constants_prior, only: prior_type
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
@@ -14,10 +16,12 @@ module posterior_summary
    private
    public :: parameter_type, combination_type, known_quantity_type, predictions_type
    public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point
-   public :: decided_by_data, decided_by_prior
+   public :: decided_by_data, left_open, decided_by_prior
 
-   !> A combination is decided by the data above, by the prior below this contraction.
-   real(wp), parameter :: decided_by_data = 0.9_wp, decided_by_prior = 0.5_wp
+   !> A combination is decided by the data above, and left open below this contraction: its sd is not even half the prior's.
+   real(wp), parameter :: decided_by_data = 0.9_wp, left_open = 0.75_wp
+   !> Below this contraction a most probable value means nothing.
+   real(wp), parameter :: decided_by_prior = 0.5_wp
    !> Draws for derived quantities and predictions; more say nothing new.
    integer, parameter :: most_draws = 4000
 
@@ -30,10 +34,8 @@ module posterior_summary
 
    !> A product of powers of the constants whose variance relative to the prior's is extreme.
    type :: combination_type
-      !> (constant): powers, the largest 1, and correlations of its logarithm with the constants'.
+      !> (constant): powers that it has at the mean crystal, the largest 1, and correlations of its logarithm with the constants.
       real(wp), allocatable :: exponents(:), correlations(:)
-      !> Value at the mean logarithm; not there where a constant may vanish.
-      real(wp), allocatable :: mean
       !> Of the logarithm, in the posterior and in the prior, and one minus the ratio of variances.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp, contraction = 0.0_wp
    end type combination_type
@@ -45,9 +47,9 @@ module posterior_summary
    !> For some of the draws, evenly spaced in each chain.
    type :: predictions_type
       integer :: stride = 1
-      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus the calibration error, (draw,
-      !> chain).
-      real(wp), allocatable :: moduli(:, :, :), factor(:, :)
+      !> Modulus of each grain, of the kind that was measured, GPa, (grain, draw, chain); one plus the calibration error,
+      !> (group, draw, chain).
+      real(wp), allocatable :: moduli(:, :, :), factor(:, :, :)
       !> Values of the quantities that were asked for, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)
    end type predictions_type
@@ -123,70 +125,60 @@ contains
       real(wp) :: sd(k)
       integer :: j
 
-      correlation = covariance_of(chains%draws, k, .false.)
+      correlation = covariance_of(chains%draws, k)
       sd = [(sqrt(correlation(j, j)), j=1, k)]
       do j = 1, k
          correlation(:, j) = correlation(:, j)/(sd*sd(j))
       end do
    end function correlate
 
-   !> Unbiased covariance of the first k parameters, or of their logarithms.
-   pure function covariance_of(draws, k, logarithms) result(covariance)
+   !> Unbiased covariance of the first k rows.
+   pure function covariance_of(draws, k) result(covariance)
       !> (parameter, sample, chain).
       real(wp), intent(in) :: draws(:, :, :)
       integer, intent(in) :: k
-      logical, intent(in) :: logarithms
       real(wp) :: covariance(k, k)
-      real(wp) :: mean(k), deviation(k)
-      integer :: pass, i, c, j
+      real(wp) :: mean(k), deviation(k), n
+      integer :: i, c, j
 
-      mean = 0.0_wp
+      n = size(draws, 2)*real(size(draws, 3), wp)
+      mean = sum(sum(draws(:k, :, :), 3), 2)/n
       covariance = 0.0_wp
-      do pass = 1, 2
-         do c = 1, size(draws, 3)
-            do i = 1, size(draws, 2)
-               deviation = draws(:k, i, c)
-               if (logarithms) deviation = log(deviation)
-               if (pass == 1) then
-                  mean = mean + deviation
-               else
-                  deviation = deviation - mean
-                  do j = 1, k
-                     covariance(:, j) = covariance(:, j) + deviation*deviation(j)
-                  end do
-               end if
+      do c = 1, size(draws, 3)
+         do i = 1, size(draws, 2)
+            deviation = draws(:k, i, c) - mean
+            do j = 1, k
+               covariance(:, j) = covariance(:, j) + deviation*deviation(j)
             end do
          end do
-         if (pass == 1) mean = mean/(size(draws, 2)*real(size(draws, 3), wp))
       end do
-      covariance = covariance/max(1.0_wp, size(draws, 2)*real(size(draws, 3), wp) - 1.0_wp)
+      covariance = covariance/max(1.0_wp, n - 1.0_wp)
    end function covariance_of
 
-   !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of the
-   !> logarithms of the constants against the prior's. They are uncorrelated in both.
-   subroutine find_combinations(draws, prior_draws, k, combinations, error)
-      !> (parameter, sample, chain), the first `k` parameters constants.
+   !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of log K
+   !> against the prior's. They are uncorrelated in both.
+   subroutine find_combinations(prior, draws, prior_draws, combinations, error)
+      type(prior_type), intent(in) :: prior
+      !> (parameter, sample, chain), the first parameters constants.
       real(wp), intent(in) :: draws(:, :, :), prior_draws(:, :, :)
-      !> Number of the constants.
-      integer, intent(in) :: k
       type(combination_type), allocatable, intent(out) :: combinations(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: after(k, k), before(k, k), prior(k, k), whitened(k, k), scale(k), values(k), vector(k), covariance(k)
-      logical :: positive
-      integer :: i, j
+      real(wp), allocatable :: both(:, :, :)
+      real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, spread_before, whitened
+      real(wp), dimension(prior%n_constants) :: values, vector, covariance, constants, gradient
+      real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
+      integer :: i, j, k, n
 
-      positive = minval(draws(:k, :, :)) > 0.0_wp .and. minval(prior_draws(:k, :, :)) > 0.0_wp
-      after = covariance_of(draws, k, positive)
-      before = covariance_of(prior_draws, k, positive)
-      if (.not. positive) then
-         ! A constant that may vanish has no logarithm: deviations relative to the mean stand in.
-         scale = sum(sum(draws(:k, :, :), 3), 2)/(size(draws, 2)*real(size(draws, 3), wp))
-         do j = 1, k
-            after(:, j) = after(:, j)/(scale*scale(j))
-            before(:, j) = before(:, j)/(scale*scale(j))
-         end do
-      end if
-      prior = before
+      k = prior%n_constants
+      both = with_logarithms(prior, prior_draws)
+      joint = covariance_of(both, 2*k)
+      before = joint(k + 1:, k + 1:)
+      both = with_logarithms(prior, draws)
+      joint = covariance_of(both, 2*k)
+      after = joint(k + 1:, k + 1:)
+      n = size(both, 2)*size(both, 3)
+      constants = sum(sum(both(:k, :, :), 3), 2)/n
+      spread_before = before
       call cholesky_factor(before, error)
       if (allocated(error)) then
          ! A prior without a spread of its own has no combinations.
@@ -207,15 +199,15 @@ contains
          do j = k, 1, -1
             vector(j) = (vector(j) - sum(before(j + 1:, j)*vector(j + 1:)))/before(j, j)
          end do
-         vector = vector/vector(maxloc(abs(vector), dim=1))
-         covariance = matmul(after, vector)
+         gradient = logarithmic_gradient(prior, constants, vector)
+         vector = vector/gradient(maxloc(abs(gradient), dim=1))
+         covariance = matmul(joint(:k, k + 1:), vector)
          associate (one => combinations(i))
-            one%exponents = vector
-            one%sd = sqrt(max(0.0_wp, sum(vector*covariance)))
-            one%correlations = covariance/(one%sd*[(sqrt(after(j, j)), j=1, k)])
-            one%prior_sd = sqrt(sum(vector*matmul(prior, vector)))
+            one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
+            one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
+            one%correlations = covariance/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
+            one%prior_sd = sqrt(sum(vector*matmul(spread_before, vector)))
             one%contraction = 1.0_wp - (one%sd/one%prior_sd)**2
-            if (positive) one%mean = exp(mean_logarithm(vector))
          end associate
       end do
 
@@ -229,20 +221,44 @@ contains
             columns(row, :) = (columns(row, :) - matmul(before(row, :row - 1), columns(:row - 1, :)))/before(row, row)
          end do
       end subroutine solve_lower
-
-      pure real(wp) function mean_logarithm(powers)
-         real(wp), intent(in) :: powers(k)
-         integer :: s, c
-
-         mean_logarithm = 0.0_wp
-         do c = 1, size(draws, 3)
-            do s = 1, size(draws, 2)
-               mean_logarithm = mean_logarithm + sum(powers*log(draws(:k, s, c)))
-            end do
-         end do
-         mean_logarithm = mean_logarithm/(size(draws, 2)*real(size(draws, 3), wp))
-      end function mean_logarithm
    end subroutine find_combinations
+
+   !> Constants and below them log K, of some of the draws.
+   pure function with_logarithms(prior, draws) result(both)
+      type(prior_type), intent(in) :: prior
+      real(wp), intent(in) :: draws(:, :, :)
+      real(wp), allocatable :: both(:, :, :)
+      integer :: i, c, k, stride
+
+      k = prior%n_constants
+      stride = max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most_draws))
+      allocate (both(2*k, (size(draws, 2) + stride - 1)/stride, size(draws, 3)))
+      do c = 1, size(both, 3)
+         do i = 1, size(both, 2)
+            both(:k, i, c) = draws(:k, 1 + (i - 1)*stride, c)
+            both(k + 1:, i, c) = prior%logarithms%to_logarithms(prior%class%stiffness(both(:k, i, c)))
+         end do
+      end do
+   end function with_logarithms
+
+   !> Derivatives of a combination of log K with respect to the logarithms of the constants, at a crystal.
+   pure function logarithmic_gradient(prior, constants, vector) result(gradient)
+      type(prior_type), intent(in) :: prior
+      !> GPa, (n_constants); (n_constants).
+      real(wp), intent(in) :: constants(:), vector(:)
+      real(wp) :: gradient(size(constants))
+      real(wp), parameter :: step = 1.0e-4_wp
+      real(wp) :: shifted(size(constants))
+      integer :: j
+
+      do j = 1, size(constants)
+         shifted = constants
+         shifted(j) = constants(j)*(1.0_wp + step)
+         gradient(j) = sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted)))
+         shifted(j) = constants(j)*(1.0_wp - step)
+         gradient(j) = (gradient(j) - sum(vector*prior%logarithms%to_logarithms(prior%class%stiffness(shifted))))/(2.0_wp*step)
+      end do
+   end function logarithmic_gradient
 
    !> Quantities in the posterior and in the prior.
    subroutine compare_quantities(values, prior_values, known)
@@ -263,26 +279,31 @@ contains
    end subroutine compare_quantities
 
    !> The moduli of the measured grains, and quantities of the crystal, for some of the draws.
-   subroutine predict_grains(posterior, chains, quantities, predictions)
+   subroutine predict_grains(posterior, chains, quantities, predictions, error)
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
       type(quantity_type), intent(in) :: quantities(:)
       type(predictions_type), intent(out) :: predictions
+      type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
+      class(grain_model_type), allocatable :: grains
       real(wp) :: slope(posterior%n_grains)
       integer :: samples, n, i, c, s
 
       samples = size(chains%draws, 2)
       predictions%stride = int(max(1.0_wp, real(samples, wp)*size(chains%draws, 3)/most_draws))
       n = (samples + predictions%stride - 1)/predictions%stride
-      allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), predictions%factor(n, size(chains%draws, 3)))
+      allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
+         & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error)
+      if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
          do i = 1, n
             s = 1 + (i - 1)*predictions%stride
-            call posterior%draw_moduli(chains%draws(:, s, c), posterior%grains, stream, predictions%moduli(:, i, c), &
-               & predictions%factor(i, c))
+            call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
+               & predictions%factor(:, i, c))
             slope = 1.0_wp
             call posterior%kind%apply(predictions%moduli(:, i, c), slope)
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))

@@ -1,65 +1,77 @@
 !> What a sampler needs to know of a density.
 module sampling_target
    use kinds, only: wp
+   use random, only: random_stream_type
    implicit none
    private
-   public :: target_type
+   public :: target_type, point_type
+
+   !> A point of the support: parameters, coordinates in which the density is smoother, and the logarithms of both densities, up to a
+   !> constant.
+   type :: point_type
+      !> (dimension).
+      real(wp), allocatable :: x(:), w(:)
+      !> Of x, and of w, which has the volume |dx/dw| in it.
+      real(wp) :: log_density = -huge(1.0_wp), log_working = -huge(1.0_wp)
+   end type point_type
 
    type, abstract :: target_type
-      !> Number of parameters, and a box that holds the support.
+      !> Number of parameters.
       integer :: dimension = 0
-      real(wp), allocatable :: lower(:), upper(:)
    contains
-      !> Whether a point is in the support; cheap.
-      procedure(admits_interface), deferred :: admits
-      !> Logarithm of the density at a point of the support, up to a constant. Threads call it at the same time.
-      procedure(log_density_interface), deferred :: log_density
-      !> Coordinates in which the density is smoother, and back: by default the parameters themselves.
+      !> A point that may be in the support, to begin with: widely spread, and in it often enough.
+      procedure(draw_start_interface), deferred :: draw_start
+      !> Logarithm of the density of the parameters, up to a constant, and whether they are in the support.
+      procedure(evaluate_interface), deferred :: evaluate
+      !> Coordinates in which the density is smoother: by default the parameters themselves.
       procedure :: to_working
-      procedure :: from_working
-      !> log |dx/dw| at working coordinates w, up to a constant.
-      procedure :: log_volume
+      procedure :: evaluate_working
    end type target_type
 
    abstract interface
-      !> Whether `x` is in the support.
-      pure logical function admits_interface(self, x)
+      subroutine draw_start_interface(self, stream, x)
+         import :: random_stream_type, target_type, wp
+         class(target_type), intent(in) :: self
+         type(random_stream_type), intent(inout) :: stream
+         !> (dimension).
+         real(wp), intent(out) :: x(:)
+      end subroutine draw_start_interface
+      !> Threads call it at the same time.
+      pure subroutine evaluate_interface(self, x, log_density, admitted)
          import :: target_type, wp
          class(target_type), intent(in) :: self
+         !> (dimension).
          real(wp), intent(in) :: x(:)
-      end function admits_interface
-      !> Log density at `x`.
-      pure real(wp) function log_density_interface(self, x)
-         import :: target_type, wp
-         class(target_type), intent(in) :: self
-         real(wp), intent(in) :: x(:)
-      end function log_density_interface
+         !> Only of use where the point is `admitted`.
+         real(wp), intent(out) :: log_density
+         !> Whether it is in the support.
+         logical, intent(out) :: admitted
+      end subroutine evaluate_interface
    end interface
 contains
 
-   !> Working coordinates `w` of the parameters `x`.
+   !> Working coordinates `w` of the parameters `x` of a point of the support.
    pure subroutine to_working(self, x, w)
       class(target_type), intent(in) :: self
+      !> (dimension).
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: w(:)
 
       w = x(:self%dimension)
    end subroutine to_working
 
-   !> Parameters `x` at working coordinates `w`.
-   pure subroutine from_working(self, w, x)
+   !> All of a point from its working coordinates, which are there; the densities only if it is `admitted`.
+   pure subroutine evaluate_working(self, point, roughly, admitted)
       class(target_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-      real(wp), intent(out) :: x(:)
+      type(point_type), intent(inout) :: point
+      !> A density that is near enough to find the way by will do.
+      logical, intent(in) :: roughly
+      !> Whether it is in the support.
+      logical, intent(out) :: admitted
 
-      x = w(:self%dimension)
-   end subroutine from_working
-
-   !> log |dx/dw| at working coordinates `w`, up to a constant.
-   pure real(wp) function log_volume(self, w)
-      class(target_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-
-      log_volume = 0.0_wp*size(w)*self%dimension
-   end function log_volume
+      point%x = point%w
+      call self%evaluate(point%x, point%log_density, admitted)
+      if (roughly .and. .not. admitted) return
+      point%log_working = point%log_density
+   end subroutine evaluate_working
 end module sampling_target

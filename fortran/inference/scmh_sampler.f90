@@ -3,7 +3,7 @@
 module scmh_sampler
    use kinds, only: wp
    use random, only: random_stream_type
-   use abstract_sampler, only: draw_uniform, sampler_type
+   use abstract_sampler, only: draw_starts, sampler_type
    use sampling_target, only: target_type
    implicit none
    private
@@ -31,14 +31,14 @@ contains
       !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
-      real(wp) :: step(target%dimension), total(target%dimension)
+      real(wp) :: step(target%dimension), total(target%dimension), reach(target%dimension)
       real(wp) :: proposed, current, kept, u, z
       integer :: sweep, j, found, accepted, best, pick, samples
       logical :: accept
 
       samples = size(log_density)
       acceptance = 0.0_wp
-      call draw_uniform(target, stream, starts, start_density, found)
+      call draw_starts(target, stream, starts, start_density, found)
       started = found > 0
       if (.not. started) return
       call stream%pick(min(10, found), pick)
@@ -49,7 +49,9 @@ contains
       end do
       x = starts(:, best)
       current = start_density(best)
-      step = 0.1_wp*(target%upper - target%lower)
+      reach = maxval(starts(:, :found), 2) - minval(starts(:, :found), 2)
+      where (.not. reach > 0.0_wp) reach = abs(x)
+      step = 0.1_wp*reach
       total = 0.0_wp
       accepted = 0
       do sweep = 1 - self%burn_in, samples
@@ -58,11 +60,8 @@ contains
             call stream%normal(z)
             call stream%uniform(u)
             x(j) = kept + step(j)*z
-            accept = .false.
-            if (target%admits(x)) then
-               proposed = target%log_density(x)
-               accept = log(u) < proposed - current
-            end if
+            call target%evaluate(x, proposed, accept)
+            if (accept) accept = log(u) < proposed - current
             if (accept) then
                current = proposed
                if (sweep > 0) accepted = accepted + 1
@@ -73,7 +72,7 @@ contains
                ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes on.
                u = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
                step(j) = step(j)*exp(u*(merge(1.0_wp, 0.0_wp, accept) - wanted_acceptance))
-               step(j) = min(step(j), 10.0_wp*(target%upper(j) - target%lower(j)))
+               step(j) = min(step(j), 10.0_wp*reach(j))
                if (2*sweep > -self%burn_in) total(j) = total(j) + log(step(j))
             end if
          end do

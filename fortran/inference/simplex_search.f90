@@ -72,10 +72,13 @@ contains
       !> Minus the log density; very large outside the support.
       real(wp) function depth_at(point)
          real(wp), intent(in) :: point(:)
+         real(wp) :: log_density
+         logical :: admitted
 
          evaluations = evaluations + 1
+         call target%evaluate(point, log_density, admitted)
          depth_at = 1.0e300_wp
-         if (target%admits(point)) depth_at = min(depth_at, -target%log_density(point))
+         if (admitted) depth_at = min(depth_at, -log_density)
       end function depth_at
 
       !> The first corner beside each of the others.

@@ -2,11 +2,13 @@
 module extraction
    use constants_posterior, only: posterior_type
    use errors, only: error_type
+   use field_degree, only: allowed_error, choose_field_degree, largest_field_error
+   use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
    use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, sample_posterior, sample_prior
+   use problem_posterior, only: new_problem_posterior, sample_pilot, sample_posterior, sample_prior
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
    use surrogate_model, only: surrogate_type
@@ -28,11 +30,17 @@ module extraction
       !> (constant, constant).
       real(wp), allocatable :: correlation(:, :)
       type(combination_type), allocatable :: combinations(:)
+      !> What further knowledge would bring.
+      type(gain_type), allocatable :: gains(:)
       type(quantity_type), allocatable :: quantities(:)
       type(known_quantity_type), allocatable :: known(:)
       type(predictions_type) :: predictions
       !> Of each grain, GPa: mean and sd of the modulus, and mean of what is measured, the calibration error with it.
       real(wp), allocatable :: predicted_mean(:), predicted_sd(:), expected(:)
+      !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by how much the worst grain erred for it,
+      !> in sds.
+      integer :: field_degree = 0
+      real(wp) :: field_error = 0.0_wp
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    end type extraction_type
@@ -52,12 +60,43 @@ contains
       if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .true., prior, error)
       if (allocated(error)) return
       call system_clock(start, rate)
-      call sample_posterior(problem, self%posterior, self%chains, error)
+      call sample_exactly(problem, self, error)
       call system_clock(end)
       self%seconds = real(end - start, wp)/rate
       if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
       if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
    end subroutine extract
+
+   !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
+   !> draws themselves show whether it was enough.
+   subroutine sample_exactly(problem, self, error)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: checked_draws = 1000, most_attempts = 3
+      real(wp), allocatable :: some(:, :)
+      integer :: attempt, stride
+
+      if (.not. self%posterior%grains%has_theory) then
+         call sample_posterior(problem, self%posterior, self%chains, error)
+         return
+      end if
+      call self%posterior%set_field_degree(12, error)
+      if (.not. allocated(error)) call sample_pilot(problem, self%posterior, self%chains, error)
+      if (allocated(error)) return
+      some = self%chains%draws(:, :, 1)
+      do attempt = 1, most_attempts
+         call choose_field_degree(self%posterior, some, error)
+         if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
+         if (allocated(error)) return
+         stride = max(1, size(self%chains%draws, 2)*size(self%chains%draws, 3)/checked_draws)
+         some = reshape(self%chains%draws(:, ::stride, :), [size(some, 1), (1 + (size(self%chains%draws, 2) - 1)/stride) &
+                                                           & *size(self%chains%draws, 3)])
+         self%field_error = largest_field_error(self%posterior, some)
+         if (self%field_error < allowed_error) exit
+      end do
+      self%field_degree = self%posterior%grains%field_degree
+   end subroutine sample_exactly
 
    subroutine summarise(threads, self, error)
       integer, intent(in) :: threads
@@ -72,7 +111,8 @@ contains
       if (size(self%names) > k) self%names(k + 1) = 'sd_factor'
       call reported_quantities(self%posterior%prior%class, self%quantities, error)
       if (allocated(error)) return
-      call predict_grains(self%posterior, self%chains, self%quantities, self%predictions)
+      call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
+      if (allocated(error)) return
       call average_predictions(self)
       spread = spreads(self%chains)
       call most_probable_point(self%posterior, self%chains, spread, self%most_probable)
@@ -82,7 +122,8 @@ contains
       end if
       call summarise_parameters(self%chains, threads, self%parameters)
       self%correlation = correlate(self%chains, k)
-      call find_combinations(self%chains%draws, self%prior_chains%draws, k, self%combinations, error)
+      call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
+      if (.not. allocated(error)) call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)
       if (allocated(error)) return
       allocate (prior_values(size(self%quantities), size(self%prior_chains%draws, 2), size(self%prior_chains%draws, 3)))
       do c = 1, size(prior_values, 3)
@@ -108,15 +149,15 @@ contains
       type(extraction_type), intent(inout) :: self
       integer :: n, c, i
 
-      n = size(self%predictions%factor)
+      n = size(self%predictions%moduli, 2)*size(self%predictions%moduli, 3)
       allocate (self%predicted_sd(self%posterior%n_grains), source=0.0_wp)
       self%expected = self%predicted_sd
       self%predicted_mean = sum(sum(self%predictions%moduli, 3), 2)/n
-      do c = 1, size(self%predictions%factor, 2)
-         do i = 1, size(self%predictions%factor, 1)
+      do c = 1, size(self%predictions%moduli, 3)
+         do i = 1, size(self%predictions%moduli, 2)
             associate (moduli => self%predictions%moduli(:, i, c))
                self%predicted_sd = self%predicted_sd + (moduli - self%predicted_mean)**2
-               self%expected = self%expected + moduli*self%predictions%factor(i, c)/n
+               self%expected = self%expected + moduli*self%predictions%factor(self%posterior%group, i, c)/n
             end associate
          end do
       end do

@@ -1,12 +1,14 @@
 !> What Step 2 found, as the document of `extract`, with what a person should know of it.
 module extraction_document
    use chain_diagnostics, only: diagnostics_type
+   use constants_prior, only: prior_type
    use extraction, only: extraction_type
+   use further_knowledge, only: gain_type
    use json, only: json_type
    use kinds, only: wp
    use posterior_summary, only: combination_type
    use problem, only: problem_type
-   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_mixing, judge_ridges, powers_text
+   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_mixing, judge_open, judge_ridges, powers_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -73,7 +75,17 @@ contains
             call document%end_object()
          end associate
       end do
+      do i = 1, size(found%gains)
+         call write_gain(document, found%names, found%gains(i))
+      end do
       call document%end_array()
+      call write_prior(document, found%posterior%prior)
+      if (found%field_degree > 0) then
+         call document%begin_object('theory')
+         call document%put('degree', found%field_degree)
+         call document%put('largest_error_sd', found%field_error)
+         call document%end_object()
+      end if
       call document%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
       call document%put('samples', size(found%chains%draws, 2))
       call document%put('chains', size(found%chains%draws, 3))
@@ -106,16 +118,70 @@ contains
          call document%put(trim(names(j)), combination%correlations(j))
       end do
       call document%end_object()
-      if (allocated(combination%mean)) then
-         call document%put('mean', combination%mean)
-      else
-         call document%put_null('mean')
-      end if
       call document%put('sd', combination%sd)
       call document%put('prior_sd', combination%prior_sd)
       call document%put('contraction', combination%contraction)
       call document%end_object()
    end subroutine write_combination
+
+   !> What the constants would be known to.
+   subroutine write_gain(document, names, gain)
+      type(json_type), intent(inout) :: document
+      !> Of the parameters, constants first.
+      character(len=*), intent(in) :: names(:)
+      type(gain_type), intent(in) :: gain
+      integer :: j
+
+      call document%begin_object()
+      call document%put('kind', 'knowledge')
+      call document%put('name', trim(gain%name))
+      call document%put('relative_sd', gain%relative_sd)
+      call document%begin_object('sd_then')
+      do j = 1, size(gain%sd_then)
+         call document%put(trim(names(j)), gain%sd_then(j))
+      end do
+      call document%end_object()
+      call document%end_object()
+   end subroutine write_gain
+
+   !> The prior that was in effect, what was not stated too; null where there is no limit.
+   subroutine write_prior(document, prior)
+      type(json_type), intent(inout) :: document
+      type(prior_type), intent(in) :: prior
+      integer :: j
+
+      call document%begin_object('prior')
+      call document%put('measure', trim(merge('logarithms', 'constants ', prior%in_logarithms)))
+      call document%begin_object('bounds')
+      do j = 1, prior%n_constants
+         if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
+      end do
+      call document%end_object()
+      call put_limit('anisotropy_cap', prior%anisotropy_cap)
+      call put_limit('log_anisotropy_max', prior%log_anisotropy_max)
+      if (prior%has_box) then
+         call document%put_null('poisson')
+         call document%put_null('young_gpa')
+      else
+         call document%put('poisson', prior%poisson)
+         call document%put('young_gpa', prior%young)
+      end if
+      call document%put('share_covered', prior%share_inside)
+      call document%end_object()
+
+   contains
+
+      subroutine put_limit(key, limit)
+         character(len=*), intent(in) :: key
+         real(wp), intent(in) :: limit
+
+         if (limit < huge(limit)) then
+            call document%put(key, limit)
+         else
+            call document%put_null(key)
+         end if
+      end subroutine put_limit
+   end subroutine write_prior
 
    !> What a person should know, added to `warnings`.
    subroutine judge_extraction(problem, found, warnings)
@@ -132,10 +198,13 @@ contains
             & problem%settings%sampler%method, warnings)
       end do
       call judge_ridges(found%names(:k), found%correlation, found%combinations, warnings)
-      do i = 1, k
-         call judge_bound(trim(found%names(i)), found%chains%draws(i, :, :), found%posterior%prior%lower(i), &
-            & found%posterior%prior%upper(i), warnings)
-      end do
+      call judge_open(found%names(:k), found%combinations, found%gains, warnings)
+      associate (prior => found%posterior%prior)
+         do i = 1, k
+            if (prior%is_stated(i)) call judge_bound(trim(found%names(i)), found%chains%draws(i, :, :), prior%lower(i), &
+               & prior%upper(i), warnings)
+         end do
+      end associate
       factor = 1.0_wp
       if (size(found%names) > k) factor = found%parameters(k + 1)%mean
       call judge_grains(found%posterior%measured, found%expected, factor*found%posterior%sd, &

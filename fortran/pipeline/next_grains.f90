@@ -52,8 +52,8 @@ contains
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         call new_candidates(posterior, few, sd, problem%settings%problem%seed, candidates, euler_deg)
-         call set_target(posterior, wanted%target, few, candidates, error)
+         call new_candidates(posterior, few, sd, problem%settings%problem%seed, candidates, euler_deg, error)
+         if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
             & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions, error)
       end associate
@@ -65,7 +65,7 @@ contains
    end subroutine next_document
 
    !> What each draw predicts at each direction that the crystal tells apart.
-   subroutine new_candidates(posterior, draws, sd, seed, candidates, euler_deg)
+   subroutine new_candidates(posterior, draws, sd, seed, candidates, euler_deg, error)
       type(posterior_type), intent(in) :: posterior
       !> (dimension, draw), as the sampler has them.
       real(wp), intent(in) :: draws(:, :)
@@ -75,6 +75,7 @@ contains
       type(candidates_type), intent(out) :: candidates
       !> Bunge-Euler angles of the candidates, (3, candidate).
       real(wp), allocatable, intent(out) :: euler_deg(:, :)
+      type(error_type), allocatable, intent(out) :: error
       type(region_type) :: region
       type(random_stream_type) :: stream
       real(wp), allocatable :: directions(:, :), own_variance(:, :)
@@ -93,7 +94,8 @@ contains
             candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
          end do
       end do
-      call posterior%new_grains(euler_deg*degree, grains)
+      call posterior%new_grains(euler_deg*degree, grains, error)
+      if (allocated(error)) return
       allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
          & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
       stream = new_random_stream(seed, 0)

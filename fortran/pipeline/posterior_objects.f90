@@ -86,7 +86,7 @@ contains
    !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the stated
    !> crystals that the surrogate covers); of the chains that were run last 'draws' (parameter, sample, chain), 'log_density' (sample,
    !> chain), 'acceptance' (chain); if Step 2 was done the same of its chains ('found_draws', ..), 'prior_draws', for some of the draws
-   !> 'predicted' (grain, draw, chain), 'factor' (draw, chain), 'quantities' (quantity, draw, chain) and the 'stride' between these,
+   !> 'predicted' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw, chain) and the 'stride' between these,
    !> and 'most_probable' (parameter, NaN where the data do not say).
    subroutine labelled_values_of(handle, label, sizes, error, values)
       integer(i8), intent(in) :: handle
@@ -112,9 +112,9 @@ contains
       end if
       select case (label)
       case ('lower')
-         call give(size(self%density%lower), [self%density%lower])
+         call give(size(self%density%prior%lower), [self%density%prior%lower])
       case ('upper')
-         call give(size(self%density%upper), [self%density%upper])
+         call give(size(self%density%prior%upper), [self%density%prior%upper])
       case ('anisotropy_cap')
          call give(1, [self%density%prior%anisotropy_cap])
       case ('share_inside')
@@ -136,7 +136,7 @@ contains
       case ('predicted')
          call give_cube(self%found%predictions%moduli)
       case ('factor')
-         call give_table(self%found%predictions%factor)
+         call give_cube(self%found%predictions%factor)
       case ('quantities')
          call give_cube(self%found%predictions%quantities)
       case ('stride')

@@ -2,10 +2,12 @@
 module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: likelihood_type, new_posterior, posterior_type
-   use constants_prior, only: default_bounds, knowledge_type, new_prior, prior_type
+   use constants_prior, only: knowledge_type, new_prior, prior_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
+   use measured_grains, only: measured_type
    use memory, only: check_memory
+   use modulus_kinds, only: modulus_map_type, new_modulus_map
    use namelist_file, only: place
    use problem, only: problem_type
    use quantities, only: check_quantity, new_quantity, quantity_type
@@ -15,7 +17,7 @@ module problem_posterior
    use threads, only: thread_count
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior, sample_posterior, sample_prior
+   public :: check_step_2, check_target, new_problem_posterior, sample_pilot, sample_posterior, sample_prior
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
@@ -88,56 +90,62 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(prior_type) :: prior
       type(likelihood_type) :: likelihood
-      real(wp), allocatable :: sd(:)
+      type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
          call raise(error, place(problem%path, 'measurements', '')//'there are no measurements: at least one grain is needed', &
             & exit_bad_input)
          return
       end if
-      call new_problem_prior(problem, surrogate, prior, error)
-      if (allocated(error)) return
       associate (m => problem%settings%measurements)
          likelihood%modulus_kind = m%modulus_kind
          likelihood%indenter_modulus = m%indenter_modulus_gpa
          likelihood%indenter_nu = m%indenter_nu
          likelihood%sample_nu = m%sample_nu
          likelihood%calibration_sd = m%calibration_sd
+         likelihood%scatter_sd = m%scatter_sd
          likelihood%errors = m%likelihood
          likelihood%student_dof = m%student_dof
          likelihood%infer_scale = m%scale == 'inferred'
       end associate
       likelihood%surrogate_uncertainty = problem%settings%sampler%surrogate_variance == 'full'
       likelihood%prior_only = prior_only
-      associate (measured => problem%measurements)
-         sd = measured%sd_gpa
+      associate (table => problem%measurements)
+         measured%euler = table%euler_deg*degree
+         measured%modulus = table%modulus_gpa
+         measured%sd = table%sd_gpa
          ! Only where the sds are one unknown common value may they be absent.
-         if (.not. all(sd > 0.0_wp)) sd = 1.0_wp
-         call new_posterior(surrogate, prior, likelihood, measured%euler_deg*degree, measured%modulus_gpa, sd, posterior, error)
+         if (.not. all(measured%sd > 0.0_wp)) measured%sd = 1.0_wp
+         measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
+            & table%orientation_sd_deg >= 0.0_wp)*degree
+         measured%group = table%group
       end associate
+      call new_problem_prior(problem, surrogate, likelihood, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
+      if (allocated(error)) return
+      call new_posterior(surrogate, prior, likelihood, measured, posterior, error)
       if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
    end subroutine new_problem_posterior
 
-   !> &prior and &knowledge over the surrogate's domain. A bound that is not stated is the surrogate's.
-   subroutine new_problem_prior(problem, surrogate, prior, error)
+   !> &prior and &knowledge, cut to what the surrogate covers.
+   subroutine new_problem_prior(problem, surrogate, likelihood, mean_measured, prior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
+      type(likelihood_type), intent(in) :: likelihood
+      !> GPa, of the kind that was measured.
+      real(wp), intent(in) :: mean_measured
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
+      !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
+      real(wp), parameter :: typical_poisson = 0.3_wp
       type(knowledge_type), allocatable :: knowledge(:)
-      real(wp), allocatable :: lower(:), upper(:)
-      real(wp) :: cap
+      type(modulus_map_type) :: kind
 
       call read_knowledge(problem, knowledge, error)
+      if (.not. allocated(error)) call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, &
+         & likelihood%indenter_nu, likelihood%sample_nu, kind, error)
       if (allocated(error)) return
-      call default_bounds(surrogate, lower, upper)
-      cap = surrogate%basis%domain%anisotropy_cap
-      associate (stated => problem%settings%prior)
-         if (allocated(stated%c_min)) lower = stated%c_min
-         if (allocated(stated%c_max)) upper = stated%c_max
-         if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
-      end associate
-      call new_prior(surrogate, lower, upper, cap, knowledge, prior, error)
+      call new_prior(surrogate%basis, problem%class, problem%settings%prior, &
+         & (1.0_wp - typical_poisson**2)*kind%indentation_modulus(mean_measured), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior
 
@@ -159,6 +167,22 @@ contains
       end associate
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine sample_posterior
+
+   !> A few draws of where the posterior is, to see how it must be computed.
+   subroutine sample_pilot(problem, posterior, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+      !> No posterior has so many chains.
+      integer, parameter :: first_stream = 2000001
+      class(sampler_type), allocatable :: sampler
+
+      call new_sampler('ensemble', 2000, sampler, error)
+      if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_type(200, 1, 1, &
+         & problem%settings%problem%seed, first_stream), chains, error)
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine sample_pilot
 
    !> The prior by the sampler that mixes best, from random streams of its own.
    subroutine sample_prior(problem, prior, chains, error)

@@ -1,12 +1,16 @@
 !> Where a named surrogate is, and what a new one may be named: the same for both programs.
 module surrogate_lookup
+   use crystal_class, only: general_class
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, printable, resolve_path
    use surrogate_file, only: load_surrogate
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: new_theory_surrogate, surrogate_type
    implicit none
    private
-   public :: places_type, find_surrogate, load_named_surrogate, check_new_name
+   public :: theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name
+
+   !> The surrogate that needs no simulation and no file.
+   character(len=*), parameter :: theory_name = 'halfspace'
 
    character(len=*), parameter :: extension = '.txt'
 
@@ -20,7 +24,7 @@ module surrogate_lookup
 
 contains
 
-   !> The path of a surrogate: a file of the output folder, of the namelist's folder, or one that comes with the package.
+   !> The path of a surrogate, '' of the theory: a file of the output folder, of the namelist's folder, or one that comes with the package.
    subroutine find_surrogate(name, places, path, error)
       !> A shipped name, or the name of a file.
       character(len=*), intent(in) :: name
@@ -28,6 +32,8 @@ contains
       character(len=:), allocatable, intent(out) :: path
       type(error_type), allocatable, intent(out) :: error
 
+      path = ''
+      if (name == theory_name) return
       path = resolve_path(places%output, name)
       if (file_exists(path)) return
       path = resolve_path(places%folder, name)
@@ -49,12 +55,16 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: path
 
+      if (name == theory_name) then
+         call new_theory_surrogate(surrogate, error)
+         return
+      end if
       call find_surrogate(name, places, path, error)
       if (.not. allocated(error)) call load_surrogate(path, surrogate, error)
       if (allocated(error)) return
       associate (own => surrogate%basis%domain%class%name)
-         if (len(class) > 0 .and. own /= class) call raise(error, path//' is for '//own//' crystals, not '//class//' ones', &
-            & exit_bad_input)
+         if (len(class) > 0 .and. own /= class .and. own /= general_class) call raise(error, path//' is for '//own &
+            & //' crystals, not '//class//' ones', exit_bad_input)
       end associate
    end subroutine load_named_surrogate
 

@@ -1,13 +1,14 @@
 !> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
 module verdicts
    use chain_diagnostics, only: diagnostics_type
+   use further_knowledge, only: gain_type
    use kinds, only: wp
-   use posterior_summary, only: combination_type, decided_by_data, decided_by_prior
+   use posterior_summary, only: combination_type, decided_by_data, left_open
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: judge_coverage, judge_mixing, judge_ridges, judge_bound, judge_grains, powers_text
+   public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_bound, judge_grains, powers_text
 
    !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
    !> al., Bayesian Anal. 16, 667, 2021).
@@ -56,26 +57,72 @@ contains
       type(combination_type), intent(in) :: combinations(:)
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp), parameter :: strong = 0.7_wp
-      character(len=:), allocatable :: pairs, known, hidden
-      integer :: i, j
+      character(len=:), allocatable :: pairs, known, hidden, words
+      !> More are not read.
+      integer, parameter :: most = 3
+      integer :: i, j, found
 
       pairs = ''
       known = ''
       hidden = ''
+      found = 0
       do i = 1, size(combinations)
-         if (combinations(i)%contraction > decided_by_data) known = listed(known, powers_text(names, combinations(i)%exponents))
-         if (combinations(i)%contraction < decided_by_prior) hidden = listed(hidden, powers_text(names, combinations(i)%exponents))
+         words = powers_text(names, combinations(i)%exponents)
+         if (combinations(i)%contraction > decided_by_data .and. i <= most) known = listed(known, words)
+         if (combinations(i)%contraction < left_open .and. size(combinations) - i < most) hidden = listed(hidden, words)
       end do
       if (len(hidden) == 0) return
       do i = 1, size(names)
          do j = 1, i - 1
-            if (abs(correlation(i, j)) > strong) pairs = pairs//trim(names(i))//' and '//trim(names(j)) &
+            if (.not. abs(correlation(i, j)) > strong) cycle
+            found = found + 1
+            if (found <= most) pairs = pairs//trim(names(i))//' and '//trim(names(j)) &
                & //' trade off (correlation '//fixed(correlation(i, j), 2)//'); '
          end do
       end do
+      if (found > most) pairs = pairs//'so do '//to_text(found - most)//' other pairs; '
       if (len(known) == 0) known = 'no combination by themselves'
       call warn(warnings, pairs//'the data decided '//known//'; the prior decided '//hidden)
    end subroutine judge_ridges
+
+   !> How many combinations indentation alone leaves open, which constants that is mostly, and what would close them.
+   subroutine judge_open(names, combinations, gains, warnings)
+      !> Of the constants.
+      character(len=*), intent(in) :: names(:)
+      type(combination_type), intent(in) :: combinations(:)
+      type(gain_type), intent(in) :: gains(:)
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Share of a constant's variance that is the open combinations', and of its sd that knowledge leaves, to be named.
+      real(wp), parameter :: mostly = 0.8_wp, worth_it = 0.7_wp
+      character(len=:), allocatable :: which, advice
+      real(wp) :: share(size(names)), ratio(size(names))
+      integer :: i, j, open
+
+      open = 0
+      share = 0.0_wp
+      do i = 1, size(combinations)
+         if (combinations(i)%contraction >= left_open) cycle
+         open = open + 1
+         share = share + combinations(i)%correlations**2
+      end do
+      if (open == 0) return
+      which = ''
+      do j = 1, size(names)
+         if (share(j) >= mostly*maxval(share)) which = listed(which, trim(names(j)))
+      end do
+      advice = ''
+      do i = 1, size(gains)
+         ratio = gains(i)%sd_then/gains(i)%sd_now
+         j = minloc(ratio, dim=1)
+         if (ratio(j) > worth_it) cycle
+         if (len(advice) > 0) advice = advice//'; '
+         advice = advice//trim(gains(i)%name)//' to '//fixed(100.0_wp*gains(i)%relative_sd, 0)//' % would bring the sd of ' &
+            & //trim(names(j))//' from '//to_text(gains(i)%sd_now(j), 2)//' to '//to_text(gains(i)%sd_then(j), 2)//' GPa'
+      end do
+      if (len(advice) > 0) advice = '. Say in &knowledge what else is known: '//advice
+      call warn(warnings, 'the data leave '//to_text(open)//' of '//to_text(size(names))//' combinations open (' &
+         & //which//', mostly)'//advice)
+   end subroutine judge_open
 
    !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count are left out.
    pure function powers_text(names, exponents) result(words)

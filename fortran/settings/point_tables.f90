@@ -11,7 +11,7 @@ module point_tables
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, measurements_of_arrays, angles_look_like_radians
+   public :: points_type, read_crystals, read_measurements, measurements_of_text, angles_look_like_radians
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -28,6 +28,9 @@ module point_tables
       real(wp), allocatable :: euler_deg(:, :)
       !> Moduli and their sds, GPa, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
+      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees, and its group, 1, 2, .., (n).
+      real(wp), allocatable :: orientation_sd_deg(:)
+      integer, allocatable :: group(:)
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
@@ -63,37 +66,25 @@ contains
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_measurements
 
-   !> The same from arrays, checked as the cells of a file are: angles (3, n) in degrees, moduli and sds in GPa, (n), (n) or (0).
-   subroutine measurements_of_arrays(euler_deg, modulus_gpa, sd_gpa, prefix, sd_optional, points, error)
-      !> (3, n) in degrees, (n) and (n) in GPa.
-      real(wp), intent(in) :: euler_deg(:, :), modulus_gpa(:), sd_gpa(:)
+   !> The same from a text that is no file: its rows are counted from 1, without the header.
+   subroutine measurements_of_text(page, prefix, sd_optional, points, error)
+      !> Header and rows.
+      character(len=*), intent(in) :: page
       !> With which messages begin.
       character(len=*), intent(in) :: prefix
-      !> No sds, (0), are allowed.
+      !> The column of the sds may be absent.
       logical, intent(in) :: sd_optional
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: page
-      integer :: i, j
+      integer :: i
 
-      page = join(angle_names, ',')//',modulus_gpa'
-      if (size(sd_gpa) > 0) page = page//',sd_gpa'
-      do i = 1, size(modulus_gpa)
-         page = page//achar(10)
-         do j = 1, 3
-            page = page//number_text(euler_deg(j, i))//','
-         end do
-         page = page//number_text(modulus_gpa(i))
-         if (size(sd_gpa) > 0) page = page//','//number_text(sd_gpa(i))
-      end do
       call parse_table(page, points%table, error)
       if (.not. allocated(error)) then
-         ! Grains are counted from 1, without a header.
-         points%table%line = [(i, i=1, size(modulus_gpa))]
+         points%table%line = [(i, i=1, points%table%rows)]
          call read_measured(points, sd_optional, error)
       end if
       if (allocated(error)) error%message = prefix//error%message
-   end subroutine measurements_of_arrays
+   end subroutine measurements_of_text
 
    subroutine read_measured(points, sd_optional, error)
       type(points_type), intent(inout) :: points
@@ -103,6 +94,8 @@ contains
       call read_angles(points, error)
       if (.not. allocated(error)) call read_moduli(points, .true., error)
       if (.not. allocated(error)) call read_sds(points, sd_optional, error)
+      if (.not. allocated(error)) call read_tilts(points, error)
+      if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measured
 
    !> The angles of every row; what comes later is NaN.
@@ -276,6 +269,45 @@ contains
          end if
       end do
    end subroutine read_sds
+
+   !> Uncertainties of the orientations; NaN where none is given.
+   subroutine read_tilts(points, error)
+      type(points_type), intent(inout) :: points
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: most = 20.0_wp
+      integer :: column, i
+
+      allocate (points%orientation_sd_deg(points%n), source=not_a_number())
+      column = points%table%find('orientation_sd_deg')
+      if (column == 0) return
+      do i = 1, points%n
+         if (len_trim(points%table%cell(column, i)) == 0) cycle
+         call points%table%number(column, i, points%orientation_sd_deg(i), error)
+         if (allocated(error)) return
+         if (points%orientation_sd_deg(i) >= 0.0_wp .and. points%orientation_sd_deg(i) <= most) cycle
+         call refuse_cell(points%table, column, i, ' degrees; allowed 0 to '//to_text(most), error)
+         return
+      end do
+   end subroutine read_tilts
+
+   !> Groups are numbered in the order in which their names appear.
+   subroutine read_groups(points)
+      type(points_type), intent(inout) :: points
+      integer :: column, i, j, last
+
+      allocate (points%group(points%n), source=1)
+      column = points%table%find('group')
+      if (column == 0) return
+      last = 0
+      do i = 1, points%n
+         do j = 1, i - 1
+            if (points%table%cell(column, i) == points%table%cell(column, j)) exit
+         end do
+         if (j == i) last = last + 1
+         points%group(i) = last
+         if (j < i) points%group(i) = points%group(j)
+      end do
+   end subroutine read_groups
 
    subroutine need_column(table, name, column, error)
       type(table_type), intent(in) :: table

@@ -10,7 +10,7 @@ module problem
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
-   use point_tables, only: angles_look_like_radians, measurements_of_arrays, points_type, read_crystals, read_measurements
+   use point_tables, only: angles_look_like_radians, measurements_of_text, points_type, read_crystals, read_measurements
    use settings_checks, only: check_settings
    use settings_groups, only: settings_type
    use settings_lists, only: settings_namelist
@@ -71,6 +71,9 @@ contains
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, choices, self%settings, error)
       if (allocated(error)) return
+      associate (file => self%settings%surrogate%file, builds => self%settings%design%given .or. self%settings%domain%given)
+         if (len(file) == 0) self%settings%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', builds))
+      end associate
       if (allocated(self%settings%problem%symmetry)) call new_crystal_class(self%settings%problem%symmetry, self%class, error)
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
@@ -105,17 +108,17 @@ contains
       end associate
    end subroutine load_tables
 
-   !> Measurements that are no file: angles (3, n) in degrees, moduli and sds (n) in GPa, no sds if they are inferred.
-   subroutine set_measurements(self, euler_deg, modulus_gpa, sd_gpa, error)
+   !> Measurements that are no file.
+   subroutine set_measurements(self, page, error)
       class(problem_type), intent(inout) :: self
-      !> (3, n) in degrees, (n) and (n) in GPa.
-      real(wp), intent(in) :: euler_deg(:, :), modulus_gpa(:), sd_gpa(:)
+      !> CSV, as a file has it.
+      character(len=*), intent(in) :: page
       type(error_type), allocatable, intent(out) :: error
 
       if (allocated(self%measurements)) deallocate (self%measurements)
       allocate (self%measurements)
-      call measurements_of_arrays(euler_deg, modulus_gpa, sd_gpa, place(self%path, 'measurements', ''), &
-         & self%settings%measurements%scale == 'inferred', self%measurements, error)
+      call measurements_of_text(page, place(self%path, 'measurements', ''), self%settings%measurements%scale == 'inferred', &
+         & self%measurements, error)
       if (.not. allocated(error)) call question_measurements(self, 'the table')
    end subroutine set_measurements
 

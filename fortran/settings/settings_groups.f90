@@ -57,7 +57,7 @@ module settings_groups
       logical :: given = .false.
       character(len=:), allocatable :: file, modulus_kind, scale, likelihood
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
-         & student_dof = 0.0_wp
+         & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
    end type measurements_settings_type
 
    type :: prior_settings_type
@@ -65,6 +65,7 @@ module settings_groups
       !> One for each constant of the crystal class, GPa.
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
+      character(len=:), allocatable :: measure
    end type prior_settings_type
 
    type :: knowledge_settings_type

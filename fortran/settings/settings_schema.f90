@@ -61,7 +61,8 @@ contains
          & 'largest universal anisotropy index (Eq. 14)')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
-      call v%text('file', s%surrogate%file, 'surrogate.txt', 'its file in the output folder, or the name of a shipped model')
+      call v%text('file', s%surrogate%file, '', &
+         & 'halfspace: the exact theory; else its file; empty: surrogate.txt if there is a &domain, else halfspace')
       call v%choice('coordinates', s%surrogate%coordinates, 'dimensionless', v%words('coordinates'), &
          & 'the constants scaled to their bounds (the paper), or dimensionless ratios of them')
       call v%choice('truncation', s%surrogate%truncation, 'total', v%words('truncation'), &
@@ -113,7 +114,11 @@ contains
       call v%real('sample_nu', s%measurements%sample_nu, '0.3', '(-1, 0.5]', '', &
          & 'Poisson''s ratio that was assumed of the sample (sample_modulus)')
       call v%real('calibration_sd', s%measurements%calibration_sd, '0.0', '[0, 0.5]', '', &
-         & 'relative sd of a factor common to all measurements')
+         & 'relative sd of a factor common to all measurements of a group (column group)')
+      call v%real('orientation_sd_deg', s%measurements%orientation_sd_deg, '0.0', '[0, 20]', 'degrees', &
+         & 'sd of the tilt of the indented direction, per component; a column of this name goes before it')
+      call v%real('scatter_sd', s%measurements%scatter_sd, '0.0', '[0, 0.5]', '', &
+         & 'relative sd of what differs from grain to grain beside the errors of measurement')
       call v%choice('scale', s%measurements%scale, 'given', 'given, inferred', &
          & 'sd_gpa as given, or times a common factor that is inferred (then the column may be absent)')
       call v%choice('likelihood', s%measurements%likelihood, 'normal', v%words('likelihood'), &
@@ -123,11 +128,13 @@ contains
 
       call v%group('prior', s%prior%given, 'What is known of the constants before the measurements (Step 2).')
       call v%constants('c_min', s%prior%c_min, 'unset', '[-500, 5000]', 'GPa', &
-         & 'lower bounds of the constants; unset: those of the surrogate')
+         & 'lower bounds of the constants; unset: none')
       call v%constants('c_max', s%prior%c_max, 'unset', '[-500, 5000]', 'GPa', &
-         & 'upper bounds of the constants; unset: those of the surrogate')
+         & 'upper bounds of the constants; unset: none')
       call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, 'unset', '(0, 1e6]', '', &
-         & 'largest anisotropy index; unset: that of the surrogate')
+         & 'largest universal anisotropy index (Eq. 14); unset: the log-anisotropy is limited instead')
+      call v%choice('measure', s%prior%measure, 'constants', 'constants, logarithms', &
+         & 'uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
 
       call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length.')
       call v%names('quantity', s%knowledge%quantity, 'unset', &
@@ -140,7 +147,7 @@ contains
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
       call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', '', &
          & 'samples kept of each chain, after burn-in')
-      call v%integer('burn_in', s%sampler%burn_in, '20000', '[0, 100000000]', '', &
+      call v%integer('burn_in', s%sampler%burn_in, '8000', '[0, 100000000]', '', &
          & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
       call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', '', 'independent chains')
       call v%choice('surrogate_variance', s%sampler%surrogate_variance, 'full', 'full, none', &

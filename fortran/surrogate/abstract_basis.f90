@@ -3,6 +3,7 @@
 !> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(y). A family of bases is a module that extends
 !> `basis_type` and `grain_model_type`, and a line in `bases`.
 module abstract_basis
+   use crystal_class, only: crystal_class_type
    use errors, only: error_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
@@ -35,6 +36,13 @@ module abstract_basis
    type, abstract :: grain_model_type
       !> Of the factor of the covariance of y.
       integer :: n_columns = 0
+      !> Degree of the surface harmonics with which the theory is read, where the model has theory in it: even. Set it before the grains.
+      integer :: field_degree = 12
+      logical :: has_theory = .false.
+      !> Crystals of a larger log-anisotropy have theory in full.
+      real(wp) :: full_above = huge(1.0_wp)
+      !> About what a crystal costs, microseconds, with theory read and with theory in full.
+      real(wp) :: field_cost = 0.0_wp, full_cost = 0.0_wp
    contains
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_moduli_interface), deferred :: evaluate_moduli
@@ -43,7 +51,7 @@ module abstract_basis
 
    abstract interface
       !> The terms of one crystal in one orientation.
-      pure subroutine evaluate_terms_interface(self, c, euler, terms, scale)
+      subroutine evaluate_terms_interface(self, c, euler, terms, scale)
          import :: basis_type, wp
          class(basis_type), intent(in) :: self
          !> Stiffness in crystal axes of a stable crystal, GPa; Bunge-Euler angles, radians.
@@ -76,9 +84,11 @@ module abstract_basis
       end subroutine exchange_interface
 
       !> The model of grains, none yet, of a surrogate with this posterior.
-      subroutine new_grain_model_interface(self, coefficients, covariance, model, error)
-         import :: basis_type, error_type, grain_model_type, wp
+      subroutine new_grain_model_interface(self, class, coefficients, covariance, model, error)
+         import :: basis_type, crystal_class_type, error_type, grain_model_type, wp
          class(basis_type), intent(in) :: self
+         !> Of the crystals that will be asked for.
+         type(crystal_class_type), intent(in) :: class
          !> Posterior mean (n_terms); covariance (n_terms, n_terms), of size 0 if it does not count.
          real(wp), intent(in) :: coefficients(:), covariance(:, :)
          class(grain_model_type), allocatable, intent(out) :: model
@@ -86,11 +96,12 @@ module abstract_basis
       end subroutine new_grain_model_interface
 
       !> The grains from now on.
-      pure subroutine set_grains_interface(self, euler)
-         import :: grain_model_type, wp
+      subroutine set_grains_interface(self, euler, error)
+         import :: error_type, grain_model_type, wp
          class(grain_model_type), intent(inout) :: self
          !> Bunge-Euler angles (3, n), radians.
          real(wp), intent(in) :: euler(:, :)
+         type(error_type), allocatable, intent(out) :: error
       end subroutine set_grains_interface
 
       !> Modulus of each grain and its derivative with respect to y.

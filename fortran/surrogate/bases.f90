@@ -7,6 +7,7 @@ module bases
    use paper_basis, only: new_paper_basis, paper_basis_type
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, exchange_domain
+   use theory_basis, only: theory_basis_type
    implicit none
    private
    public :: new_basis, allocate_basis, basis_name, describe_basis
@@ -35,8 +36,10 @@ contains
       select case (name)
       case ('paper')
          allocate (paper_basis_type :: basis)
+      case ('halfspace')
+         allocate (theory_basis_type :: basis)
       case default
-         call raise(error, 'the model '''//name//''' is unknown; allowed: paper', exit_bad_input)
+         call raise(error, 'the model '''//name//''' is unknown; allowed: paper, halfspace', exit_bad_input)
       end select
    end subroutine allocate_basis
 
@@ -48,6 +51,8 @@ contains
       select type (basis)
       type is (paper_basis_type)
          name = 'paper'
+      type is (theory_basis_type)
+         name = 'halfspace'
       class default
          name = ''
       end select

@@ -9,6 +9,7 @@
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
    use dimensionless_coordinates, only: has_ratios, ratios_of
+   use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
@@ -256,8 +257,10 @@ contains
       end do
    end subroutine evaluate_terms
 
-   subroutine new_grain_model(self, coefficients, covariance, model, error)
+   subroutine new_grain_model(self, class, coefficients, covariance, model, error)
       class(paper_basis_type), intent(in) :: self
+      !> That of the domain.
+      type(crystal_class_type), intent(in) :: class
       !> (n_terms); (n_terms, n_terms), or of size 0.
       real(wp), intent(in) :: coefficients(:), covariance(:, :)
       class(grain_model_type), allocatable, intent(out) :: model
@@ -269,7 +272,7 @@ contains
       type is (paper_basis_type)
          new%basis = self
       class default
-         call raise(error, 'this basis has no model of grains')
+         call raise(error, 'this basis has no model of '//class%name//' grains')
          return
       end select
       new%coefficients = transpose(reshape(coefficients, [self%harmonics%n, self%polynomials%n_products]))
@@ -281,13 +284,15 @@ contains
       call move_alloc(new, model)
    end subroutine new_grain_model
 
-   pure subroutine set_grains(self, euler)
+   subroutine set_grains(self, euler, error)
       class(paper_grain_model_type), intent(inout) :: self
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
-      integer :: i
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i, status
 
-      deallocate (self%k)
+      deallocate (self%k, stat=status)
+      if (status /= 0) call raise(error, 'the model of grains was not made')
       allocate (self%k(size(euler, 2), self%basis%harmonics%n))
       do i = 1, size(euler, 2)
          call evaluate_harmonics(self%basis%harmonics, direction_of(euler(:, i)), self%k(i, :))

@@ -4,13 +4,15 @@
 !> is that of a simulated modulus: it includes 1/beta.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
+   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use text, only: to_text
+   use theory_basis, only: new_theory_basis, theory_basis_type
    implicit none
    private
-   public :: surrogate_type, simulations_type, check_crystals, predict, new_grain_model
+   public :: surrogate_type, simulations_type, new_theory_surrogate, check_crystals, predict, new_grain_model
 
    !> What a surrogate has learnt from.
    type :: simulations_type
@@ -32,6 +34,21 @@ module surrogate_model
    end type surrogate_type
 
 contains
+
+   !> The exact theory of the half-space, which has nothing to learn.
+   subroutine new_theory_surrogate(surrogate, error)
+      type(surrogate_type), intent(out) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      type(theory_basis_type), allocatable :: basis
+
+      allocate (basis)
+      call new_theory_basis(basis, error)
+      call move_alloc(basis, surrogate%basis)
+      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0))
+      allocate (surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
+      surrogate%beta = huge(1.0_wp)
+      surrogate%provenance = '{"model": "exact theory of the half-space"}'
+   end subroutine new_theory_surrogate
 
    !> Refuse crystals for which `predict` has no meaning: unstable, or without the symmetry of the surrogate's class.
    subroutine check_crystals(surrogate, stiffness, error)
@@ -57,7 +74,7 @@ contains
    end subroutine check_crystals
 
    !> Mean and sd (GPa) of the simulated indentation modulus of one crystal at one orientation.
-   pure subroutine predict(surrogate, c, euler, modulus, sd)
+   subroutine predict(surrogate, c, euler, modulus, sd)
       type(surrogate_type), intent(in) :: surrogate
       !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
       real(wp), intent(in) :: c(6, 6), euler(3)
@@ -77,8 +94,10 @@ contains
    end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.
-   subroutine new_grain_model(surrogate, euler, with_covariance, model, error)
+   subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
       type(surrogate_type), intent(in) :: surrogate
+      !> Of the crystals that will be asked for.
+      type(crystal_class_type), intent(in) :: class
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
       !> Whether the covariance counts.
@@ -89,7 +108,7 @@ contains
 
       allocate (covariance(0, 0))
       if (with_covariance) covariance = surrogate%sd_inflation**2*surrogate%covariance
-      call surrogate%basis%new_grain_model(surrogate%coefficients, covariance, model, error)
-      if (.not. allocated(error)) call model%set_grains(euler)
+      call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, model, error)
+      if (.not. allocated(error)) call model%set_grains(euler, error)
    end subroutine new_grain_model
 end module surrogate_model

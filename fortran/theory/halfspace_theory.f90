@@ -10,7 +10,7 @@ module halfspace_theory
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus
+   public :: halfspace_type, halfspace_modulus, inverse_barnett
 
    !> What the theory says of one crystal under the indenter.
    type :: halfspace_type
@@ -40,7 +40,7 @@ module halfspace_theory
 contains
 
    !> Indentation modulus along sample -z of the crystal `c` (GPa, crystal frame) at Bunge-Euler angles `euler` (radians).
-   subroutine halfspace_modulus(c, euler, result, error)
+   pure subroutine halfspace_modulus(c, euler, result, error)
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
@@ -102,6 +102,56 @@ contains
          if (abs(h - before) <= tolerance*h) exit
       end do
    end function surface_compliance
+
+   !> B^-1(t)/(8 pi^2) of a crystal, 1/GPa, components 11, 22, 33, 23, 13, 12 in crystal axes.
+   pure function inverse_barnett(c, t) result(f)
+      !> Stiffness in crystal axes, GPa; unit vector in crystal axes.
+      real(wp), intent(in) :: c(6, 6), t(3)
+      real(wp) :: f(6)
+      real(wp) :: first(3), second(3), mm(3, 3), mn(3, 3), nn(3, 3), left(6, 3), right(6, 3), half(6, 3)
+      real(wp) :: total(6), before(6), minor(6), determinant
+      real(wp), allocatable :: phi(:)
+      integer :: n, i
+
+      ! Two unit vectors perpendicular to t, from the coordinate axis that is farthest from it.
+      first = 0.0_wp
+      first(minloc(abs(t), 1)) = 1.0_wp
+      first = first - dot_product(first, t)*t
+      first = first/norm2(first)
+      second = [t(2)*first(3) - t(3)*first(2), t(3)*first(1) - t(1)*first(3), t(1)*first(2) - t(2)*first(1)]
+      left = contraction_matrix(first)
+      right = contraction_matrix(second)
+      half = matmul(c, right)
+      mn = matmul(transpose(left), half)
+      nn = matmul(transpose(right), half)
+      mm = matmul(transpose(left), matmul(c, left))
+      n = coarsest
+      total = integrand_sum(mm, mn, nn, cosines(:, 1), sines(:, 1))
+      do while (2*n <= finest)
+         before = total/n
+         if (n == coarsest) then
+            total = total + integrand_sum(mm, mn, nn, cosines(:, 2), sines(:, 2))
+         else
+            phi = pi*([(i, i=1, n)] - 0.5_wp)/n
+            total = total + integrand_sum(mm, mn, nn, cos(phi), sin(phi))
+         end if
+         n = 2*n
+         if (all(abs(total/n - before) <= tolerance*maxval(abs(before)))) exit
+      end do
+      minor = [total(2)*total(3) - total(4)**2, total(1)*total(3) - total(5)**2, total(1)*total(2) - total(6)**2, &
+         & total(6)*total(5) - total(1)*total(4), total(6)*total(4) - total(2)*total(5), total(4)*total(5) - total(6)*total(3)]
+      determinant = total(1)*minor(1) + total(6)*minor(6) + total(5)*minor(5)
+      f = minor/determinant*n/(2.0_wp*pi)
+   end function inverse_barnett
+
+   !> The 6 x 3 matrix A of a direction a such that the contraction (ab) is A(a)^T C A(b).
+   pure function contraction_matrix(a) result(matrix)
+      real(wp), intent(in) :: a(3)
+      real(wp) :: matrix(6, 3)
+
+      matrix = reshape([a(1), 0.0_wp, 0.0_wp, 0.0_wp, a(3), a(2), 0.0_wp, a(2), 0.0_wp, a(3), 0.0_wp, a(1), &
+         & 0.0_wp, 0.0_wp, a(3), a(2), a(1), 0.0_wp], [6, 3])
+   end function contraction_matrix
 
    !> [B^-1]_zz/(8 pi^2), with B the mean of the integrand over a full turn, divided by 4 pi; `total` holds the sum of the
    !> components 11, 22, 33, 23, 13, 12 over n angles.

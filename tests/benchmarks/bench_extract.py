@@ -50,7 +50,7 @@ def main(argv=None) -> int:
 
 def compare(case: Case, arguments) -> None:
     """Effective samples per second of all contestants on one data set."""
-    posterior = Posterior.of(case.surrogate, case.table, surrogate_variance="none", **case.settings)
+    posterior = Posterior.of(case.table, surrogate=case.surrogate, surrogate_variance="none", **case.settings)
     log_posterior = numpy_posterior(case)
     agree(case, posterior, log_posterior)
     print(f"{case.symmetry}, {len(case.modulus_gpa)} grains")
@@ -195,7 +195,7 @@ def threads_table(case: Case, arguments) -> None:
     """The paper's sampler on one thread and two, with and without the surrogate's uncertainty: wall clock, and CPU seconds of all threads,
     which are the same where threads do not disturb each other and which a busy machine leaves alone."""
     for variance in ("none", "full"):
-        posterior = Posterior.of(case.surrogate, case.table, surrogate_variance=variance, **case.settings)
+        posterior = Posterior.of(case.table, surrogate=case.surrogate, surrogate_variance=variance, **case.settings)
         wall, cpu = {}, {}
         for threads in (1, 2) * arguments.repeats:
             start, used = time.perf_counter(), time.process_time()

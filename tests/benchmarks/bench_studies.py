@@ -52,14 +52,14 @@ def identified_exponents(case: Case, arguments) -> dict[str, np.ndarray]:
 def sample(case: Case, euler_deg, measured, sd, seed: int, threads: int, samples: int = 5000, **settings):
     """The posterior of one data set and its draws (chains, samples, k)."""
     table = {"euler_deg": euler_deg, "modulus_gpa": measured, "sd_gpa": sd}
-    posterior = Posterior.of(case.surrogate, table, seed=seed, workers=threads, **case.settings, **settings)
+    posterior = Posterior.of(table, surrogate=case.surrogate, seed=seed, workers=threads, **case.settings, **settings)
     draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=8000, chains=4, threads=threads, seed=seed)
     return posterior, draws
 
 
 def prior_draws(case: Case, count: int, seed: int) -> np.ndarray:
     """Independent points of the flat prior, by rejection."""
-    prior = Posterior.of(case.surrogate, case.table, what=PRIOR, **case.settings)
+    prior = Posterior.of(case.table, surrogate=case.surrogate, what=PRIOR, **case.settings)
     points = case.lower + (case.upper - case.lower) * np.random.default_rng(seed).random((50 * count, len(case.names)))
     return points[np.isfinite(prior.evaluate(points)[0])][:count]
 

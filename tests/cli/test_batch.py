@@ -194,7 +194,7 @@ def test_impossible_mesh(batch, bayesindent, tmp_path):
 
 SAMPLE = """
 &problem symmetry = '{symmetry}', seed = 3 /
-&surrogate degree = 2, bandlimit = 4 /
+&surrogate file = 'surrogate.txt' /
 &measurements file = '{data}', {measurements} /
 &prior {prior} /
 &sampler method = '{method}', samples = 200, burn_in = 2000, chains = 2 /
@@ -261,7 +261,9 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
     done = batch("a.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     data = SOURCE / "tests" / "reference" / "hex_titanium.csv"
-    (tmp_path / "b.nml").write_text(head + f"&problem symmetry = 'hexagonal' /\n&measurements file = '{data}' /\n")
+    (tmp_path / "b.nml").write_text(
+        f"&surrogate file = 'surrogate.txt' /\n&problem symmetry = 'hexagonal' /\n&measurements file = '{data}' /\n"
+    )
     done = batch("b.nml", "--output", "out")
     assert done.returncode == 2
     assert done.stderr == "b.nml: &surrogate file: out/surrogate.txt is for cubic crystals, not hexagonal ones\n"
@@ -299,7 +301,7 @@ def spoil(path):
             "cubic",
             None,
             "c_min = 300, 1, 1, c_max = 400, 2, 2, anisotropy_cap = 1000",
-            "&prior: the bounds are outside the surrogate's domain: none of",
+            "&prior: the prior is outside the surrogate's domain: none of",
         ),
         ("cubic", spoil, "", "&surrogate file: {path}: the surrogate is damaged: line "),
         ("cubic", Path.unlink, "", "&surrogate file: 'surrogate.txt': there is no such surrogate; "),
@@ -331,7 +333,7 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
     done = bayesindent("run", "a.nml", "--output", "out", "--check")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == batch("a.nml", "--output", "out", "--check").stderr
-    assert done.stderr.startswith("a.nml: &prior: the bounds are outside the surrogate's domain")
+    assert done.stderr.startswith("a.nml: &prior: the prior is outside the surrogate's domain")
     assert done.stderr == bayesindent("run", "a.nml", "--output", "out").stderr
 
 

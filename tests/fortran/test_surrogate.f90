@@ -240,7 +240,7 @@ contains
          call check('nor one with a Zener ratio of 50', .not. basis%covers(basis%domain%class%stiffness([100.0_wp, 96.0_wp, &
             & 100.0_wp])))
          call check('copper three times as stiff is, if ratios count', basis%covers(3*c) .eqv. coordinates == 'dimensionless')
-         call new_grain_model(surrogate, euler, .true., model, error)
+         call new_grain_model(surrogate, surrogate%basis%domain%class, euler, .true., model, error)
          call check_success('a model of grains', error)
          call model%evaluate_moduli(c, moduli, slopes)
          call check_close('its moduli are the predicted ones', moduli(1), modulus, 1.0e-10_wp)
@@ -304,8 +304,9 @@ contains
          euler(:, i) = [0.1_wp*i, 0.3_wp*i, 0.7_wp]
          call surrogate%basis%evaluate_terms(c, euler(:, i), terms(:, i), scale)
       end do
-      call new_grain_model(surrogate, euler(:, :2), .true., model, error)
-      call model%set_grains(euler)
+      call new_grain_model(surrogate, surrogate%basis%domain%class, euler(:, :2), .true., model, error)
+      call model%set_grains(euler, error)
+      call check_success(truncation//': a model of grains', error)
       call model%evaluate_moduli(c, moduli, slopes)
       allocate (columns(5, model%n_columns))
       call model%evaluate_columns(c, columns)
@@ -314,7 +315,7 @@ contains
          & terms), scale) - 1.0_wp)) < 1.0e-11_wp)
       call check(truncation//': their covariance', maxval(abs(matmul(columns, transpose(columns)) - expected)) &
          & < 1.0e-11_wp*maxval(expected))
-      call new_grain_model(surrogate, euler, .false., model, error)
+      call new_grain_model(surrogate, surrogate%basis%domain%class, euler, .false., model, error)
       call check(truncation//': no columns without covariance', model%n_columns == 0)
    end subroutine test_grain_model
 

@@ -50,7 +50,11 @@ def results(surrogates):
     """The reference data sets with surrogate uncertainty off."""
     return {
         symmetry: bi.extract(
-            surrogates[symmetry], REFERENCE / f"{FILES[symmetry]}.csv", surrogate_variance="none", samples=20000, **reference(symmetry)[1]
+            REFERENCE / f"{FILES[symmetry]}.csv",
+            surrogate=surrogates[symmetry],
+            surrogate_variance="none",
+            samples=20000,
+            **reference(symmetry)[1],
         )
         for symmetry in SIZES
     }

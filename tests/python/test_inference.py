@@ -37,7 +37,9 @@ def test_posterior_meets_reference(symmetry, documents):
 #: Of 4 chains of 400,000 sweeps: least effective size, and four standard errors of the means (in sds) and sds (relative) at that size.
 @pytest.mark.parametrize(("symmetry", "least", "mean", "sd"), [("cubic", 2000, 0.09, 0.05), ("hexagonal", 120, 0.3, 0.1)])
 def test_the_papers_sampler_agrees(symmetry, least, mean, sd, surrogates, documents):
-    posterior = Posterior.of(surrogates[symmetry], table_of(*columns(symmetry)), surrogate_variance="none", **reference(symmetry)[1])
+    posterior = Posterior.of(
+        table_of(*columns(symmetry)), surrogate=surrogates[symmetry], surrogate_variance="none", **reference(symmetry)[1]
+    )
     draws, _, acceptance = posterior.sample(method="scmh", samples=400_000, burn_in=20000, chains=4, threads=2, seed=5)
     assert acceptance == pytest.approx(0.23, abs=0.03)
     for j, item in enumerate(documents[symmetry]["parameters"].values()):
@@ -47,7 +49,7 @@ def test_the_papers_sampler_agrees(symmetry, least, mean, sd, surrogates, docume
 
 
 def test_bit_identical_for_any_number_of_threads(symmetry, surrogates):
-    posterior = Posterior.of(surrogates[symmetry], table_of(*columns(symmetry)), **reference(symmetry)[1])
+    posterior = Posterior.of(table_of(*columns(symmetry)), surrogate=surrogates[symmetry], **reference(symmetry)[1])
     for method in ("ensemble", "scmh"):
         runs = [posterior.sample(method=method, samples=300, burn_in=3000, chains=4, threads=n, seed=3) for n in (1, 2, 4)]
         for run in runs[1:]:
@@ -87,8 +89,8 @@ def test_likelihood_is_the_dense_one(rough, symmetry, kind, coordinates, full, c
     case, settings = reference(symmetry)
     angles, measured, sd = columns(symmetry)
     posterior = Posterior.of(
-        model,
         table_of(angles, measured, sd),
+        surrogate=model,
         modulus_kind=kind,
         surrogate_variance="full" if full else "none",
         calibration_sd=calibration,
@@ -110,11 +112,11 @@ def test_student_t_by_quadrature(rough):
     measured[3] += 40.0
     settings |= {"surrogate_variance": "none", "likelihood": "student", "student_dof": 4.0}
     _, m = brute_force(model, case["truth"], angles, measured, sd, full=False)
-    _, value = Posterior.of(model, table_of(angles, measured, sd), **settings).evaluate(case["truth"])
+    _, value = Posterior.of(table_of(angles, measured, sd), surrogate=model, **settings).evaluate(case["truth"])
     scale = np.asarray(sd) * np.sqrt(0.5)
     assert value[0] == pytest.approx(stats.t(4.0, m, scale).logpdf(measured).sum(), abs=1e-8)
     assert stats.t(4.0, m, scale).std() == pytest.approx(sd)
-    _, value = Posterior.of(model, table_of(angles, measured, sd), calibration_sd=0.02, **settings).evaluate(case["truth"])
+    _, value = Posterior.of(table_of(angles, measured, sd), surrogate=model, calibration_sd=0.02, **settings).evaluate(case["truth"])
     e = np.linspace(-0.2, 0.2, 20001)
     density = stats.t(4.0, m[:, None] * (1 + e), scale[:, None]).logpdf(measured[:, None]).sum(axis=0)
     density = density + stats.norm(0, 0.02).logpdf(e)
@@ -124,12 +126,14 @@ def test_student_t_by_quadrature(rough):
 def test_inferred_scale(surrogates):
     angles, measured, sd = columns("cubic")
     _, settings = reference("cubic")
-    known = Posterior.of(surrogates["cubic"], table_of(angles, measured, 2 * sd), surrogate_variance="none", **settings)
-    inferred = Posterior.of(surrogates["cubic"], table_of(angles, measured, sd), surrogate_variance="none", scale="inferred", **settings)
+    known = Posterior.of(table_of(angles, measured, 2 * sd), surrogate=surrogates["cubic"], surrogate_variance="none", **settings)
+    inferred = Posterior.of(
+        table_of(angles, measured, sd), surrogate=surrogates["cubic"], surrogate_variance="none", scale="inferred", **settings
+    )
     assert inferred.evaluate([225, 135, 118, np.log(2)])[1] == pytest.approx(known.evaluate([225, 135, 118])[1], rel=1e-12)
     result = bi.extract(
-        surrogates["cubic"],
         {"euler_deg": angles, "modulus_gpa": measured},
+        surrogate=surrogates["cubic"],
         scale="inferred",
         surrogate_variance="none",
         samples=3000,
@@ -140,7 +144,7 @@ def test_inferred_scale(surrogates):
     squares = ((result.predictions["modulus"].values - measured) ** 2).sum(axis=-1) / factor**2
     assert squares.mean() == pytest.approx(len(measured), abs=4 * np.sqrt(2 * len(measured) / 3000))
     with pytest.raises(bi.InputError, match="sd_gpa"):
-        bi.extract(surrogates["cubic"], {"euler_deg": angles, "modulus_gpa": measured}, **settings)
+        bi.extract({"euler_deg": angles, "modulus_gpa": measured}, surrogate=surrogates["cubic"], **settings)
 
 
 def test_knowledge(surrogates, symmetry):
@@ -155,8 +159,8 @@ def test_knowledge(surrogates, symmetry):
         "young[110]": (230.0, 20.0),
         "compressibility[001]": (2.0, 0.1),
     }
-    plain = Posterior.of(surrogates[symmetry], data, **settings).evaluate(case["truth"])[0]
-    value = Posterior.of(surrogates[symmetry], data, knowledge=knowledge, **settings).evaluate(case["truth"])[0]
+    plain = Posterior.of(data, surrogate=surrogates[symmetry], **settings).evaluate(case["truth"])[0]
+    value = Posterior.of(data, surrogate=surrogates[symmetry], knowledge=knowledge, **settings).evaluate(case["truth"])[0]
     known = bi.quantities(symmetry, case["truth"], list(knowledge))
     assert value - plain == pytest.approx(-0.5 * sum(((known[key] - mean) / sd) ** 2 for key, (mean, sd) in knowledge.items()))
 
@@ -176,8 +180,8 @@ def from_the_prior(posterior, settings):
 def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
     _, settings = reference("cubic")
     result = bi.extract(
-        surrogates["cubic"],
         REFERENCE / "cubic_fe3si.csv",
+        surrogate=surrogates["cubic"],
         knowledge={"bulk_modulus": (165.0, 3.3)},
         surrogate_variance="none",
         samples=4000,
@@ -185,7 +189,11 @@ def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
     )
     assert documents["cubic"]["parameters"]["C12"]["sd"] > 24
     posterior = Posterior.of(
-        surrogates["cubic"], table_of(*columns("cubic")), knowledge={"bulk_modulus": (165.0, 3.3)}, surrogate_variance="none", **settings
+        table_of(*columns("cubic")),
+        surrogate=surrogates["cubic"],
+        knowledge={"bulk_modulus": (165.0, 3.3)},
+        surrogate_variance="none",
+        **settings,
     )
     assert result.posterior["C12"].values.std() == pytest.approx(from_the_prior(posterior, settings)[:, 1].std(), rel=0.05)
     assert result.posterior["C12"].values.std() < 7
@@ -197,8 +205,8 @@ def test_calibration_error_widens_the_mean_modulus(surrogates, calibration_sd):
     _, settings = reference("cubic")
     asked = settings | {"surrogate_variance": "none", "calibration_sd": calibration_sd}
     table = table_of(*columns("cubic"))
-    result = bi.extract(surrogates["cubic"], table, samples=4000, **asked)
-    posterior = Posterior.of(surrogates["cubic"], table, **asked)
+    result = bi.extract(table, surrogate=surrogates["cubic"], samples=4000, **asked)
+    posterior = Posterior.of(table, surrogate=surrogates["cubic"], **asked)
     expected = posterior.moduli(from_the_prior(posterior, settings), table["euler_deg"])[0].mean(axis=1).std()
     assert result.predictions["modulus"].mean("grain").values.std() == pytest.approx(expected, rel=0.08)
     assert expected == pytest.approx({0.0: 1.35, 0.03: 6.5}[calibration_sd], rel=0.08)
@@ -210,7 +218,7 @@ def test_predictions_with_surrogate_uncertainty(rough):
     case, settings = reference("cubic")
     angles, measured, sd = columns("cubic")
     new = np.array([[0.0, 0.0, 0.0], [0.0, 54.7356, 45.0]])
-    posterior = Posterior.of(model, table_of(angles, measured, sd), calibration_sd=0.02, **settings)
+    posterior = Posterior.of(table_of(angles, measured, sd), surrogate=model, calibration_sd=0.02, **settings)
     moduli, factor = posterior.moduli(np.repeat([case["truth"]], 40000, axis=0), new, seed=4)
     every = np.vstack([angles, new])
     terms, scale = model.basis.terms(np.repeat([case["truth"]], len(every), axis=0), every)
@@ -237,7 +245,7 @@ def test_the_smallest_sds_have_a_density(rough):
     sure = bi.Surrogate(model.basis, model.coefficients, model.covariance, alpha=1.0, beta=1e30, sd_inflation=1.0)
     values = []
     for sd in (1e-4, 1e-6, 1e-8):
-        posterior = Posterior.of(sure, table_of(angles, measured, np.full(11, sd)), **settings)
+        posterior = Posterior.of(table_of(angles, measured, np.full(11, sd)), surrogate=sure, **settings)
         values.append(posterior.evaluate(case["truth"])[1][0] * sd**2)
     # Five harmonics cannot meet eleven moduli: the misfit that is left grows as 1/sd².
     assert values == pytest.approx([values[0]] * 3, rel=1e-3)
@@ -248,7 +256,7 @@ def test_the_smallest_sds_have_a_density(rough):
 @pytest.mark.parametrize("sampler", [{"samples": 300, "burn_in": 3000}, {"samples": 10, "burn_in": 10, "chains": 1, "method": "scmh"}])
 def test_few_grains_and_few_draws(surrogates, symmetry, grains, sampler):
     angles, measured, sd = (values[:grains] for values in columns(symmetry))
-    document = bi.summary(bi.extract(surrogates[symmetry], table_of(angles, measured, sd), **sampler, **reference(symmetry)[1]))
+    document = bi.summary(bi.extract(table_of(angles, measured, sd), surrogate=surrogates[symmetry], **sampler, **reference(symmetry)[1]))
     assert len(document["predicted"]) == grains
     combinations = [row for row in document["identifiability"] if row["kind"] == "combination"]
     assert len(combinations) == len(document["parameters"])
@@ -259,7 +267,7 @@ def test_few_grains_and_few_draws(surrogates, symmetry, grains, sampler):
 def test_one_bound_alone(surrogates):
     table = REFERENCE / "cubic_fe3si.csv"
     free, capped, floored = (
-        bi.extract(surrogates["cubic"], table, samples=2000, **settings).posterior["C11"].values
+        bi.extract(table, surrogate=surrogates["cubic"], samples=2000, **settings).posterior["C11"].values
         for settings in ({}, {"c_max": [180, 600, 600]}, {"c_min": [230, 1, 1]})
     )
     assert free.max() > 200
@@ -272,15 +280,15 @@ def test_prior_and_posterior_have_streams_of_their_own(surrogates):
     """The chains of the prior are not those that its density has with the posterior's seed."""
     settings = reference("cubic")[1] | {"seed": 3}
     table = table_of(*columns("cubic"))
-    found = Posterior.of(surrogates["cubic"], table, what=EXTRACTION, **settings).values("prior_draws")
-    prior = Posterior.of(surrogates["cubic"], table, what=PRIOR, **settings)
+    found = Posterior.of(table, surrogate=surrogates["cubic"], what=EXTRACTION, **settings).values("prior_draws")
+    prior = Posterior.of(table, surrogate=surrogates["cubic"], what=PRIOR, **settings)
     draws = prior.sample(method="ensemble", samples=2500, burn_in=5000, chains=4, threads=2, seed=3)[0]
     assert found.T.shape == draws.shape
     assert not np.isin(found.T, draws).any()
 
 
 def test_copies_are_made_anew(surrogates):
-    posterior = Posterior.of(surrogates["cubic"], table_of(*columns("cubic")), **reference("cubic")[1])
+    posterior = Posterior.of(table_of(*columns("cubic")), surrogate=surrogates["cubic"], **reference("cubic")[1])
     point = [[225.0, 135.0, 118.0]]
     assert copy.copy(posterior).evaluate(point)[0] == posterior.evaluate(point)[0]
     with pytest.raises(AttributeError, match="frozen"):

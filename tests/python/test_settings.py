@@ -106,7 +106,7 @@ def test_measurements_from_arrays():
     assert "has one grain" in problem(tuple(part[:1] for part in MEASURED)).warnings[0]
     for table, expected in (
         ((MEASURED[0], [200.0, 1e5], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: 100000.0 GPa looks like MPa"),
-        ((MEASURED[0], [200.0, np.nan], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: NaN"),
+        ((MEASURED[0], [200.0, np.nan], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: nan is not finite"),
         ((MEASURED[0], MEASURED[1], [4.0, 0.0]), "f: &measurements: line 2, column sd_gpa: 0.0 GPa; a standard deviation is above 0"),
         ((MEASURED[0], MEASURED[1], None), "f: &measurements: the column sd_gpa is missing; it may be absent only with"),
         ((np.empty((0, 3)), [], []), "f: &measurements: angles, moduli and sds have shapes"),

@@ -12,11 +12,11 @@ from .quantities import quantity_names
 __all__ = ["extract", "inference_data", "loaded", "summary"]
 
 
-def extract(surrogate, measurements, **settings):
+def extract(measurements, *, surrogate="halfspace", **settings):
     """Sample the constants behind measured moduli; an ArviZ InferenceData whose `posterior` holds one variable a constant.
 
-    `surrogate`: a `Surrogate`, or what `Surrogate.load` takes. `measurements`: a CSV file or a table (see `measurements_of`).
-    `settings`: `bounds` maps constants to (low, high) in GPa, either perhaps None; `knowledge` maps quantities ('C44', 'C33/C11',
+    `measurements`: a CSV file or a table (see `measurements_of`). `surrogate`: a `Surrogate`, or what `Surrogate.load` takes; 'halfspace'
+    is the exact theory. `settings`: `symmetry`, the crystal class, which only a surrogate of a class of its own can do without; `bounds` maps constants to (low, high) in GPa, either perhaps None; `knowledge` maps quantities ('C44', 'C33/C11',
     'bulk_modulus', 'young[110]', ..) to (mean, sd); `seed`, `workers` (0: all cores; results do not depend on it), and the variables of
     `&measurements`, `&prior` and `&sampler`: `modulus_kind`, `calibration_sd`, `likelihood`, `scale`, `anisotropy_cap`, `method`,
     `samples`, `burn_in`, `chains`, `surrogate_variance`, ... Further groups: `prior` (constants without the data), `derived` (quantities
@@ -46,9 +46,12 @@ def inference_data(found: Posterior):
     some = ("draw", "chain")
     _, samples, chains = draws.shape
     coordinates = {"chain": np.arange(chains), "draw": np.arange(0, samples, int(found.values("stride")[0]))}
-    reported = quantity_names(found.surrogate.symmetry)
+    reported = quantity_names(found.symmetry)
     derived = {name: (some, quantities[q]) for q, name in enumerate(reported) if name not in names}
-    predictions = {"modulus": (("grain", *some), found.values("predicted")), "calibration_factor": (some, found.values("factor"))}
+    predictions = {
+        "modulus": (("grain", *some), found.values("predicted")),
+        "calibration_factor": (("group", *some), found.values("factor")),
+    }
     data = {"modulus": ("grain", measured.modulus_gpa), "euler_deg": (("grain", "angle"), measured.euler_deg)}
     data["sd"] = ("grain", np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa)
     result = az.from_dict(
@@ -58,7 +61,7 @@ def inference_data(found: Posterior):
     )
     bounds = zip(found.values("lower").tolist(), found.values("upper").tolist())
     result.posterior.attrs |= {
-        "symmetry": found.surrogate.symmetry,
+        "symmetry": found.symmetry,
         "summary": json.dumps(document),
         "settings": found.problem.resolved,
         "acceptance": found.values("found_acceptance"),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..core import InputError, check, native
+from ..core import InputError
 from ..crystal.elasticity import constant_names
 from ..settings.problem import Problem, schema
 
@@ -16,14 +16,15 @@ GROUPS = ("measurements", "prior", "sampler", "next")
 
 
 def problem_of(
-    origin: str, surrogate, measurements, *, bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1,
-    workers: int = 0, **variables,
+    origin: str, surrogate, measurements, *, symmetry: str | None = None, bounds: Mapping | None = None,
+    knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **variables,
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
-    `measurements`: a CSV file, or what `measurements_of` takes. `bounds` maps constants to (low, high) in GPa, either of them perhaps
+    `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if it is made for a class. `bounds` maps constants to (low, high) in GPa, either of them perhaps
     None; `knowledge` maps quantities to (mean, sd). `variables` are those of `GROUPS`.
     """
+    symmetry = symmetry or surrogate.symmetry
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
     for name, value in variables.items():
@@ -32,29 +33,29 @@ def problem_of(
     if isinstance(measurements, str | os.PathLike):
         asked["measurements"]["file"] = measurements
     else:
-        table = measurements_of(measurements)
+        table = (*measurements_of(measurements), further_columns(measurements))
     if bounds:
-        asked["prior"] |= bounds_of(origin, surrogate, bounds)
+        asked["prior"] |= bounds_of(origin, symmetry, bounds)
     if knowledge:
         means, sds = zip(*knowledge.values(), strict=True)
         asked["knowledge"] = {"quantity": list(knowledge), "mean": list(means), "sd": list(sds)}
-    return Problem.from_keywords(
-        origin, table, problem={"symmetry": surrogate.symmetry, "seed": seed}, execution={"workers": workers}, **asked
-    )
+    return Problem.from_keywords(origin, table, problem={"symmetry": symmetry, "seed": seed}, execution={"workers": workers}, **asked)
 
 
-def bounds_of(origin: str, surrogate, bounds: Mapping) -> dict:
-    """`c_min` and `c_max` from bounds of some constants: the others are the surrogate's, or wide enough for any metal."""
-    names = constant_names(surrogate.symmetry)
-    *ends, status, message = native.prior_default_bounds(surrogate.handle, len(names))
-    check(status, message)
-    low, high = (dict(zip(names, values)) for values in ends)
-    for name, (least, greatest) in bounds.items():
-        if name not in low:
-            raise InputError(f"{origin}: bounds: a {surrogate.symmetry} crystal has no constant {name}; it has {', '.join(names)}")
-        low[name] = low[name] if least is None else least
-        high[name] = high[name] if greatest is None else greatest
-    return {"c_min": list(low.values()), "c_max": list(high.values())}
+#: GPa; a bound there is none.
+WIDEST = (-500.0, 5000.0)
+
+
+def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
+    """`c_min` and `c_max` from bounds of some constants; the others have none."""
+    names = constant_names(symmetry)
+    ends = {name: list(WIDEST) for name in names}
+    for name, pair in bounds.items():
+        if name not in ends:
+            raise InputError(f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has {', '.join(names)}")
+        ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST, strict=True)]
+    low, high = zip(*ends.values(), strict=True)
+    return {"c_min": list(low), "c_max": list(high)}
 
 
 def measurements_of(table) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -88,6 +89,21 @@ def measurements_of(table) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     if len(modulus) == 0:
         raise InputError("there are no measurements: at least one grain is needed")
     return angles, modulus, None if sd is None else np.atleast_1d(np.asarray(sd, dtype=float))
+
+
+#: Columns that a table of measurements may have beside those that it must.
+FURTHER = ("orientation_sd_deg", "group")
+
+
+def further_columns(table) -> dict[str, list]:
+    """What else a table with named columns says of its grains: see `FURTHER`."""
+    if isinstance(table, list | tuple) and table and all(isinstance(row, Mapping) for row in table):
+        return {name: [row[name] for row in table] for name in FURTHER if name in table[0]}
+    if isinstance(table, np.ndarray):
+        return {name: list(table[name]) for name in FURTHER if name in (table.dtype.names or ())}
+    if isinstance(table, list | tuple) or hasattr(table, "euler_deg"):
+        return {}
+    return {name: list(table[name]) for name in FURTHER if name in table}
 
 
 def _array(values) -> np.ndarray:

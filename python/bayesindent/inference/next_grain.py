@@ -9,17 +9,17 @@ from .posterior import Posterior
 __all__ = ["draws_of", "next_grain"]
 
 
-def next_grain(surrogate, measurements, *, result=None, **settings) -> dict:
+def next_grain(measurements, *, surrogate="halfspace", result=None, **settings) -> dict:
     """Orientations worth measuring next, ranked, each given those above it.
 
-    `surrogate`, `measurements` and `settings` are those of `extract`, whose `result` may be given, and the variables of `&next`: `target`: 'all' (gain: information on
+    `measurements`, `surrogate` and `settings` are those of `extract`, whose `result` may be given, and the variables of `&next`: `target`: 'all' (gain: information on
     the constants in nats), a quantity of the vocabulary of `&knowledge`, or a product of powers, of which the logarithm is to be known
     (gain: the share of the variance that is expected to go); `sd_gpa`: of the next measurement, 0: the median of those made; `count`.
     """
     surrogate = loaded(surrogate)
     problem = problem_of("bi.next_grain", surrogate, measurements, **settings)
     if result is None:
-        result = extract(surrogate, measurements, **settings)
+        result = extract(measurements, surrogate=surrogate, **settings)
     return Posterior(problem, surrogate).suggest(problem, draws_of(result))
 
 

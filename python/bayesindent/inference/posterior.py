@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from ..core import NativeObject, check, native
-from ..crystal.elasticity import constant_names
+from ..crystal.elasticity import class_name, constant_names
 from ..settings.problem import Problem
 from .measurements import problem_of
 
@@ -23,13 +23,15 @@ class Posterior(NativeObject):
 
     def __init__(self, problem: Problem, surrogate, what: int = DENSITY):
         self.problem, self.surrogate, self.what = problem, surrogate, what
-        self.names = constant_names(surrogate.symmetry)
-        handle, self.dimension, self.grains, status, message = native.posterior_new(problem.handle, surrogate.handle, what)
+        self.symmetry = class_name(problem.settings.problem.symmetry)
+        self.names = constant_names(self.symmetry)
+        handle, counts, status, message = native.posterior_new(problem.handle, surrogate.handle, what)
         check(status, message)
+        self.dimension, self.grains, self.groups = counts.tolist()
         self._hold(handle)
 
     @classmethod
-    def of(cls, surrogate, measurements, *, what: int = DENSITY, **settings) -> "Posterior":
+    def of(cls, measurements, *, surrogate, what: int = DENSITY, **settings) -> "Posterior":
         """The posterior that `bi.extract` samples with these arguments."""
         return cls(problem_of("Posterior", surrogate, measurements, **settings), surrogate, what)
 
@@ -69,10 +71,11 @@ class Posterior(NativeObject):
 
     def moduli(self, x, euler_deg, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Indentation moduli (m, n) in GPa of n grains at points x (m, dimension), the surrogate's error drawn given the data, and one
-        plus the calibration error (m,), drawn likewise."""
+        plus the calibration error of each group (m, groups), drawn likewise."""
         angles = np.asfortranarray(np.radians(np.atleast_2d(euler_deg)).T)
-        moduli, factor = native.posterior_moduli(self._handle, np.asfortranarray(np.atleast_2d(x).T), angles, seed)
-        return moduli.T, factor
+        values, status = native.posterior_moduli(self._handle, self.groups, np.asfortranarray(np.atleast_2d(x).T), angles, seed)
+        check(status, "the moduli of these grains cannot be computed")
+        return values[: angles.shape[1]].T, values[angles.shape[1] :].T
 
     def suggest(self, problem: Problem, draws) -> dict:
         """The document of `next` for the problem's `&next`, from draws (n, dimension) of the posterior."""

@@ -39,7 +39,7 @@ def inputs_of(problem, groups, output: Path) -> dict[str, str]:
     with suppress(InputError):
         if "surrogate" in inputs:
             file = find_surrogate(problem.settings.surrogate.file, output, problem.folder)
-            inputs["surrogate_file"] = digest(file.read_bytes())
+            inputs["surrogate_file"] = digest(file.read_bytes()) if file else ""
     return inputs
 
 

@@ -90,8 +90,13 @@ def identifiability(results: Results) -> Section | None:
     rows = results.documents["extract"].get("identifiability", [])
     if not rows:
         return None
-    combinations, quantities = [], []
+    combinations, quantities, further = [], [], []
+    now = {name: item["sd"] for name, item in results.documents["extract"]["parameters"].items()}
     for row in rows:
+        if row["kind"] == "knowledge":
+            then = ", ".join(f"{name} {number(now[name], 1)} → {number(sd, 1)}" for name, sd in row["sd_then"].items())
+            further.append([f"{row['name']} to {100 * row['relative_sd']:.0f} %", then])
+            continue
         share = number(row["contraction"], 3)
         if row["kind"] == "combination":
             sds = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
@@ -112,8 +117,23 @@ def identifiability(results: Results) -> Section | None:
                 combinations,
             ),
             Table("Quantities of the crystal", ["", "mean", "sd", "sd of the prior", "contraction"], quantities),
+            Table("What else to measure or look up, and what it would bring", ["known", "sd of the constants, GPa"], further),
+            Table("The prior that was in effect", ["", ""], prior_rows(results.documents["extract"].get("prior", {}))),
         ],
     )
+
+
+def prior_rows(prior: dict) -> list[list[str]]:
+    """What the document of `extract` says of its prior, in words."""
+    if not prior:
+        return []
+    rows = [["uniform in", {"constants": "the constants", "logarithms": "the logarithm of the stiffness"}[prior["measure"]]]]
+    rows += [[f"{name} (GPa)", f"{number(low)} .. {number(high)}"] for name, (low, high) in prior["bounds"].items()]
+    names = {"poisson": "Poisson's ratio (Hill)", "young_gpa": "Young's modulus (Hill, GPa)"}
+    rows += [[words, f"{number(prior[name][0], 2)} .. {number(prior[name][1], 2)}"] for name, words in names.items() if prior[name]]
+    names = {"anisotropy_cap": "anisotropy index (Eq. 14) up to", "log_anisotropy_max": "log-anisotropy up to"}
+    rows += [[words, number(prior[name], 2)] for name, words in names.items() if prior[name] is not None]
+    return [*rows, ["share that the surrogate covers", f"{100 * prior['share_covered']:.0f} %"]]
 
 
 def next_grain(results: Results) -> Section | None:

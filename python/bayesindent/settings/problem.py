@@ -1,9 +1,11 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
+import csv
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import f90nml
@@ -87,7 +89,7 @@ class Problem(NativeObject):
         """The problem of variables by group, `simulation={"mesh": "paper"}`, that the function `origin` was called with.
 
         The messages are those of a file with these values. What is None is left out. `measurements_table`: angles (n, 3) in degrees,
-        moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred.
+        moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred, and perhaps further columns by name.
         """
         self = cls.__new__(cls)
         self._made_of = (origin, measurements_table, groups)
@@ -98,12 +100,7 @@ class Problem(NativeObject):
     def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None) -> None:
         self._hold(handle, frozen=False)
         if measurements_table is not None:
-            euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in measurements_table)
-            n = modulus.size
-            if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
-                found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
-                raise InputError(f"{path}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
-            call("problem_set_measurements", handle, np.asfortranarray(euler_deg.T), modulus, sd)
+            call("problem_set_measurements", handle, _page(path, *measurements_table).encode())
         facts = self._document()
         self.path = path
         self.folder = path.parent
@@ -148,6 +145,22 @@ class Problem(NativeObject):
         if len(self._made_of) == 2:
             return type(self), self._made_of
         return _from_keywords, self._made_of
+
+
+def _page(origin: Path, angles, modulus, sd, further: Mapping | None = None) -> str:
+    """Measurements as a page of CSV."""
+    euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in (angles, modulus, sd))
+    n = modulus.size
+    if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
+        found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
+        raise InputError(f"{origin}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
+    columns = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg.T.tolist(), strict=True)) | {"modulus_gpa": modulus.tolist()}
+    columns |= ({"sd_gpa": sd.tolist()} if sd.size else {}) | {name: list(values) for name, values in (further or {}).items()}
+    page = StringIO()
+    writer = csv.writer(page, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return page.getvalue()
 
 
 def _from_keywords(origin: str, measurements_table: tuple | None, groups: Mapping) -> Problem:

@@ -39,7 +39,7 @@ class Basis(NativeObject):
         facts = self._document()
 
         def array(name: str) -> np.ndarray:
-            return self._array(name, facts[name])
+            return self._array(name, facts.get(name, 0))
 
         own = domain or Domain(facts["symmetry"], array("c_min"), array("c_max"), facts["anisotropy_cap"])
         #: Degree of each term's harmonic, and of its polynomial in all coordinates together, (n_terms,).
@@ -47,7 +47,7 @@ class Basis(NativeObject):
         #: Ranges of the coordinates, (m,).
         ranges = {name: array(name) for name in ("lower", "upper")}
         names = ("coordinates", "truncation", "degree", "bandlimit", "n_terms", "logarithmic", "least_noise")
-        self.__dict__.update({"domain": own} | {name: facts[name] for name in names} | degrees | ranges)
+        self.__dict__.update({"domain": own} | {name: facts.get(name) for name in names} | degrees | ranges)
 
     def __reduce__(self):
         return Basis, (self.domain, self.coordinates, self.truncation, self.degree, self.bandlimit)

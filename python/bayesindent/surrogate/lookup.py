@@ -17,11 +17,11 @@ def places(output, folder) -> tuple[str, str, str, str]:
     return (*(f"{place}/" if str(place) else "" for place in (output, folder, DATA)), ", ".join(SHIPPED))
 
 
-def find_surrogate(name: str, output, folder) -> Path:
-    """The file of a surrogate: in the output folder, beside the namelist, or one that comes with the package."""
+def find_surrogate(name: str, output, folder) -> Path | None:
+    """The file of a surrogate: in the output folder, beside the namelist, or one that comes with the package; the theory has none."""
     path, status, message = native.surrogate_path(name, *places(output, folder))
     check(status, message)
-    return Path(path.decode().rstrip())
+    return Path(path.decode().rstrip()) if path.strip() else None
 
 
 def check_replaceable(problem, output) -> None:

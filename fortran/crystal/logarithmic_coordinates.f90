@@ -1,0 +1,146 @@
+!> Coordinates of the stable crystals of a class that have no bounds: the logarithm of the Kelvin stiffness.
+!>
+!> The Kelvin stiffnesses K of a class are a linear space closed under symmetric products, so log K lies in it too. Its orthonormal
+!> basis begins with the dilatation and the shear of an isotropic solid: what follows these two is the anisotropy, and its norm the
+!> log-anisotropy. The volume is that of the derivative of the matrix exponential (divided differences in the frame of the
+!> eigenvectors, Higham, Functions of Matrices, SIAM 2008, theorem 3.11).
+module logarithmic_coordinates
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: diagonalise, kelvin_form, stiffness_of_kelvin
+   use kinds, only: wp
+   implicit none
+   private
+   public :: log_coordinates_type, new_log_coordinates
+
+   type :: log_coordinates_type
+      !> As many as constants.
+      integer :: n = 0
+      !> Orthonormal symmetric matrices (6, 6, n).
+      real(wp), allocatable :: basis(:, :, :)
+   contains
+      procedure :: to_logarithms
+      procedure :: from_logarithms
+   end type log_coordinates_type
+
+contains
+
+   !> The coordinates of a class.
+   pure function new_log_coordinates(class) result(self)
+      type(crystal_class_type), intent(in) :: class
+      type(log_coordinates_type) :: self
+      !> Of what is left of a matrix that the others span, a matrix of unit norm being 1.
+      real(wp), parameter :: spanned = 1.0e-8_wp
+      real(wp) :: matrix(6, 6), unit(class%n_constants)
+      integer :: i, k
+
+      allocate (self%basis(6, 6, class%n_constants))
+      matrix = 0.0_wp
+      matrix(:3, :3) = 1.0_wp/3.0_wp
+      call append(matrix)
+      matrix = -matrix
+      do i = 1, 6
+         matrix(i, i) = matrix(i, i) + 1.0_wp
+      end do
+      call append(matrix)
+      do k = 1, class%n_constants
+         unit = 0.0_wp
+         unit(k) = 1.0_wp
+         call append(kelvin_form(class%stiffness(unit)))
+      end do
+
+   contains
+
+      pure subroutine append(matrix)
+         real(wp), intent(in) :: matrix(6, 6)
+         real(wp) :: rest(6, 6)
+         integer :: j, pass
+
+         if (self%n == class%n_constants) return
+         rest = matrix/norm2(matrix)
+         do pass = 1, 2
+            do j = 1, self%n
+               rest = rest - sum(rest*self%basis(:, :, j))*self%basis(:, :, j)
+            end do
+         end do
+         if (norm2(rest) < spanned) return
+         self%n = self%n + 1
+         self%basis(:, :, self%n) = rest/norm2(rest)
+      end subroutine append
+   end function new_log_coordinates
+
+   !> Coordinates of a stable crystal.
+   pure function to_logarithms(self, c) result(w)
+      class(log_coordinates_type), intent(in) :: self
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: w(self%n)
+      real(wp) :: values(6), vectors(6, 6), logarithm(6, 6)
+      integer :: j
+
+      call diagonalise(kelvin_form(c), values, vectors)
+      logarithm = 0.0_wp
+      do j = 1, 6
+         logarithm = logarithm + log(values(j))*spread(vectors(:, j), 2, 6)*spread(vectors(:, j), 1, 6)
+      end do
+      w = [(sum(self%basis(:, :, j)*logarithm), j=1, self%n)]
+   end function to_logarithms
+
+   !> The crystal at coordinates w, and log |dc/dw| up to a constant of the class.
+   pure subroutine from_logarithms(self, w, c, log_volume)
+      class(log_coordinates_type), intent(in) :: self
+      !> (n).
+      real(wp), intent(in) :: w(:)
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(out) :: c(6, 6)
+      !> As said above.
+      real(wp), intent(out) :: log_volume
+      real(wp) :: logarithm(6, 6), values(6), vectors(6, 6), scaled(6, 6), turned(6, 6), slopes(6, 6)
+      real(wp) :: parts(21, self%n), gram(self%n, self%n), half, quotient
+      integer :: i, j, k
+
+      logarithm = 0.0_wp
+      do k = 1, self%n
+         logarithm = logarithm + w(k)*self%basis(:, :, k)
+      end do
+      call diagonalise(logarithm, values, vectors)
+      do j = 1, 6
+         scaled(:, j) = exp(values(j))*vectors(:, j)
+      end do
+      c = stiffness_of_kelvin(matmul(scaled, transpose(vectors)))
+      do j = 1, 6
+         do i = 1, j
+            half = 0.5_wp*(values(i) - values(j))
+            quotient = 1.0_wp + half**2/6.0_wp
+            if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
+            slopes(i, j) = exp(0.5_wp*(values(i) + values(j)))*quotient
+         end do
+      end do
+      if (self%n == 21) then
+         log_volume = 0.0_wp
+         do j = 1, 6
+            log_volume = log_volume + sum(log(slopes(:j, j)))
+         end do
+         return
+      end if
+      do k = 1, self%n
+         turned = matmul(transpose(vectors), matmul(self%basis(:, :, k), vectors))
+         i = 0
+         do j = 1, 6
+            parts(i + 1:i + j, k) = turned(:j, j)*sqrt(slopes(:j, j)*2.0_wp)
+            parts(i + j, k) = parts(i + j, k)*sqrt(0.5_wp)
+            i = i + j
+         end do
+      end do
+      gram = matmul(transpose(parts), parts)
+      log_volume = 0.0_wp
+      ! The determinant by a Cholesky factor in place.
+      do j = 1, self%n
+         do k = 1, j - 1
+            gram(j:, j) = gram(j:, j) - gram(j, k)*gram(j:, k)
+         end do
+         log_volume = log_volume + log(gram(j, j))
+         gram(j + 1:, j) = gram(j + 1:, j)/sqrt(gram(j, j))
+         gram(j, j) = sqrt(gram(j, j))
+      end do
+   end subroutine from_logarithms
+end module logarithmic_coordinates

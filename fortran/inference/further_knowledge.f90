@@ -1,0 +1,170 @@
+!> What knowing more would bring: the sds of the constants if some quantities, which indentation does not see, were known as well.
+!>
+!> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by the normal factors that this
+!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance tells (linear update).
+module further_knowledge
+   use constants_prior, only: prior_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use linear_algebra, only: cholesky_factor, cholesky_solve
+   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use text, only: split_list
+   implicit none
+   private
+   public :: gain_type, expect_gains
+
+   type :: gain_type
+      !> What would be known, and how well: relative sd.
+      character(len=80) :: name = ''
+      real(wp) :: relative_sd = 0.02_wp
+      !> sds of the constants now and then, GPa, (n_constants).
+      real(wp), allocatable :: sd_now(:), sd_then(:)
+   end type gain_type
+
+   !> The quantities that come from elsewhere: one kind a row, and the quantities that belong to it.
+   character(len=*), parameter :: kinds(3) = [character(len=64) :: 'bulk_modulus', 'polycrystal_young', &
+      & 'compressibility[100], compressibility[010], compressibility[001]']
+   integer, parameter :: most_draws = 8000, anchors = 40, least_size = 30
+
+contains
+
+   !> What each kind of knowledge would bring.
+   subroutine expect_gains(prior, draws, gains, error)
+      type(prior_type), intent(in) :: prior
+      !> (parameter, sample, chain), the first parameters constants.
+      real(wp), intent(in) :: draws(:, :, :)
+      type(gain_type), allocatable, intent(out) :: gains(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: names(:)
+      type(quantity_type), allocatable :: list(:)
+      real(wp), allocatable :: values(:, :), constants(:, :)
+      logical, allocatable :: distinct(:)
+      integer :: i, k
+
+      call thin_draws(draws, prior%n_constants, constants)
+      allocate (gains(size(kinds)))
+      do k = 1, size(kinds)
+         names = split_list(trim(kinds(k)))
+         allocate (list(size(names)))
+         do i = 1, size(names)
+            call new_quantity(trim(names(i)), list(i), error)
+            if (allocated(error)) return
+         end do
+         allocate (values(size(names), size(constants, 2)))
+         do i = 1, size(constants, 2)
+            call evaluate_quantities(list, prior%class%stiffness(constants(:, i)), values(:, i))
+         end do
+         call keep_distinct(values, distinct)
+         do i = 1, size(names)
+            if (.not. distinct(i)) cycle
+            if (len_trim(gains(k)%name) > 0) gains(k)%name = trim(gains(k)%name)//','
+            gains(k)%name = adjustl(trim(gains(k)%name)//' '//names(i))
+         end do
+         call expect_sds(constants, values, gains(k))
+         deallocate (list, values)
+      end do
+   end subroutine expect_gains
+
+   !> At most so many draws, evenly.
+   subroutine thin_draws(draws, k, constants)
+      real(wp), intent(in) :: draws(:, :, :)
+      integer, intent(in) :: k
+      real(wp), allocatable, intent(out) :: constants(:, :)
+      integer :: stride, n, c
+
+      stride = max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most_draws))
+      n = (size(draws, 2) - 1)/stride + 1
+      allocate (constants(k, n*size(draws, 3)))
+      do c = 1, size(draws, 3)
+         constants(:, (c - 1)*n + 1:c*n) = draws(:k, ::stride, c)
+      end do
+   end subroutine thin_draws
+
+   !> Leave out quantities that are the same as another in every draw.
+   subroutine keep_distinct(values, distinct)
+      !> (quantity, draw).
+      real(wp), allocatable, intent(inout) :: values(:, :)
+      logical, allocatable, intent(out) :: distinct(:)
+      real(wp), parameter :: same = 1.0e-9_wp
+      integer :: i, j
+
+      allocate (distinct(size(values, 1)), source=.true.)
+      do i = 2, size(distinct)
+         do j = 1, i - 1
+            if (maxval(abs(values(i, :) - values(j, :))) <= same*maxval(abs(values(j, :)))) distinct(i) = .false.
+         end do
+      end do
+      values = values(pack([(i, i=1, size(distinct))], distinct), :)
+   end subroutine keep_distinct
+
+   subroutine expect_sds(constants, values, gain)
+      !> (constant, draw), GPa; (quantity, draw).
+      real(wp), intent(in) :: constants(:, :), values(:, :)
+      type(gain_type), intent(inout) :: gain
+      real(wp) :: weights(size(values, 2)), variance(size(constants, 1)), mean(size(constants, 1))
+      integer :: a, i, n, used, anchor
+
+      n = size(values, 2)
+      gain%sd_now = sd_of(constants)
+      variance = 0.0_wp
+      used = 0
+      do a = 1, anchors
+         anchor = 1 + ((a - 1)*n)/anchors
+         weights = 1.0_wp
+         do i = 1, size(values, 1)
+            weights = weights*exp(-0.5_wp*((values(i, :) - values(i, anchor))/(gain%relative_sd*values(i, anchor)))**2)
+         end do
+         weights = weights/sum(weights)
+         if (1.0_wp/sum(weights**2) < least_size) cycle
+         used = used + 1
+         mean = matmul(constants, weights)
+         do i = 1, size(mean)
+            variance(i) = variance(i) + sum(weights*(constants(i, :) - mean(i))**2)
+         end do
+      end do
+      if (2*used >= anchors) then
+         gain%sd_then = sqrt(variance/used)
+      else
+         gain%sd_then = linear_update(constants, values, gain%relative_sd)
+      end if
+   end subroutine expect_sds
+
+   pure function sd_of(values) result(sd)
+      real(wp), intent(in) :: values(:, :)
+      real(wp) :: sd(size(values, 1))
+      integer :: i
+
+      sd = [(sqrt(sum((values(i, :) - sum(values(i, :))/size(values, 2))**2)/max(1, size(values, 2) - 1)), i=1, size(values, 1))]
+   end function sd_of
+
+   !> sds of normal variables with the covariance of the draws after measurements of the quantities.
+   function linear_update(constants, values, relative_sd) result(sd)
+      real(wp), intent(in) :: constants(:, :), values(:, :), relative_sd
+      real(wp) :: sd(size(constants, 1))
+      real(wp) :: own(size(values, 1), size(values, 1)), cross(size(values, 1), 1), solved(size(values, 1), 1)
+      real(wp), allocatable :: deviation(:, :)
+      type(error_type), allocatable :: error
+      real(wp) :: mean
+      integer :: i, n
+
+      n = size(values, 2)
+      deviation = values
+      do i = 1, size(values, 1)
+         deviation(i, :) = values(i, :) - sum(values(i, :))/n
+      end do
+      own = matmul(deviation, transpose(deviation))/n
+      do i = 1, size(values, 1)
+         own(i, i) = own(i, i) + (relative_sd*sum(values(i, :))/n)**2
+      end do
+      call cholesky_factor(own, error)
+      sd = sd_of(constants)
+      if (allocated(error)) return
+      do i = 1, size(sd)
+         mean = sum(constants(i, :))/n
+         cross(:, 1) = matmul(deviation, constants(i, :) - mean)/n
+         solved = cross
+         call cholesky_solve(own, solved)
+         sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross*solved)))
+      end do
+   end function linear_update
+end module further_knowledge

@@ -1,0 +1,103 @@
+!> How finely the theory is read in Step 2: the degree of the surface harmonics, chosen by what it changes for the worst grain.
+module field_degree
+   use constants_posterior, only: posterior_type
+   use crystal_elasticity, only: log_anisotropy
+   use errors, only: error_type
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: wp
+   use samplers, only: chains_type
+   implicit none
+   private
+   public :: choose_field_degree, largest_field_error, allowed_error
+
+   !> The worst grain may err by this share of its sd.
+   real(wp), parameter :: allowed_error = 0.02_wp
+   !> Degrees that are tried.
+   integer, parameter :: degrees(*) = [6, 8, 10, 12, 14, 16, 20, 24, 28]
+
+contains
+
+   !> The degree, and the log-anisotropy above which theory is computed in full, with which no grain errs by more than is allowed at
+   !> some draws: of those that do, what is cheapest. `error` is not about the choice.
+   subroutine choose_field_degree(posterior, draws, error)
+      type(posterior_type), intent(inout) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      !> The draws that follow are others.
+      real(wp), parameter :: reserve = 0.6_wp
+      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), limit, best_limit, cost, least
+      real(wp), allocatable :: exact(:, :)
+      integer :: i, best
+
+      anisotropy = [(log_anisotropy(posterior%stiffness(draws(:, i))), i=1, size(draws, 2))]
+      call exact_moduli(posterior, draws, exact)
+      posterior%grains%full_above = huge(limit)
+      least = huge(least)
+      best = degrees(1)
+      best_limit = huge(limit)
+      do i = 1, size(degrees)
+         call posterior%set_field_degree(degrees(i), error)
+         if (allocated(error)) return
+         errors = field_errors(posterior, draws, exact)
+         limit = huge(limit)
+         if (any(errors > reserve*allowed_error)) limit = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
+         cost = posterior%grains%field_cost + posterior%grains%full_cost*count(anisotropy > limit)/size(anisotropy)
+         if (cost >= least) cycle
+         least = cost
+         best = degrees(i)
+         best_limit = limit
+      end do
+      call posterior%set_field_degree(best, error)
+      posterior%grains%full_above = best_limit
+   end subroutine choose_field_degree
+
+   !> The largest difference of a grain's modulus from the exact theory's, in sds of its measurement.
+   real(wp) function largest_field_error(posterior, draws) result(largest)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      real(wp), allocatable :: exact(:, :)
+
+      call exact_moduli(posterior, draws, exact)
+      largest = maxval(field_errors(posterior, draws, exact))
+   end function largest_field_error
+
+   !> Of each draw, in sds of the measurements: the largest difference from the exact theory.
+   function field_errors(posterior, draws, exact) result(errors)
+      type(posterior_type), intent(in) :: posterior
+      real(wp), intent(in) :: draws(:, :), exact(:, :)
+      real(wp) :: errors(size(draws, 2))
+      real(wp), dimension(size(posterior%euler, 2)) :: moduli, slopes
+      integer :: i
+
+      do i = 1, size(draws, 2)
+         call posterior%grains%evaluate_moduli(posterior%stiffness(draws(:, i)), moduli, slopes)
+         slopes = 1.0_wp
+         call posterior%kind%apply(moduli, slopes)
+         errors(i) = maxval(abs(moduli(:posterior%n_grains) - exact(:, i))/posterior%sd)
+      end do
+   end function field_errors
+
+   !> What would be measured by the exact theory, GPa, (grain, draw).
+   subroutine exact_moduli(posterior, draws, exact)
+      type(posterior_type), intent(in) :: posterior
+      real(wp), intent(in) :: draws(:, :)
+      real(wp), allocatable, intent(out) :: exact(:, :)
+      type(error_type), allocatable :: error
+      type(halfspace_type) :: theory
+      real(wp) :: slopes(posterior%n_grains), c(6, 6)
+      integer :: i, g
+
+      allocate (exact(posterior%n_grains, size(draws, 2)))
+      do i = 1, size(draws, 2)
+         c = posterior%stiffness(draws(:, i))
+         do g = 1, posterior%n_grains
+            call halfspace_modulus(c, posterior%euler(:, g), theory, error)
+            exact(g, i) = theory%modulus
+         end do
+         slopes = 1.0_wp
+         call posterior%kind%apply(exact(:, i), slopes)
+      end do
+   end subroutine exact_moduli
+end module field_degree

@@ -1,0 +1,158 @@
+!> The exact theory of the half-space as a basis without terms: M = scale exp(0) with the theory's modulus as the scale. It knows every
+!> stable crystal of every class, and its error is that of the expansion of the surface compliance, see `compliance_field`.
+module theory_basis
+   use abstract_basis, only: basis_type, grain_model_type
+   use compliance_field, only: field_moduli, field_type, new_field
+   use crystal_class, only: crystal_class_type, general_class
+   use crystal_elasticity, only: is_stable, log_anisotropy
+   use errors, only: error_type
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: wp
+   use labelled_values, only: labelled_values_type
+   use surrogate_domain, only: new_domain
+   implicit none
+   private
+   public :: theory_basis_type, new_theory_basis
+
+   type, extends(basis_type) :: theory_basis_type
+   contains
+      procedure :: evaluate_terms
+      procedure :: reach
+      procedure :: covers
+      procedure :: term_degrees
+      procedure :: exchange
+      procedure :: new_grain_model
+   end type theory_basis_type
+
+   type, extends(grain_model_type) :: theory_grain_model_type
+      private
+      type(crystal_class_type) :: class
+      type(field_type) :: field
+      !> Bunge-Euler angles (3, n), radians.
+      real(wp), allocatable :: euler(:, :)
+   contains
+      procedure :: set_grains
+      procedure :: evaluate_moduli
+      procedure :: evaluate_columns
+   end type theory_grain_model_type
+
+contains
+
+   subroutine new_theory_basis(basis, error)
+      type(theory_basis_type), intent(out) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      !> GPa; no crystal is near.
+      real(wp), parameter :: far = 1.0e6_wp
+      integer :: i
+
+      basis%logarithmic = .true.
+      call new_domain(general_class, [(-far, i=1, 21)], [(far, i=1, 21)], huge(far), basis%domain, error)
+   end subroutine new_theory_basis
+
+   subroutine evaluate_terms(self, c, euler, terms, scale)
+      class(theory_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      !> None; GPa.
+      real(wp), intent(out) :: terms(:), scale
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+
+      terms = 0.0_wp*self%n_terms
+      call halfspace_modulus(c, euler, theory, error)
+      scale = theory%modulus
+   end subroutine evaluate_terms
+
+   pure real(wp) function reach(self, c)
+      class(theory_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+
+      reach = 0.0_wp*c(1, 1)*self%n_terms
+   end function reach
+
+   pure logical function covers(self, c)
+      class(theory_basis_type), intent(in) :: self
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+
+      covers = self%n_terms == 0 .and. is_stable(c)
+   end function covers
+
+   pure subroutine term_degrees(self, directional, polynomial)
+      class(theory_basis_type), intent(in) :: self
+      !> None.
+      integer, intent(out) :: directional(:), polynomial(:)
+
+      directional = self%n_terms
+      polynomial = self%n_terms
+   end subroutine term_degrees
+
+   subroutine exchange(self, file)
+      class(theory_basis_type), intent(inout) :: self
+      class(labelled_values_type), intent(inout) :: file
+
+      self%logarithmic = .true.
+      if (allocated(file%error)) return
+   end subroutine exchange
+
+   subroutine new_grain_model(self, class, coefficients, covariance, model, error)
+      class(theory_basis_type), intent(in) :: self
+      type(crystal_class_type), intent(in) :: class
+      !> None.
+      real(wp), intent(in) :: coefficients(:), covariance(:, :)
+      class(grain_model_type), allocatable, intent(out) :: model
+      type(error_type), allocatable, intent(out) :: error
+      type(theory_grain_model_type), allocatable :: new
+
+      allocate (new)
+      new%class = class
+      new%has_theory = .true.
+      new%n_columns = 0*(self%n_terms + size(coefficients) + size(covariance))
+      call move_alloc(new, model)
+   end subroutine new_grain_model
+
+   subroutine set_grains(self, euler, error)
+      class(theory_grain_model_type), intent(inout) :: self
+      !> Bunge-Euler angles (3, n), radians.
+      real(wp), intent(in) :: euler(:, :)
+      type(error_type), allocatable, intent(out) :: error
+
+      self%euler = euler
+      call new_field(self%class, self%field_degree, euler, self%field, error)
+      if (allocated(error)) return
+      self%field_cost = size(self%field%nodes, 2)*(0.7_wp + 0.006_wp*size(euler, 2)) + 0.25_wp*size(euler, 2)
+      self%full_cost = 15.0_wp*size(euler, 2)
+   end subroutine set_grains
+
+   pure subroutine evaluate_moduli(self, c, modulus, slope)
+      class(theory_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (n).
+      real(wp), intent(out), contiguous :: modulus(:), slope(:)
+
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      integer :: i
+      logical :: in_full
+
+      in_full = self%full_above < huge(1.0_wp)
+      if (in_full) in_full = log_anisotropy(c) > self%full_above
+      if (in_full) then
+         do i = 1, size(modulus)
+            call halfspace_modulus(c, self%euler(:, i), theory, error)
+            modulus(i) = theory%modulus
+         end do
+      else
+         call field_moduli(self%field, c, modulus)
+      end if
+      slope = modulus
+   end subroutine evaluate_moduli
+
+   pure subroutine evaluate_columns(self, c, columns)
+      class(theory_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> (n, 0).
+      real(wp), intent(out), contiguous :: columns(:, :)
+
+      columns = 0.0_wp*c(1, 1)*self%n_columns
+   end subroutine evaluate_columns
+end module theory_basis

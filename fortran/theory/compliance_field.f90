@@ -1,0 +1,277 @@
+!> Moduli of many grains of one crystal at once: the surface compliance of every orientation from one field over directions.
+!>
+!> The matrix B of the half-space theory depends on the direction t in the surface alone, not on the surface. So F(t) = B^-1(t)/(8 pi^2)
+!> of a crystal is one even field of symmetric matrices over the directions, with the crystal's symmetry, and every grain reads it
+!> along its own great circle: h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of even
+!> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h
+!> its mean and the harmonics 2 to 8 of theta are kept: those above 4 count near instability alone.
+!> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
+!> over the shape of the contact ellipse for each grain (Willis, J. Mech. Phys. Solids 14, 163, 1966).
+module compliance_field
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: rotation_matrix
+   use distinct_directions, only: group_rotations, new_region, region_type, representative
+   use errors, only: error_type, raise
+   use halfspace_theory, only: inverse_barnett
+   use kinds, only: pi, wp
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, symmetric_eigen
+   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_group_harmonics
+   implicit none
+   private
+   public :: field_type, new_field, field_moduli, largest_field_degree
+
+   !> Coefficients of h(theta) = m1 + m2 cos 2 theta + m3 sin 2 theta + .. + m9 sin 8 theta.
+   integer, parameter :: highest_mode = 4, n_modes = 1 + 2*highest_mode
+   integer, parameter :: largest_field_degree = largest_degree
+   !> Images of nodes for each coefficient of the expansion.
+   real(wp), parameter :: oversampling = 1.4_wp
+   !> Least eigenvalue of the harmonics' mean square over the images; 1 if these were all directions.
+   real(wp), parameter :: well_determined = 0.03_wp
+   !> Angles of the contact ellipse's integrals.
+   integer, parameter :: n_angles = 24
+
+   type :: field_type
+      integer :: n_grains = 0
+      !> Directions at which the field is computed, crystal axes (3, nodes).
+      real(wp), allocatable :: nodes(:, :)
+      !> From F at the nodes (components 11, 22, 33, 23, 13, 12) to the modes of each grain, (grains, modes, 6, nodes).
+      real(wp), allocatable, private :: to_modes(:, :, :, :)
+   end type field_type
+
+contains
+
+   !> The field of a class expanded to a degree, read by grains.
+   subroutine new_field(class, degree, euler, field, error)
+      type(crystal_class_type), intent(in) :: class
+      !> Highest degree of the harmonics, even, up to `largest_field_degree`.
+      integer, intent(in) :: degree
+      !> Bunge-Euler angles, radians (3, n).
+      real(wp), intent(in) :: euler(:, :)
+      type(field_type), intent(out) :: field
+      type(error_type), allocatable, intent(out) :: error
+      type(harmonics_type) :: harmonics
+      real(wp), allocatable :: rotations(:, :, :), fit(:, :)
+      real(wp) :: nodes_least, least_weight
+
+      rotations = group_rotations(class, 2*degree + 2)
+      call new_group_harmonics(rotations(:, :, :0), degree, harmonics, error)
+      if (allocated(error)) return
+      nodes_least = oversampling*harmonics%n/size(rotations, 3)
+      do
+         call choose_nodes(class, degree, nodes_least, field%nodes)
+         call fit_images(harmonics, rotations, field%nodes, fit, least_weight, error)
+         if (allocated(error)) return
+         if (least_weight > well_determined) exit
+         nodes_least = size(field%nodes, 2) + 0.5_wp
+      end do
+      field%n_grains = size(euler, 2)
+      call read_circles(harmonics, rotations, fit, euler, field)
+   end subroutine new_field
+
+   !> Directions of the class's region: evenly over its area, or over its arc.
+   subroutine choose_nodes(class, degree, least, nodes)
+      type(crystal_class_type), intent(in) :: class
+      integer, intent(in) :: degree
+      !> How many there must be at least, of an area.
+      real(wp), intent(in) :: least
+      !> Unit vectors in crystal axes, (3, n).
+      real(wp), allocatable, intent(out) :: nodes(:, :)
+      !> Successive points of the spiral turn by the golden angle.
+      real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
+      type(region_type) :: region
+      real(wp) :: x(3), z
+      integer :: total, i, n
+
+      call new_region(class, region)
+      if (region%dimension < 2) then
+         n = degree/2 + 3
+         allocate (nodes(3, n))
+         do i = 1, n
+            z = 0.5_wp*pi*(i - 0.5_wp)/n
+            nodes(:, i) = cos(z)*region%axis + sin(z)*region%equator
+         end do
+         return
+      end if
+      total = 16
+      do
+         total = total + total/8
+         n = 0
+         if (allocated(nodes)) deallocate (nodes)
+         allocate (nodes(3, total))
+         do i = 1, total
+            z = 1.0_wp - (2.0_wp*i - 1.0_wp)/total
+            x = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
+            if (maxval(abs(representative(region, x) - x)) > 1.0e-6_wp) cycle
+            n = n + 1
+            nodes(:, n) = x
+         end do
+         if (n >= least) exit
+      end do
+      nodes = nodes(:, :n)
+   end subroutine choose_nodes
+
+   !> Least squares: coefficients of the harmonics from the values at all images of the nodes.
+   subroutine fit_images(harmonics, rotations, nodes, fit, least_weight, error)
+      type(harmonics_type), intent(in) :: harmonics
+      !> The group, (3, 3, m), and unit vectors in crystal axes, (3, n).
+      real(wp), intent(in) :: rotations(:, :, :), nodes(:, :)
+      !> (harmonics, images); images of a node follow each other. Only if they are well determined.
+      real(wp), allocatable, intent(out) :: fit(:, :)
+      !> See `well_determined`.
+      real(wp), intent(out) :: least_weight
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: gram(:, :), vectors(:, :), values(:)
+      integer :: g, i, image
+
+      allocate (fit(harmonics%n, size(nodes, 2)*size(rotations, 3)), gram(harmonics%n, harmonics%n), values(harmonics%n))
+      image = 0
+      do i = 1, size(nodes, 2)
+         do g = 1, size(rotations, 3)
+            image = image + 1
+            call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), nodes(:, i)), fit(:, image))
+         end do
+      end do
+      gram = 0.0_wp
+      call add_gram(fit, 1.0_wp, gram, transposed=.false.)
+      vectors = gram/image
+      call symmetric_eigen(vectors, values, error)
+      least_weight = values(1)
+      if (allocated(error) .or. least_weight <= well_determined) return
+      call cholesky_factor(gram, error)
+      if (.not. allocated(error)) call cholesky_solve(gram, fit)
+   end subroutine fit_images
+
+   !> What each grain reads: the modes of n.F(t).n along its great circle, as a linear function of F at the nodes.
+   subroutine read_circles(harmonics, rotations, fit, euler, field)
+      type(harmonics_type), intent(in) :: harmonics
+      real(wp), intent(in) :: rotations(:, :, :), fit(:, :), euler(:, :)
+      type(field_type), intent(inout) :: field
+      real(wp), allocatable :: circle(:, :), along(:, :), weight(:, :)
+      real(wp) :: g(3, 3), theta, turned(3), square(6), cosines(n_modes)
+      integer :: grain, i, k, r, image, n_points, n_rotations, m
+
+      n_rotations = size(rotations, 3)
+      ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
+      n_points = maxval(harmonics%degrees)/2 + 4
+      allocate (field%to_modes(size(euler, 2), n_modes, 6, size(field%nodes, 2)), source=0.0_wp)
+      allocate (circle(harmonics%n, n_points), along(harmonics%n, n_modes), weight(n_modes, size(fit, 2)))
+      do grain = 1, size(euler, 2)
+         g = rotation_matrix(euler(:, grain))
+         along = 0.0_wp
+         do k = 1, n_points
+            theta = pi*(k - 1)/n_points
+            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta) + g(:, 2)*sin(theta), circle(:, k))
+            cosines = [0.5_wp, (cos(2.0_wp*m*theta), sin(2.0_wp*m*theta), m=1, highest_mode)]*2.0_wp/n_points
+            do m = 1, n_modes
+               along(:, m) = along(:, m) + cosines(m)*circle(:, k)
+            end do
+         end do
+         weight = matmul(transpose(along), fit)
+         image = 0
+         do i = 1, size(field%nodes, 2)
+            do r = 1, n_rotations
+               image = image + 1
+               ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
+               turned = matmul(g(:, 3), rotations(:, :, r))
+               square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
+               do m = 1, n_modes
+                  field%to_modes(grain, m, :, i) = field%to_modes(grain, m, :, i) + weight(m, image)*square
+               end do
+            end do
+         end do
+      end do
+   end subroutine read_circles
+
+   !> Indentation moduli (GPa) of all grains of a stable crystal.
+   pure subroutine field_moduli(field, c, moduli)
+      type(field_type), intent(in) :: field
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> (n)
+      real(wp), intent(out), contiguous :: moduli(:)
+      real(wp) :: modes(field%n_grains, n_modes), f(6)
+      integer :: i, j, k, m
+
+      modes = 0.0_wp
+      do i = 1, size(field%nodes, 2)
+         f = inverse_barnett(c, field%nodes(:, i))
+         do k = 1, 6
+            do m = 1, n_modes
+               !$omp simd
+               do j = 1, field%n_grains
+                  modes(j, m) = modes(j, m) + field%to_modes(j, m, k, i)*f(k)
+               end do
+            end do
+         end do
+      end do
+      call minimise_compliance(field%n_grains, modes, moduli)
+   end subroutine field_moduli
+
+   !> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn:
+   !> Newton's method from the minimum for a small anisotropy, all grains at once.
+   pure subroutine minimise_compliance(n, modes, moduli)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: modes(n, n_modes)
+      real(wp), intent(out) :: moduli(n)
+      integer, parameter :: steps = 5
+      real(wp), parameter :: largest = 0.95_wp
+      integer :: k
+      real(wp), parameter :: cosine(n_angles) = [(cos(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
+      real(wp), parameter :: sine(n_angles) = [(sin(2.0_wp*pi*k/n_angles), k=0, n_angles - 1)]
+      real(wp) :: a(n), b(n), value(n), ga(n), gb(n), aa(n), ab(n), bb(n), h(n, n_angles)
+      real(wp) :: r, w, determinant, shrink, da, db
+      integer :: j, step
+
+      do k = 1, n_angles
+         !$omp simd
+         do j = 1, n
+            h(j, k) = modes(j, 1) + modes(j, 2)*cosine(k) + modes(j, 3)*sine(k)
+            h(j, k) = h(j, k) + modes(j, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(j, 5)*sine(1 + mod(2*(k - 1), n_angles))
+            h(j, k) = h(j, k) + modes(j, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(j, 7)*sine(1 + mod(3*(k - 1), n_angles))
+            h(j, k) = h(j, k) + modes(j, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(j, 9)*sine(1 + mod(4*(k - 1), n_angles))
+         end do
+      end do
+      ! The quadratic expansion about a circle: h0 (1 + 3/16 e^2) - (a h1 + b h2)/4.
+      a = 2.0_wp/3.0_wp*modes(:, 2)/modes(:, 1)
+      b = 2.0_wp/3.0_wp*modes(:, 3)/modes(:, 1)
+      do step = 1, steps
+         ga = 0.0_wp
+         gb = 0.0_wp
+         aa = 0.0_wp
+         ab = 0.0_wp
+         bb = 0.0_wp
+         do k = 1, n_angles
+            !$omp simd private(r, w)
+            do j = 1, n
+               r = 1.0_wp/(1.0_wp + a(j)*cosine(k) + b(j)*sine(k))
+               w = h(j, k)*r*sqrt(r)
+               ga(j) = ga(j) - 0.5_wp*w*cosine(k)
+               gb(j) = gb(j) - 0.5_wp*w*sine(k)
+               w = 0.75_wp*w*r
+               aa(j) = aa(j) + w*cosine(k)**2
+               ab(j) = ab(j) + w*cosine(k)*sine(k)
+               bb(j) = bb(j) + w*sine(k)**2
+            end do
+         end do
+         !$omp simd private(determinant, shrink, da, db)
+         do j = 1, n
+            determinant = aa(j)*bb(j) - ab(j)**2
+            da = (ab(j)*gb(j) - bb(j)*ga(j))/determinant
+            db = (ab(j)*ga(j) - aa(j)*gb(j))/determinant
+            a(j) = a(j) + da
+            b(j) = b(j) + db
+            shrink = min(1.0_wp, largest/sqrt(max(a(j)**2 + b(j)**2, tiny(1.0_wp))))
+            a(j) = a(j)*shrink
+            b(j) = b(j)*shrink
+         end do
+      end do
+      value = 0.0_wp
+      do k = 1, n_angles
+         !$omp simd
+         do j = 1, n
+            value(j) = value(j) + h(j, k)/sqrt(1.0_wp + a(j)*cosine(k) + b(j)*sine(k))
+         end do
+      end do
+      moduli = n_angles/(pi*value)
+   end subroutine minimise_compliance
+end module compliance_field

@@ -1,0 +1,188 @@
+"""Step 2 with the exact theory: every class, the reference posteriors, the prior where nothing is stated, and further errors."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from step_2_cases import reference, table_of
+from theory_cases import FILES
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, log_anisotropy, polycrystal_averages, stiffness_rows
+from bayesindent.inference.posterior import PRIOR, Posterior
+from conftest import REFERENCE
+
+THEORY = bi.Surrogate.load("halfspace")
+
+
+def crystal(name):
+    with (REFERENCE / "crystals.csv").open() as file:
+        row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == name)
+    return row["symmetry"], np.array([float(row[constant]) for constant in constant_names(row["symmetry"])])
+
+
+def measured(symmetry, constants, n, seed, share=0.02):
+    """Synthetic measurements of the theory, with noise."""
+    rng = np.random.default_rng(seed)
+    angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(0, 1, n))), rng.uniform(0, 360, n)])
+    exact = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], angles)
+    return table_of(angles, exact * (1 + share * rng.normal(size=n)), share * exact)
+
+
+@pytest.mark.parametrize("symmetry", ["cubic", "hexagonal"])
+def test_reference_posteriors(symmetry):
+    case, settings = reference(symmetry)
+    result = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", symmetry=symmetry, **settings)
+    found = bi.summary(result)
+    draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(symmetry)])
+    assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.05)
+    assert draws.std(axis=1) == pytest.approx(case["sd"], rel=0.04)
+    assert np.corrcoef(draws) == pytest.approx(np.array(case["corr"]), abs=0.03)
+    assert found["theory"]["largest_error_sd"] < 0.02
+    assert found["prior"]["share_covered"] == 1
+
+
+@pytest.mark.parametrize(
+    "name", ["fused silica", "copper", "Zn", "rutile", "CaMoO4", "calcite", "dolomite", "aragonite", "diopside"]
+)  # fmt: skip
+def test_every_class(name):
+    symmetry, constants = crystal(name)
+    table = measured(symmetry, constants, 12, 1)
+    result = bi.extract(table, symmetry=symmetry, seed=3, samples=100, burn_in=1500, chains=2)
+    draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(symmetry)], axis=1)
+    # The moduli of the draws are the theory's, and explain what was measured.
+    exact = halfspace_modulus(stiffness_rows(symmetry, draws)[:, None], table["euler_deg"])
+    predicted = result.predictions["modulus"].values.reshape(*exact.shape)
+    assert np.abs((predicted - exact) / table["sd_gpa"]).max() < 0.02
+    assert bi.summary(result)["theory"]["largest_error_sd"] < 0.02
+    misfit = (((exact - table["modulus_gpa"]) / table["sd_gpa"]) ** 2).mean()
+    # Twelve residuals of unit variance: their mean square is within four of its sds.
+    assert misfit < 1 + 4 * np.sqrt(2 / 12)
+    # Every draw is in the support of the prior that nothing has changed.
+    stiffness = stiffness_rows(symmetry, draws)
+    averages = polycrystal_averages(stiffness)
+    bulk, shear = ((averages[f"{kind}_voigt"] + averages[f"{kind}_reuss"]) / 2 for kind in ("bulk", "shear"))
+    poisson, young = (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear), 9 * bulk * shear / (3 * bulk + shear)
+    middle = (1 - 0.3**2) * table["modulus_gpa"].mean()
+    assert poisson.min() >= 0.05
+    assert poisson.max() <= 0.48
+    assert young.min() >= middle / 3
+    assert young.max() <= 3 * middle
+    assert log_anisotropy(stiffness).max() <= 2.5
+
+
+def test_measures_of_the_prior_differ_by_the_volume_of_the_logarithm():
+    symmetry, constants = crystal("quartz")
+    table = measured(symmetry, constants, 5, 2)
+    points = constants * (1 + 0.01 * np.random.default_rng(3).normal(size=(6, len(constants))))
+    density = {
+        measure: Posterior.of(table, symmetry=symmetry, surrogate=THEORY, measure=measure).evaluate(points)[0]
+        for measure in ("constants", "logarithms")
+    }
+    found = density["logarithms"] - density["constants"]
+
+    def coordinates(values):
+        """log K in the upper triangle, off-diagonals times sqrt 2: an orthonormal frame of a space that holds the class."""
+        weights = np.sqrt([1, 1, 1, 2, 2, 2])
+        size, vectors = np.linalg.eigh(stiffness_rows(symmetry, [values])[0] * weights[:, None] * weights)
+        matrix = vectors * np.log(size) @ vectors.T
+        return matrix[np.triu_indices(6)] * np.where(np.eye(6)[np.triu_indices(6)], 1, np.sqrt(2))
+
+    expected = []
+    for point in points:
+        steps = 1e-5 * np.diag(np.abs(point))
+        jacobian = np.array([(coordinates(point + step) - coordinates(point - step)) / (2 * step.max()) for step in steps])
+        expected.append(0.5 * np.linalg.slogdet(jacobian @ jacobian.T)[1])
+    assert found - found[0] == pytest.approx(np.array(expected) - expected[0], abs=1e-6)
+
+
+def test_uncertain_orientations_against_brute_force():
+    """The likelihood of one grain, marginalised over many tilts of its direction, near where the error is small beside the noise."""
+    symmetry, constants = crystal("Zn")
+    stiffness = stiffness_rows(symmetry, [constants])[0]
+    tilt, angles = 3.0, np.array([[20.0, 50.0, 10.0]])
+    sd = 0.02 * halfspace_modulus(stiffness, angles)
+    rng = np.random.default_rng(1)
+    # Directions tilted by normal amounts in two components: with hexagonal symmetry only Phi counts.
+    shift = rng.normal(size=(2, 4000)) * np.radians(tilt)
+    direction = np.array([np.sin(np.radians(50)), 0, np.cos(np.radians(50))])
+    first, second = np.array([np.cos(np.radians(50)), 0, -np.sin(np.radians(50))]), np.array([0.0, 1, 0])
+    tilted = direction + shift[0][:, None] * first + shift[1][:, None] * second
+    phi = np.degrees(np.arccos(tilted[:, 2] / np.linalg.norm(tilted, axis=1)))
+    moduli = halfspace_modulus(stiffness, np.column_stack([0 * phi, phi, 0 * phi]))
+    for value in np.quantile(moduli, [0.2, 0.5, 0.8]):
+        table = table_of(angles, [value], sd)
+        _, likelihood = Posterior.of(table, symmetry=symmetry, surrogate=THEORY, orientation_sd_deg=tilt).evaluate(constants)
+        brute = np.log(np.mean(np.exp(-0.5 * ((value - moduli) / sd) ** 2) / (sd * np.sqrt(2 * np.pi))))
+        assert likelihood[0] == pytest.approx(brute, abs=0.03)
+    # The column goes before the variable.
+    row = {"phi1_deg": [20.0], "Phi_deg": [50.0], "phi2_deg": [10.0], "modulus_gpa": [value], "sd_gpa": sd}
+    certain = Posterior.of(row, symmetry=symmetry, surrogate=THEORY).evaluate(constants)[1]
+    stated = Posterior.of(row | {"orientation_sd_deg": [tilt]}, symmetry=symmetry, surrogate=THEORY).evaluate(constants)[1]
+    assert stated == pytest.approx(likelihood, abs=1e-12)
+    assert abs(certain - likelihood) > 0.01
+
+
+def test_groups_have_a_calibration_error_each():
+    """Against the covariance written out: sd² on the diagonal, and (calibration_sd)² m mᵀ within a group."""
+    symmetry, constants = crystal("copper")
+    table = measured(symmetry, constants, 7, 4)
+    group = ["b", "a", "b", "b", "c", "a", "a"]
+    posterior = Posterior.of(table | {"group": group}, symmetry=symmetry, surrogate=THEORY, calibration_sd=0.03, scatter_sd=0.01)
+    model = posterior.moduli(constants, table["euler_deg"])[0][0]
+    same = np.equal.outer(group, group)
+    covariance = np.diag(table["sd_gpa"] ** 2 + (0.01 * model) ** 2)
+    covariance = covariance + same * np.outer(0.03 * model, 0.03 * model)
+    residual = table["modulus_gpa"] - model
+    expected = -0.5 * (residual @ np.linalg.solve(covariance, residual) + np.linalg.slogdet(2 * np.pi * covariance)[1])
+    # The draws of the moduli are the mean theory's here: it has no error of its own.
+    assert posterior.evaluate(constants)[1][0] == pytest.approx(expected, abs=1e-9)
+    assert posterior.groups == 3
+
+
+def test_words_of_what_is_open():
+    symmetry, constants = crystal("copper")
+    document = bi.summary(bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000))
+    words = "\n".join(document["warnings"])
+    assert "the data leave 1 of 3 combinations open" in words
+    assert "bulk_modulus to 2 % would bring the sd of C12 from" in words
+    gain = next(row for row in document["identifiability"] if row["kind"] == "knowledge" and row["name"] == "bulk_modulus")
+    known = bi.summary(
+        bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000, knowledge={"bulk_modulus": (137.1, 2.74)})
+    )["parameters"]
+    # What was promised, at other bulk moduli, and what came of it: the same order, far below what was there.
+    for name in constant_names(symmetry):
+        assert gain["sd_then"][name] < 0.5 * document["parameters"][name]["sd"] or name == "C44"
+    assert known["C12"]["sd"] < 0.2 * document["parameters"]["C12"]["sd"]
+
+
+def test_prior_alone_is_uniform_in_its_measure():
+    """Isotropic: flat in the constants between limits of E and Poisson's ratio, against a grid."""
+    table = {"euler_deg": np.zeros((1, 3)), "modulus_gpa": [100.0], "sd_gpa": [5.0]}
+    middle = 0.91 * 100
+    young, nu = np.meshgrid(np.linspace(middle / 3, 3 * middle, 1201), np.linspace(0.05, 0.48, 1201))
+    bulk, shear = young / (3 * (1 - 2 * nu)), young / (2 * (1 + nu))
+    for measure, power in (("constants", 1.0), ("logarithms", 0.0)):
+        posterior = Posterior.of(table, symmetry="isotropic", surrogate=THEORY, measure=measure, what=PRIOR)
+        draws, _, _ = posterior.sample(method="ensemble", samples=20000, burn_in=2000, chains=1, threads=1, seed=1)
+        # d(K, G) = K G |d(log K, log G)/d(log E, nu)| d(log E) d(nu); the constants are linear in K and G.
+        weights = (bulk * shear) ** power / young * (1 / (1 + nu) + 2 / (1 - 2 * nu))
+        for found, values in ((draws[0, :, 0], bulk + 4 * shear / 3), (draws[0, :, 1], bulk - 2 * shear / 3)):
+            mean = np.average(values, weights=weights)
+            sd = np.sqrt(np.average((values - mean) ** 2, weights=weights))
+            assert found.mean() == pytest.approx(mean, abs=0.05 * sd)
+            assert found.std() == pytest.approx(sd, rel=0.05)
+
+
+def test_the_references_of_other_classes_are_met():
+    """Posteriors by theory and sampler of others' making: see the files."""
+    for path in sorted(REFERENCE.glob("*.json")):
+        case = json.loads(path.read_text())
+        if case.get("symmetry") not in ("trigonal", "orthorhombic"):
+            continue
+        result = bi.extract(path.with_suffix(".csv"), symmetry=case["symmetry"])
+        draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(case["symmetry"])])
+        assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.15), path
+        assert draws.std(axis=1) == pytest.approx(case["sd"], rel=0.1), path
+        assert np.corrcoef(draws) == pytest.approx(np.array(case["corr"]), abs=0.06), path
