@@ -55,6 +55,7 @@ module crystal_class
    contains
       procedure :: stiffness
       procedure :: constants_of
+      procedure :: includes
    end type crystal_class_type
 
 contains
@@ -243,4 +244,20 @@ contains
          constants(k) = c(iachar(self%constants(k)(2:2)) - iachar('0'), iachar(self%constants(k)(3:3)) - iachar('0'))
       end do
    end function constants_of
+
+   !> Whether every stiffness of another class, in the same axes, is one of this class too.
+   pure logical function includes(self, other)
+      class(crystal_class_type), intent(in) :: self
+      type(crystal_class_type), intent(in) :: other
+      real(wp) :: unit(other%n_constants), c(6, 6)
+      integer :: k
+
+      includes = .true.
+      do k = 1, other%n_constants
+         unit = 0.0_wp
+         unit(k) = 1.0_wp
+         c = other%stiffness(unit)
+         includes = includes .and. maxval(abs(c - self%stiffness(self%constants_of(c)))) < 1.0e-9_wp
+      end do
+   end function includes
 end module crystal_class

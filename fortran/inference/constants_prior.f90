@@ -19,7 +19,7 @@ module constants_prior
    use text, only: to_text
    implicit none
    private
-   public :: prior_type, new_prior, knowledge_type, least_poisson, greatest_poisson
+   public :: prior_type, new_prior, knowledge_type
 
    !> Limits where nothing is stated.
    real(wp), parameter :: least_poisson = 0.05_wp, greatest_poisson = 0.48_wp, greatest_log_anisotropy = 2.5_wp, &

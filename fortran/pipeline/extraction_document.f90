@@ -1,6 +1,5 @@
 !> What Step 2 found, as the document of `extract`, with what a person should know of it.
 module extraction_document
-   use chain_diagnostics, only: diagnostics_type
    use constants_prior, only: prior_type
    use extraction, only: extraction_type
    use further_knowledge, only: gain_type
@@ -8,7 +7,7 @@ module extraction_document
    use kinds, only: wp
    use posterior_summary, only: combination_type
    use problem, only: problem_type
-   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_mixing, judge_open, judge_ridges, powers_text
+   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_mixing, judge_open, judge_ridges, judge_theory, powers_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -193,6 +192,7 @@ contains
 
       k = found%posterior%n_constants
       call judge_coverage(found%posterior%prior%share_inside, warnings)
+      call judge_theory(found%field_error, warnings)
       do i = 1, size(found%names)
          call judge_mixing(trim(found%names(i)), found%parameters(i)%diagnostics, size(found%chains%draws, 3), &
             & problem%settings%sampler%method, warnings)

@@ -5,7 +5,6 @@ module field_degree
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
-   use samplers, only: chains_type
    implicit none
    private
    public :: choose_field_degree, largest_field_error, allowed_error

@@ -21,6 +21,8 @@ module problem_posterior
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
+   !> No posterior has so many chains; the streams begin at 1.
+   integer, parameter :: far_stream = 1000001
 
 contains
 
@@ -174,30 +176,38 @@ contains
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> No posterior has so many chains.
-      integer, parameter :: first_stream = 2000001
-      class(sampler_type), allocatable :: sampler
 
-      call new_sampler('ensemble', 2000, sampler, error)
-      if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_type(200, 1, 1, &
-         & problem%settings%problem%seed, first_stream), chains, error)
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+      call sample_aside(problem, posterior, 2000, run_settings_type(200, 1, 1, first_stream=far_stream + 1000000), chains, error)
    end subroutine sample_pilot
 
-   !> The prior by the sampler that mixes best, from random streams of its own.
+   !> The prior by the sampler that mixes best.
    subroutine sample_prior(problem, prior, chains, error)
       type(problem_type), intent(in) :: problem
       !> A density without the data.
       type(posterior_type), intent(in) :: prior
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> No posterior has so many chains.
-      integer, parameter :: first_stream = 1000001
-      class(sampler_type), allocatable :: sampler
 
-      call new_sampler('ensemble', 5000, sampler, error)
-      if (.not. allocated(error)) call sample_chains(prior, sampler, run_settings_type(2500, 4, &
-         & thread_count(problem%settings%execution%workers), problem%settings%problem%seed, first_stream), chains, error)
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+      call sample_aside(problem, prior, 5000, run_settings_type(2500, 4, thread_count(problem%settings%execution%workers), &
+         & first_stream=far_stream), chains, error)
    end subroutine sample_prior
+
+   !> Chains that &sampler does not ask for, from random streams of their own.
+   subroutine sample_aside(problem, density, burn_in, settings, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: density
+      integer, intent(in) :: burn_in
+      !> Without the seed.
+      type(run_settings_type), intent(in) :: settings
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+      class(sampler_type), allocatable :: sampler
+      type(run_settings_type) :: seeded
+
+      seeded = settings
+      seeded%seed = problem%settings%problem%seed
+      call new_sampler('ensemble', burn_in, sampler, error)
+      if (.not. allocated(error)) call sample_chains(density, sampler, seeded, chains, error)
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine sample_aside
 end module problem_posterior

@@ -1,6 +1,6 @@
 !> Where a named surrogate is, and what a new one may be named: the same for both programs.
 module surrogate_lookup
-   use crystal_class, only: general_class
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, printable, resolve_path
    use surrogate_file, only: load_surrogate
@@ -48,12 +48,13 @@ contains
    subroutine load_named_surrogate(name, class, places, surrogate, error)
       !> A shipped name, or the name of a file.
       character(len=*), intent(in) :: name
-      !> Name of the crystal class that it must be for, or ''.
+      !> Name or synonym of the crystal class that it must be for, or ''.
       character(len=*), intent(in) :: class
       type(places_type), intent(in) :: places
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: path
+      type(crystal_class_type) :: wanted
 
       if (name == theory_name) then
          call new_theory_surrogate(surrogate, error)
@@ -61,10 +62,12 @@ contains
       end if
       call find_surrogate(name, places, path, error)
       if (.not. allocated(error)) call load_surrogate(path, surrogate, error)
+      if (allocated(error) .or. len(class) == 0) return
+      call new_crystal_class(class, wanted, error)
       if (allocated(error)) return
-      associate (own => surrogate%basis%domain%class%name)
-         if (len(class) > 0 .and. own /= class .and. own /= general_class) call raise(error, path//' is for '//own &
-            & //' crystals, not '//class//' ones', exit_bad_input)
+      associate (own => surrogate%basis%domain%class)
+         if (.not. own%includes(wanted)) call raise(error, path//' is for '//own%name//' crystals, not '//wanted%name//' ones', &
+            & exit_bad_input)
       end associate
    end subroutine load_named_surrogate
 

@@ -1,6 +1,7 @@
 !> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
 module verdicts
    use chain_diagnostics, only: diagnostics_type
+   use field_degree, only: allowed_error
    use further_knowledge, only: gain_type
    use kinds, only: wp
    use posterior_summary, only: combination_type, decided_by_data, left_open
@@ -8,7 +9,7 @@ module verdicts
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_bound, judge_grains, powers_text
+   public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_theory, judge_bound, judge_grains, powers_text
 
    !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
    !> al., Bayesian Anal. 16, 667, 2021).
@@ -26,6 +27,17 @@ contains
       if (share_inside < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share_inside, 0)//' % of the ' &
          & //'crystals within the stated bounds; the posterior is cut to these')
    end subroutine judge_coverage
+
+   !> Theory that was read too roughly, after all attempts.
+   subroutine judge_theory(largest_error, warnings)
+      !> Of a grain's modulus, in sds of its measurement.
+      real(wp), intent(in) :: largest_error
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+
+      if (largest_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
+         & //fixed(100.0_wp*largest_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
+         & //fixed(100.0_wp*allowed_error, 0)//' %')
+   end subroutine judge_theory
 
    !> Poor R-hat and effective sample sizes of the parameter `name` over all `chains`; NaN has not mixed.
    subroutine judge_mixing(name, diagnostics, chains, method, warnings)

@@ -6,7 +6,6 @@ module point_tables
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use kinds, only: pi, wp
-   use numbers, only: number_text
    use tables, only: parse_table, read_table, table_type
    use text, only: join, to_text
    implicit none

@@ -128,7 +128,6 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       integer :: i

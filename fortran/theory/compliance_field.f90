@@ -11,18 +11,17 @@ module compliance_field
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: group_rotations, new_region, region_type, representative
-   use errors, only: error_type, raise
+   use errors, only: error_type
    use halfspace_theory, only: inverse_barnett
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, symmetric_eigen
-   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_group_harmonics
+   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_group_harmonics
    implicit none
    private
-   public :: field_type, new_field, field_moduli, largest_field_degree
+   public :: field_type, new_field, field_moduli
 
    !> Coefficients of h(theta) = m1 + m2 cos 2 theta + m3 sin 2 theta + .. + m9 sin 8 theta.
    integer, parameter :: highest_mode = 4, n_modes = 1 + 2*highest_mode
-   integer, parameter :: largest_field_degree = largest_degree
    !> Images of nodes for each coefficient of the expansion.
    real(wp), parameter :: oversampling = 1.4_wp
    !> Least eigenvalue of the harmonics' mean square over the images; 1 if these were all directions.
@@ -43,7 +42,7 @@ contains
    !> The field of a class expanded to a degree, read by grains.
    subroutine new_field(class, degree, euler, field, error)
       type(crystal_class_type), intent(in) :: class
-      !> Highest degree of the harmonics, even, up to `largest_field_degree`.
+      !> Highest degree of the harmonics, even, up to `largest_degree`.
       integer, intent(in) :: degree
       !> Bunge-Euler angles, radians (3, n).
       real(wp), intent(in) :: euler(:, :)

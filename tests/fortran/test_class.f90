@@ -11,6 +11,7 @@ program test_class
    call test_names()
    call test_stiffness()
    call test_dependent_entries()
+   call test_inclusion()
    call finish()
 
 contains
@@ -99,4 +100,24 @@ contains
 
       same = abs(a - b) <= 0.0_wp
    end function same
+
+   !> Which class holds the crystals of which.
+   subroutine test_inclusion()
+      character(len=12), parameter :: held(2, 8) = reshape([character(len=12) :: 'isotropic', 'cubic', 'isotropic', 'hexagonal', &
+         & 'hexagonal', 'trigonal', 'cubic', 'tetragonal', 'tetragonal', '4/m', 'tetragonal', 'orthorhombic', 'orthorhombic', &
+         & 'monoclinic', '-3', 'triclinic'], [2, 8])
+      type(crystal_class_type) :: small, large
+      type(error_type), allocatable :: error
+      integer :: i
+
+      do i = 1, size(held, 2)
+         call new_crystal_class(trim(held(1, i)), small, error)
+         call new_crystal_class(trim(held(2, i)), large, error)
+         call check(trim(held(2, i))//' includes '//trim(held(1, i)), large%includes(small) .and. large%includes(large))
+         call check(trim(held(1, i))//' does not include '//trim(held(2, i)), .not. small%includes(large))
+      end do
+      call new_crystal_class('cubic', small, error)
+      call new_crystal_class('hexagonal', large, error)
+      call check('neither of cubic and hexagonal the other', .not. (small%includes(large) .or. large%includes(small)))
+   end subroutine test_inclusion
 end program test_class
