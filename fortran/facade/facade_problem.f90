@@ -50,27 +50,27 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
       if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
    else
       allocate (self%measurements)
-      call read_measurements(path, path//': ', sd_optional == 1, self%measurements, error)
+      call read_measurements(path, path//': ', sd_optional == 1, .false., self%measurements, error)
    end if
    call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
 end subroutine problem_of_table
 
-!> The measurements of a problem that are no file: a page of CSV, in UTF-8.
-subroutine problem_set_measurements(handle, page, status, message)
+!> A table of a problem that is no file, 'measurements' or 'stiffness': a page of CSV, in UTF-8.
+subroutine problem_set_table(handle, table, page, status, message)
    use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: handle
-   character(len=*), intent(in) :: page
+   character(len=*), intent(in) :: table, page
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
    type(problem_type), pointer :: self
    type(error_type), allocatable :: error
 
    call problem_of_handle(handle, self, error)
-   if (.not. allocated(error)) call self%set_measurements(page, error)
+   if (.not. allocated(error)) call self%set_table(table, page, error)
    call error_to_status(error, status, message)
-end subroutine problem_set_measurements
+end subroutine problem_set_table
 

@@ -4,14 +4,15 @@
 !> The support holds the Born-stable crystals whose Poisson's ratio (Hill) is that of a metal or mineral, whose log-anisotropy is not
 !> beyond what is known of crystals, and whose Young's modulus (Hill) is within a factor of what the mean measurement would be on an
 !> isotropic solid. What is stated replaces its part: bounds of all constants on both sides the two limits of the averages, a cap on
-!> Eq. 14 the limit of the log-anisotropy. On the support the density is uniform in the constants or in log K, times one normal factor
-!> for each piece of knowledge.
+!> Eq. 14 the limit of the log-anisotropy. On the support the density is uniform in the constants or in log K, times the normal factor
+!> of what is known.
 module constants_prior
    use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_of_averages, averages_type, hill_young_poisson, log_anisotropy, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use linear_algebra, only: cholesky_factor
    use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
@@ -27,10 +28,12 @@ module constants_prior
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -500.0_wp, no_upper = 5000.0_wp
 
-   !> A quantity, known as mean ± sd in its unit.
+   !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
    type :: knowledge_type
-      type(quantity_type) :: quantity
-      real(wp) :: mean = 0.0_wp, sd = 1.0_wp
+      type(quantity_type), allocatable :: quantities(:)
+      real(wp), allocatable :: mean(:), covariance(:, :)
+   contains
+      procedure :: sd => sd_of_knowledge
    end type knowledge_type
 
    type :: prior_type
@@ -49,8 +52,9 @@ module constants_prior
       logical :: in_logarithms = .false.
       !> Share of the prior, without its normal factors, that the surrogate covers, estimated.
       real(wp) :: share_inside = 1.0_wp
-      type(quantity_type), allocatable, private :: known(:)
-      real(wp), allocatable, private :: known_mean(:), known_sd(:)
+      type(knowledge_type) :: knowledge
+      !> Inverse of the lower Cholesky factor of the covariance of what is known, (n, n).
+      real(wp), allocatable, private :: whitening(:, :)
       !> Of the surrogate: it says which crystals are covered.
       class(basis_type), allocatable, private :: basis
       !> GPa: middle of the range of Young's modulus from which starts are drawn.
@@ -60,6 +64,7 @@ module constants_prior
       procedure :: log_density
       procedure :: draw_start
       procedure :: is_stated
+      procedure :: set_knowledge
    end type prior_type
 
    !> Points of the stated domain that are tried to see how much of it the surrogate covers.
@@ -75,7 +80,7 @@ contains
       type(prior_settings_type), intent(in) :: stated
       !> Young's modulus of an isotropic solid with the mean measurement, GPa.
       real(wp), intent(in) :: typical_young
-      type(knowledge_type), intent(in) :: knowledge(:)
+      type(knowledge_type), intent(in) :: knowledge
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       integer :: j
@@ -105,20 +110,47 @@ contains
          prior%log_anisotropy_max = greatest_log_anisotropy
       end if
       prior%in_logarithms = stated%measure == 'logarithms'
-      do j = 1, size(knowledge)
-         if (knowledge(j)%sd > 0.0_wp .and. abs(knowledge(j)%mean) < huge(1.0_wp)) cycle
-         call raise(error, knowledge(j)%quantity%name//': a finite mean and an sd > 0 are needed, not ' &
-            & //to_text(knowledge(j)%mean)//' and '//to_text(knowledge(j)%sd), exit_bad_input)
-         return
-      end do
-      allocate (prior%known(size(knowledge)))
-      do j = 1, size(knowledge)
-         prior%known(j) = knowledge(j)%quantity
-      end do
-      prior%known_mean = knowledge%mean
-      prior%known_sd = knowledge%sd
-      call estimate_share(basis, prior, error)
+      call prior%set_knowledge(knowledge, error)
+      if (.not. allocated(error)) call estimate_share(basis, prior, error)
    end subroutine new_prior
+
+   !> Multiply the uniform density by another normal factor.
+   subroutine set_knowledge(self, knowledge, error)
+      class(prior_type), intent(inout) :: self
+      type(knowledge_type), intent(in) :: knowledge
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i, j
+
+      self%knowledge = knowledge
+      self%whitening = knowledge%covariance
+      call cholesky_factor(self%whitening, error)
+      if (allocated(error) .or. .not. all(abs(knowledge%mean) < huge(1.0_wp))) then
+         if (allocated(error)) deallocate (error)
+         call raise(error, 'knowledge needs finite means and sds > 0, or a positive definite covariance', exit_bad_input)
+         return
+      end if
+      ! Invert the factor column by column.
+      associate (factor => self%whitening)
+         do j = 1, size(factor, 2)
+            factor(:j - 1, j) = 0.0_wp
+         end do
+         do j = size(factor, 2), 1, -1
+            factor(j, j) = 1.0_wp/factor(j, j)
+            do i = size(factor, 1), j + 1, -1
+               factor(i, j) = -factor(j, j)*sum(factor(i, j + 1:i)*factor(j + 1:i, j))
+            end do
+         end do
+      end associate
+   end subroutine set_knowledge
+
+   !> sds of what is known, (n).
+   pure function sd_of_knowledge(self) result(sd)
+      class(knowledge_type), intent(in) :: self
+      real(wp) :: sd(size(self%mean))
+      integer :: j
+
+      sd = [(sqrt(self%covariance(j, j)), j=1, size(sd))]
+   end function sd_of_knowledge
 
    !> Cut the support to what the surrogate covers, and estimate how much of it is left.
    subroutine estimate_share(basis, prior, error)
@@ -197,17 +229,17 @@ contains
       if (allocated(self%basis)) admits = self%basis%covers(c)
    end function admits
 
-   !> Logarithm of the normal factors at a crystal `c` (GPa) of the support; the uniform part is left out.
+   !> Logarithm of the normal factor at a crystal `c` (GPa) of the support; the uniform part is left out.
    pure real(wp) function log_density(self, c)
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: values(size(self%known))
+      real(wp) :: values(size(self%knowledge%mean))
 
       log_density = 0.0_wp
       if (size(values) == 0) return
-      call evaluate_quantities(self%known, c, values)
-      log_density = -0.5_wp*sum(((values - self%known_mean)/self%known_sd)**2)
+      call evaluate_quantities(self%knowledge%quantities, c, values)
+      log_density = -0.5_wp*sum(matmul(self%whitening, values - self%knowledge%mean)**2)
    end function log_density
 
    !> A crystal to begin with, in the support or not: uniform in the box if there is one, else an isotropic one with anisotropy added,

@@ -15,7 +15,7 @@ module quantities
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, reported_quantities, evaluate_quantities, quantity_words
+   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, evaluate_quantities, quantity_words
 
    !> Words that stand alone, and words that take a direction.
    character(len=*), parameter :: plain_words = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
@@ -202,22 +202,50 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: values(1)
 
-      call evaluate_quantities([quantity], typical_crystal(class), values)
+      call evaluate_quantities([quantity], typical_crystal(class, 0), values)
       if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call raise(error, ''''//quantity%name &
          & //''' is zero, or not finite, for every '//class%name//' crystal', exit_bad_input)
    end subroutine check_quantity
 
-   !> A stable crystal of a class with nothing by chance: every entry that the class allows is there.
-   pure function typical_crystal(class) result(c)
+   !> Refuse two quantities of which one follows from the other in every crystal of the class: the same, or a power of it times a number.
+   subroutine check_distinct(quantities, class, error)
+      type(quantity_type), intent(in) :: quantities(:)
       type(crystal_class_type), intent(in) :: class
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: crystals = 5
+      real(wp), parameter :: rounding = 1.0e-9_wp
+      real(wp) :: logarithms(size(quantities), crystals)
+      integer :: i, j
+
+      do i = 1, crystals
+         call evaluate_quantities(quantities, typical_crystal(class, i), logarithms(:, i))
+      end do
+      logarithms = log(abs(logarithms))
+      do j = 1, size(quantities)
+         logarithms(j, :) = logarithms(j, :) - sum(logarithms(j, :))/crystals
+         logarithms(j, :) = logarithms(j, :)/norm2(logarithms(j, :))
+         do i = 1, j - 1
+            if (abs(dot_product(logarithms(i, :), logarithms(j, :))) < 1.0_wp - rounding) cycle
+            call raise(error, ''''//quantities(j)%name//''' says the same of a '//class%name//' crystal as '''//quantities(i)%name &
+               & //'''; a quantity may be given once', exit_bad_input)
+            return
+         end do
+      end do
+   end subroutine check_distinct
+
+   !> A stable crystal of a class with nothing by chance: every entry that the class allows is there.
+   pure function typical_crystal(class, number) result(c)
+      type(crystal_class_type), intent(in) :: class
+      !> Which of them.
+      integer, intent(in) :: number
       real(wp) :: c(6, 6)
       integer :: i, j
 
       do j = 1, 6
          do i = 1, 6
-            c(i, j) = 7.0_wp + 2.0_wp*sin(real(i*j + i + j, wp))
+            c(i, j) = 7.0_wp + 2.0_wp*sin(real(i*j + i + j, wp) + 1.3_wp*number*(i + j))
          end do
-         c(j, j) = 150.0_wp + 10.0_wp*j
+         c(j, j) = 150.0_wp + 10.0_wp*j + 30.0_wp*sin(real(number*j, wp))
       end do
       c = class%stiffness(class%constants_of(c))
    end function typical_crystal
@@ -242,7 +270,7 @@ contains
          call new_quantity(trim(names(i)), all(i), error)
          if (allocated(error)) return
       end do
-      call evaluate_quantities(all, typical_crystal(class), values)
+      call evaluate_quantities(all, typical_crystal(class, 0), values)
       kept = known
       do i = known + 1, size(names)
          if (any(abs(values(known + 1:kept) - values(i)) < 1.0e-9_wp*values(i))) cycle

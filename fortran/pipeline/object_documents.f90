@@ -18,6 +18,7 @@ module object_documents
    use simulation_handles, only: model_of_handle
    use stages, only: all_stages, run_command, stage_type
    use surrogate_handles, only: describe_surrogate_object => describe_object
+   use tables, only: table_type
    use truncation_scan, only: read_scan
    implicit none
    private
@@ -136,6 +137,8 @@ contains
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)
       call describe_points('candidates', self%candidates, visitor)
+      if (allocated(self%stiffness) .and. .not. allocated(visitor%wanted)) call put_cells('stiffness', self%stiffness%table, &
+         & visitor%document)
       call visitor%document%end_object()
    end subroutine describe_problem
 
@@ -144,7 +147,7 @@ contains
       character(len=*), intent(in) :: name
       type(points_type), allocatable, intent(in) :: points
       type(described_values_type), intent(inout) :: visitor
-      integer :: i, j
+      integer :: i
 
       if (.not. allocated(points)) return
       call visitor%array(name//'_euler_deg', size(points%euler_deg), points%euler_deg)
@@ -162,16 +165,26 @@ contains
          end do
       end if
       call visitor%document%end_array()
-      call visitor%document%begin_array(name)
-      do i = 0, points%n
-         call visitor%document%begin_array()
-         do j = 1, points%table%columns
-            call visitor%document%put('', points%table%cell(j, i))
-         end do
-         call visitor%document%end_array()
-      end do
-      call visitor%document%end_array()
+      call put_cells(name, points%table, visitor%document)
    end subroutine describe_points
+
+   !> The cells of a table as rows, the header first.
+   subroutine put_cells(name, table, document)
+      character(len=*), intent(in) :: name
+      type(table_type), intent(in) :: table
+      type(json_type), intent(inout) :: document
+      integer :: i, j
+
+      call document%begin_array(name)
+      do i = 0, table%rows
+         call document%begin_array()
+         do j = 1, table%columns
+            call document%put('', table%cell(j, i))
+         end do
+         call document%end_array()
+      end do
+      call document%end_array()
+   end subroutine put_cells
 
    !> Sizes and costs, summed over the meshes; of the finest mesh the nodes (um), and tables of nodes counted from 1.
    subroutine describe_model(model, visitor)

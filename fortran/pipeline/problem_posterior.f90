@@ -10,7 +10,7 @@ module problem_posterior
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    use namelist_file, only: place
    use problem, only: problem_type
-   use quantities, only: check_quantity, new_quantity, quantity_type
+   use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_model, only: surrogate_type
    use text, only: to_text
@@ -30,7 +30,7 @@ contains
    subroutine check_step_2(problem, error)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
-      type(knowledge_type), allocatable :: knowledge(:)
+      type(knowledge_type) :: knowledge
 
       call read_knowledge(problem, knowledge, error)
       if (allocated(error)) return
@@ -56,29 +56,38 @@ contains
       if (allocated(error)) error%message = place(problem%path, 'next', 'target')//error%message//'; or ''all'''
    end subroutine check_target
 
-   !> What &knowledge says.
+   !> What &knowledge says: its lists, then the constants of its file.
    subroutine read_knowledge(problem, knowledge, error)
       type(problem_type), intent(in) :: problem
-      type(knowledge_type), allocatable, intent(out) :: knowledge(:)
+      type(knowledge_type), intent(out) :: knowledge
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
+      integer :: listed, all, i
 
-      associate (known => problem%settings%knowledge)
-         if (.not. allocated(known%quantity)) then
-            allocate (knowledge(0))
-            return
-         end if
-         allocate (knowledge(size(known%quantity)))
-         do i = 1, size(knowledge)
-            call new_quantity(trim(known%quantity(i)), knowledge(i)%quantity, error)
-            if (.not. allocated(error)) call check_quantity(knowledge(i)%quantity, problem%class, error)
-            if (allocated(error)) then
-               error%message = place(problem%path, 'knowledge', 'quantity')//error%message
-               return
+      associate (known => problem%settings%knowledge, class => problem%class)
+         listed = 0
+         if (allocated(known%quantity)) listed = size(known%quantity)
+         all = listed
+         if (allocated(problem%stiffness)) all = listed + class%n_constants
+         allocate (knowledge%quantities(all), knowledge%mean(all))
+         allocate (knowledge%covariance(all, all), source=0.0_wp)
+         do i = 1, all
+            if (i <= listed) then
+               call new_quantity(trim(known%quantity(i)), knowledge%quantities(i), error)
+               if (.not. allocated(error)) call check_quantity(knowledge%quantities(i), class, error)
+               knowledge%mean(i) = known%mean(i)
+               knowledge%covariance(i, i) = known%sd(i)**2
+            else
+               call new_quantity(class%constants(i - listed), knowledge%quantities(i), error)
             end if
-            knowledge(i)%mean = known%mean(i)
-            knowledge(i)%sd = known%sd(i)
+            if (allocated(error)) exit
          end do
+         if (.not. allocated(error)) call check_distinct(knowledge%quantities(:listed), class, error)
+         if (allocated(error)) then
+            error%message = place(problem%path, 'knowledge', 'quantity')//error%message
+         else if (all > listed) then
+            knowledge%mean(listed + 1:) = problem%stiffness%mean
+            knowledge%covariance(listed + 1:, listed + 1:) = problem%stiffness%covariance
+         end if
       end associate
    end subroutine read_knowledge
 
@@ -139,7 +148,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
       real(wp), parameter :: typical_poisson = 0.3_wp
-      type(knowledge_type), allocatable :: knowledge(:)
+      type(knowledge_type) :: knowledge
       type(modulus_map_type) :: kind
 
       call read_knowledge(problem, knowledge, error)

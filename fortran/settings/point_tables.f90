@@ -5,7 +5,7 @@ module point_tables
    use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
-   use kinds, only: pi, wp
+   use kinds, only: degree, pi, wp
    use tables, only: parse_table, read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -47,32 +47,33 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_angles(points, error)
+      if (.not. allocated(error)) call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call read_moduli(points, .false., error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
    !> Orientations with moduli; the column of the sds may be absent if `sd_optional`. Messages begin with `prefix`.
-   subroutine read_measurements(path, prefix, sd_optional, points, error)
+   subroutine read_measurements(path, prefix, sd_optional, radians, points, error)
       character(len=*), intent(in) :: path, prefix
-      logical, intent(in) :: sd_optional
+      !> `radians`: the unit of the angles in the file.
+      logical, intent(in) :: sd_optional, radians
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
       call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_measured(points, sd_optional, error)
+      if (.not. allocated(error)) call read_measured(points, sd_optional, radians, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_measurements
 
    !> The same from a text that is no file: its rows are counted from 1, without the header.
-   subroutine measurements_of_text(page, prefix, sd_optional, points, error)
+   subroutine measurements_of_text(page, prefix, sd_optional, radians, points, error)
       !> Header and rows.
       character(len=*), intent(in) :: page
       !> With which messages begin.
       character(len=*), intent(in) :: prefix
-      !> The column of the sds may be absent.
-      logical, intent(in) :: sd_optional
+      !> The column of the sds may be absent; the unit of the angles.
+      logical, intent(in) :: sd_optional, radians
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       integer :: i
@@ -80,17 +81,17 @@ contains
       call parse_table(page, points%table, error)
       if (.not. allocated(error)) then
          points%table%line = [(i, i=1, points%table%rows)]
-         call read_measured(points, sd_optional, error)
+         call read_measured(points, sd_optional, radians, error)
       end if
       if (allocated(error)) error%message = prefix//error%message
    end subroutine measurements_of_text
 
-   subroutine read_measured(points, sd_optional, error)
+   subroutine read_measured(points, sd_optional, radians, error)
       type(points_type), intent(inout) :: points
-      logical, intent(in) :: sd_optional
+      logical, intent(in) :: sd_optional, radians
       type(error_type), allocatable, intent(out) :: error
 
-      call read_angles(points, error)
+      call read_angles(points, radians, error)
       if (.not. allocated(error)) call read_moduli(points, .true., error)
       if (.not. allocated(error)) call read_sds(points, sd_optional, error)
       if (.not. allocated(error)) call read_tilts(points, error)
@@ -98,15 +99,24 @@ contains
    end subroutine read_measured
 
    !> The angles of every row; what comes later is NaN.
-   subroutine read_angles(points, error)
+   subroutine read_angles(points, radians, error)
       type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: largest_turn = 36000.0_wp
-      real(wp) :: nan, most
+      real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
+      real(wp) :: nan, most, unit
+      character(len=:), allocatable :: unit_name
       integer :: column(3), i, j
 
       points%n = points%table%rows
       nan = not_a_number()
+      unit = 1.0_wp
+      unit_name = ' degrees'
+      if (radians) then
+         unit = degree
+         unit_name = ' radians'
+      end if
       allocate (points%euler_deg(3, points%n))
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
       do j = 1, 3
@@ -117,10 +127,14 @@ contains
          do j = 1, 3
             call points%table%number(column(j), i, points%euler_deg(j, i), error)
             if (allocated(error)) return
+            points%euler_deg(j, i) = points%euler_deg(j, i)/unit
             most = merge(180.0_wp, largest_turn, j == 2)
+            ! Half a turn in radians is a rounded number.
+            if (radians .and. j == 2 .and. points%euler_deg(j, i) < most + rounding/unit) &
+               & points%euler_deg(j, i) = min(points%euler_deg(j, i), most)
             if (abs(points%euler_deg(j, i)) > most .or. (j == 2 .and. points%euler_deg(j, i) < 0.0_wp)) then
-               call refuse_cell(points%table, column(j), i, ' degrees; allowed ' &
-                  & //to_text(merge(0.0_wp, -largest_turn, j == 2))//' to '//to_text(most), error)
+               call refuse_cell(points%table, column(j), i, unit_name//'; allowed ' &
+                  & //to_text(merge(0.0_wp, -largest_turn, j == 2)*unit)//' to '//to_text(most*unit), error)
                return
             end if
          end do

@@ -5,7 +5,7 @@
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: rotation_matrix
-   use distinct_directions, only: all_alike, new_region, region_type
+   use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
@@ -17,6 +17,8 @@ module problem
    use settings_reader, only: read_settings
    use settings_schema, only: candidate_sources
    use settings_visitor, only: choice_list_type
+   use stiffness_table, only: read_stiffness_table, stiffness_table_of_text, stiffness_table_type
+   use symmetric_harmonics, only: harmonics_type, new_harmonics
    use text, only: split_list, to_text
    use warning_lists, only: add_warning => warn, warning_type
    implicit none
@@ -36,13 +38,17 @@ module problem
       type(warning_type), allocatable :: warnings(:)
       !> The tables that the file names, unallocated if it names none.
       type(points_type), allocatable :: crystals, measurements, candidates
+      !> Of &knowledge.
+      type(stiffness_table_type), allocatable :: stiffness
    contains
       procedure :: resolved_text
-      procedure :: set_measurements
+      procedure :: set_table
       procedure :: warn
    end type problem_type
 
    character, parameter :: newline = achar(10)
+   !> As many angles below 2 pi are no chance.
+   integer, parameter :: few_grains = 3
 
 contains
 
@@ -98,9 +104,18 @@ contains
          associate (name => self%settings%measurements%file)
             allocate (self%measurements)
             call read_measurements(resolve_path(self%folder, name), place(self%path, 'measurements', 'file') &
-               & //printable(name)//': ', self%settings%measurements%scale == 'inferred', self%measurements, error)
+               & //printable(name)//': ', self%settings%measurements%scale == 'inferred', &
+               & self%settings%measurements%angles == 'radians', self%measurements, error)
+            if (.not. allocated(error)) call question_measurements(self, printable(name), error)
             if (allocated(error)) return
-            call question_measurements(self, printable(name))
+         end associate
+      end if
+      if (allocated(self%settings%knowledge%stiffness_file)) then
+         associate (name => self%settings%knowledge%stiffness_file)
+            allocate (self%stiffness)
+            call read_stiffness_table(resolve_path(self%folder, name), place(self%path, 'knowledge', 'stiffness_file') &
+               & //printable(name)//': ', self%class, self%stiffness, error)
+            if (allocated(error)) return
          end associate
       end if
       associate (name => self%settings%design%candidates)
@@ -108,19 +123,25 @@ contains
       end associate
    end subroutine load_tables
 
-   !> Measurements that are no file.
-   subroutine set_measurements(self, page, error)
+   !> A table that is no file.
+   subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> CSV, as a file has it.
-      character(len=*), intent(in) :: page
+      !> 'measurements' or 'stiffness'; CSV, as a file has it.
+      character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
 
+      if (table == 'stiffness') then
+         if (allocated(self%stiffness)) deallocate (self%stiffness)
+         allocate (self%stiffness)
+         call stiffness_table_of_text(page, place(self%path, 'knowledge', 'stiffness'), self%class, self%stiffness, error)
+         return
+      end if
       if (allocated(self%measurements)) deallocate (self%measurements)
       allocate (self%measurements)
       call measurements_of_text(page, place(self%path, 'measurements', ''), self%settings%measurements%scale == 'inferred', &
-         & self%measurements, error)
-      if (.not. allocated(error)) call question_measurements(self, 'the table')
-   end subroutine set_measurements
+         & self%settings%measurements%angles == 'radians', self%measurements, error)
+      if (.not. allocated(error)) call question_measurements(self, 'the table', error)
+   end subroutine set_table
 
    subroutine load_candidates(self, name, error)
       type(problem_type), intent(inout) :: self
@@ -142,18 +163,29 @@ contains
       end do
    end subroutine load_candidates
 
-   !> What is odd about measurements, but may be meant.
-   subroutine question_measurements(self, name)
+   !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
+   subroutine question_measurements(self, name, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: name
+      type(error_type), allocatable, intent(out) :: error
       !> Degrees.
       real(wp), parameter :: alike = 5.0_wp
       character(len=:), allocatable :: prefix
       type(region_type) :: region
       real(wp) :: directions(3, self%measurements%n), g(3, 3)
+      logical :: radians
       integer :: i
 
       prefix = place(self%path, 'measurements', 'file')//name
+      radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
+      if (radians .and. self%measurements%n >= few_grains) then
+         associate (euler => self%measurements%euler_deg)
+            if (any(abs(euler - anint(euler)) > 0.0_wp)) call raise(error, prefix//': no angle is above 2 pi, so these look like ' &
+               & //'radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 to a phi1', &
+               & exit_bad_input)
+         end associate
+         if (allocated(error)) return
+      end if
       associate (euler => self%measurements%euler_deg)
          if (self%measurements%n == 1) then
             call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
@@ -163,17 +195,47 @@ contains
                directions(:, i) = g(:, 3)
             end do
             call new_region(self%class, region)
-            if (region%dimension > 0 .and. .not. angles_look_like_radians(self%measurements) &
-               & .and. all_alike(region, directions, alike*degree)) then
-               call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
-                  & //'modulus depends on orientation')
+            if (region%dimension > 0 .and. .not. radians) then
+               if (all_alike(region, directions, alike*degree)) then
+                  call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
+                     & //'modulus depends on orientation')
+               else
+                  call question_number(self, prefix, region, directions, alike*degree, error)
+               end if
             end if
          end if
       end associate
-      if (angles_look_like_radians(self%measurements)) call warn_radians(self, 'measurements', 'file', name)
+      if (allocated(error)) return
+      if (radians) call warn_radians(self, 'measurements', 'file', name)
       if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call self%warn(prefix &
          & //': an sd_gpa is more than half of its modulus_gpa')
    end subroutine question_measurements
+
+   !> Fewer grains in different directions than there are combinations of the constants that indentation sees.
+   subroutine question_number(self, prefix, region, directions, alike, error)
+      type(problem_type), intent(inout) :: self
+      character(len=*), intent(in) :: prefix
+      type(region_type), intent(in) :: region
+      !> Unit vectors in crystal axes (3, n), and the angle (radians) below which two are the same.
+      real(wp), intent(in) :: directions(:, :), alike
+      type(error_type), allocatable, intent(out) :: error
+      !> To first order in the anisotropy a modulus has no harmonics of higher degree.
+      integer, parameter :: degree_seen = 4
+      type(harmonics_type) :: harmonics
+      integer :: kept(size(directions, 2)), n, i, j
+
+      call new_harmonics(self%class, degree_seen, harmonics, error)
+      if (allocated(error)) return
+      n = 0
+      do i = 1, size(directions, 2)
+         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike, j=1, n)])) cycle
+         n = n + 1
+         kept(n) = i
+         if (n == harmonics%n) return
+      end do
+      call self%warn(prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n)//' combinations of the ' &
+         & //to_text(self%class%n_constants)//' constants are visible to indentation, and so many directions are needed at least')
+   end subroutine question_number
 
    subroutine warn_radians(self, group, variable, name)
       type(problem_type), intent(inout) :: self

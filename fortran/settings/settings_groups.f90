@@ -55,7 +55,7 @@ module settings_groups
 
    type :: measurements_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: file, modulus_kind, scale, likelihood
+      character(len=:), allocatable :: file, modulus_kind, angles, scale, likelihood
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
    end type measurements_settings_type
@@ -73,6 +73,7 @@ module settings_groups
       !> Of equal length: what is known, its mean and its sd.
       character(len=longest_quantity), allocatable :: quantity(:)
       real(wp), allocatable :: mean(:), sd(:)
+      character(len=:), allocatable :: stiffness_file
    end type knowledge_settings_type
 
    type :: sampler_settings_type

@@ -107,6 +107,8 @@ contains
       call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
       call v%choice('modulus_kind', s%measurements%modulus_kind, 'indentation_modulus', v%words('modulus_kind'), &
          & 'which modulus was measured')
+      call v%choice('angles', s%measurements%angles, 'degrees', 'degrees, radians', &
+         & 'unit of the angles in the file, whatever the names of its columns')
       call v%real('indenter_modulus_gpa', s%measurements%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
          & 'Young''s modulus of the indenter (effective_modulus)')
       call v%real('indenter_nu', s%measurements%indenter_nu, '0.07', '(-1, 0.5]', '', &
@@ -136,11 +138,13 @@ contains
       call v%choice('measure', s%prior%measure, 'constants', 'constants, logarithms', &
          & 'uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
 
-      call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length.')
+      call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length, or a file.')
       call v%names('quantity', s%knowledge%quantity, 'unset', &
          & 'what is known: constants such as ''C11'', ratios such as ''C33/C11'', ''bulk_modulus'', ..')
       call v%reals('mean', s%knowledge%mean, 'unset', '[-1e6, 1e6]', '', 'mean of each, in GPa where it has a unit')
       call v%reals('sd', s%knowledge%sd, 'unset', '(0, 1e6]', '', 'standard deviation of each')
+      call v%file('stiffness_file', s%knowledge%stiffness_file, 'unset', &
+         & 'CSV of the means (GPa) and the covariance (GPa^2) of all constants, as from density functional theory')
 
       call v%group('sampler', s%sampler%given, 'How the posterior is sampled.')
       call v%choice('method', s%sampler%method, 'ensemble', v%words('sampler'), &

@@ -22,7 +22,8 @@ def problem_of(
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
     `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if it is made for a class. `bounds` maps constants to (low, high) in GPa, either of them perhaps
-    None; `knowledge` maps quantities to (mean, sd). `variables` are those of `GROUPS`.
+    None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
+    `variables` are those of `GROUPS`.
     """
     symmetry = symmetry or surrogate.symmetry
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
@@ -36,10 +37,32 @@ def problem_of(
         table = (*measurements_of(measurements), further_columns(measurements))
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
+    page = ""
     if knowledge:
-        means, sds = zip(*knowledge.values(), strict=True)
-        asked["knowledge"] = {"quantity": list(knowledge), "mean": list(means), "sd": list(sds)}
-    return Problem.from_keywords(origin, table, problem={"symmetry": symmetry, "seed": seed}, execution={"workers": workers}, **asked)
+        quantities = {name: pair for name, pair in knowledge.items() if name != "stiffness"}
+        asked["knowledge"] = {}
+        if quantities:
+            means, sds = zip(*quantities.values(), strict=True)
+            asked["knowledge"] = {"quantity": list(quantities), "mean": list(means), "sd": list(sds)}
+        stiffness = knowledge.get("stiffness")
+        if isinstance(stiffness, str | os.PathLike):
+            asked["knowledge"]["stiffness_file"] = stiffness
+        elif stiffness is not None:
+            page = stiffness_page(origin, symmetry, *stiffness)
+    return Problem.from_keywords(origin, table, page, problem={"symmetry": symmetry, "seed": seed}, execution={"workers": workers}, **asked)
+
+
+def stiffness_page(origin: str, symmetry: str, mean, covariance) -> str:
+    """What a file of `&knowledge stiffness_file` would hold: means (k,) in GPa and covariance (k, k) in GPa² of the constants."""
+    names = constant_names(symmetry)
+    mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
+    if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
+        raise InputError(
+            f"{origin}: &knowledge stiffness: means and covariance have shapes {mean.shape} and {covariance.shape}; "
+            f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
+        )
+    rows = [("row", *names), ("mean", *mean.tolist()), *((name, *row) for name, row in zip(names, covariance.tolist(), strict=True))]
+    return "".join(",".join(map(str, row)) + "\n" for row in rows)
 
 
 #: GPa; a bound there is none.

@@ -28,13 +28,13 @@ IMMATERIAL: dict[str, tuple[str, ...] | None] = {"problem": ("title",), "executi
 def inputs_of(problem, groups, output: Path) -> dict[str, str]:
     """Digests of these groups of a problem, with the tables and the surrogate that they name."""
     tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates}
+    cells = {name: table and [table.columns, table.rows] for name, table in tables.items()} | {"knowledge": problem.stiffness}
     inputs = {}
     for group in groups:
         immaterial = IMMATERIAL.get(group, ())
         if immaterial is not None:
             values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in ("given", *immaterial)}
-            table = tables.get(group)
-            inputs[group] = digest(json.dumps([plain(values), table and [table.columns, table.rows]], sort_keys=True).encode())
+            inputs[group] = digest(json.dumps([plain(values), cells.get(group)], sort_keys=True).encode())
     # Before a build there is none.
     with suppress(InputError):
         if "surrogate" in inputs:

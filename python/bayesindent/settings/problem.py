@@ -85,22 +85,25 @@ class Problem(NativeObject):
         self._fill(call("problem_new", os.fsencode(path), command, ""), Path(path))
 
     @classmethod
-    def from_keywords(cls, origin: str, measurements_table: tuple | None = None, **groups: Mapping) -> "Problem":
+    def from_keywords(cls, origin: str, measurements_table: tuple | None = None, stiffness_page: str = "", **groups: Mapping) -> "Problem":
         """The problem of variables by group, `simulation={"mesh": "paper"}`, that the function `origin` was called with.
 
         The messages are those of a file with these values. What is None is left out. `measurements_table`: angles (n, 3) in degrees,
         moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred, and perhaps further columns by name.
+        `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
         """
         self = cls.__new__(cls)
-        self._made_of = (origin, measurements_table, groups)
+        self._made_of = (origin, measurements_table, stiffness_page, groups)
         text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
-        self._fill(call("problem_new", origin.encode(), "", text.encode()), Path(origin), measurements_table)
+        self._fill(call("problem_new", origin.encode(), "", text.encode()), Path(origin), measurements_table, stiffness_page)
         return self
 
-    def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None) -> None:
+    def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None, stiffness_page: str = "") -> None:
         self._hold(handle, frozen=False)
+        if stiffness_page:
+            call("problem_set_table", handle, "stiffness", stiffness_page.encode())
         if measurements_table is not None:
-            call("problem_set_measurements", handle, _page(path, *measurements_table).encode())
+            call("problem_set_table", handle, "measurements", _page(path, *measurements_table).encode())
         facts = self._document()
         self.path = path
         self.folder = path.parent
@@ -112,6 +115,8 @@ class Problem(NativeObject):
         self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in facts["scan"]]
         #: Identity of the physics by mesh: on the problem's own, and on the one to compare it with.
         self.physics = facts["physics"]
+        #: The rows of &knowledge stiffness_file, the header first.
+        self.stiffness = facts.get("stiffness")
         self.crystals, self.measurements, self.candidates = (
             self._points(name, facts) for name in ("crystals", "measurements", "candidates")
         )
@@ -163,8 +168,8 @@ def _page(origin: Path, angles, modulus, sd, further: Mapping | None = None) -> 
     return page.getvalue()
 
 
-def _from_keywords(origin: str, measurements_table: tuple | None, groups: Mapping) -> Problem:
-    return Problem.from_keywords(origin, measurements_table, **groups)
+def _from_keywords(origin: str, measurements_table: tuple | None, stiffness_page: str, groups: Mapping) -> Problem:
+    return Problem.from_keywords(origin, measurements_table, stiffness_page, **groups)
 
 
 def _spelled(origin: str, group: str, values: Mapping) -> str:

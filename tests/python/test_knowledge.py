@@ -1,0 +1,125 @@
+"""What else is known of a crystal: its density, what contradicts it, and angles in radians."""
+
+import csv
+
+import numpy as np
+import pytest
+from scipy import stats
+from step_2_cases import table_of
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import constant_names
+from bayesindent.inference.posterior import PRIOR, Posterior
+from conftest import SOURCE
+
+STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
+TITANIUM = SOURCE / "inputs" / "data" / "titanium.csv"
+ANGLES = np.array([[0.0, 10.0, 0.0], [20.0, 50.0, 40.0], [10.0, 85.0, 5.0]])
+
+
+def stiffness_of_file():
+    """Means and covariance in the order of the class, by the standard library."""
+    lines = (line for line in STIFFNESS.read_text().splitlines() if not line.startswith("#"))
+    rows = {row["row"]: row for row in csv.DictReader(lines)}
+    names = constant_names("hexagonal")
+    mean, *covariance = ([float(rows[row][name]) for name in names] for row in ("mean", *names))
+    return np.array(mean), np.array(covariance)
+
+
+def prior_of(knowledge, **settings):
+    """The prior with this knowledge; the measurements only say about how stiff the crystal is."""
+    table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 3.0))
+    return Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), symmetry="hexagonal", what=PRIOR, knowledge=knowledge, **settings)
+
+
+def test_a_stiffness_with_its_covariance_is_one_normal_factor():
+    mean, covariance = stiffness_of_file()
+    points = mean + np.random.default_rng(1).normal(size=(50, 5)) * 3.0
+    normal = stats.multivariate_normal(mean, covariance).logpdf(points)
+    for value in (STIFFNESS, (mean, covariance)):
+        found = prior_of({"stiffness": value}).evaluate(points)[0]
+        assert found - found[0] == pytest.approx(normal - normal[0], rel=1e-10, abs=1e-10)
+    # Beside it another source that knows one constant and a ratio.
+    found = prior_of({"C44": (46.0, 2.0), "C33/C11": (1.1, 0.03), "stiffness": STIFFNESS}).evaluate(points)[0]
+    normal += stats.norm(46.0, 2.0).logpdf(points[:, 2]) + stats.norm(1.1, 0.03).logpdf(points[:, 3] / points[:, 0])
+    assert found - found[0] == pytest.approx(normal - normal[0], rel=1e-10, abs=1e-10)
+
+
+def test_where_data_say_nothing_the_posterior_is_what_is_known():
+    mean, covariance = stiffness_of_file()
+    # A product of two normals, by the usual update.
+    other, sd = 46.0, 2.0
+    gain = covariance[:, 2] / (covariance[2, 2] + sd**2)
+    wanted, spread = mean + gain * (other - mean[2]), covariance - np.outer(gain, covariance[2])
+    table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 2000.0))
+    knowledge = {"stiffness": (mean, covariance), "C44": (other, sd)}
+    result = bi.extract(table, symmetry="hexagonal", knowledge=knowledge, samples=5000, chains=2)
+    draws = np.stack([result.posterior[name].values.ravel() for name in constant_names("hexagonal")], axis=1)
+    size = min(item["ess_bulk"] for item in bi.summary(result)["parameters"].values())
+    assert size > 1000
+    assert draws.mean(axis=0) == pytest.approx(wanted, abs=5 * np.sqrt(spread.max() / size))
+    assert np.cov(draws.T) == pytest.approx(spread, abs=8 * spread.max() / np.sqrt(size))
+
+
+@pytest.mark.parametrize(
+    ("knowledge", "words"),
+    [
+        ({"stiffness": (np.ones(3), np.eye(3))}, r"&knowledge stiffness: .*\(3,\) and \(3, 3\); allowed \(5,\) and \(5, 5\)"),
+        ({"stiffness": (np.full(5, np.nan), np.eye(5))}, r"&knowledge stiffness: line 2, column C11: nan is not finite"),
+        ({"stiffness": SOURCE / "nowhere.csv"}, r"&knowledge stiffness_file: .*nowhere.csv: .*does not exist"),
+        ({"bulk_modulus": (100, 1), "bulk_modulus^2": (10000, 200)}, "'bulk_modulus.2' says the same .* as 'bulk_modulus'"),
+        ({"C66": (35, 1), "C'": (35, 1)}, "'C'' says the same of a hexagonal crystal as 'C66'"),
+        ({"young[100]": (100, 1), "young[1 0.5 0]": (100, 1)}, "says the same of a hexagonal crystal"),
+    ],
+)
+def test_refusals(knowledge, words):
+    with pytest.raises(bi.InputError, match=words):
+        prior_of(knowledge)
+
+
+def test_what_differs_may_be_known_together():
+    prior_of(
+        {"bulk_modulus": (110, 5), "polycrystal_bulk": (110, 5), "compressibility[100]": (3, 1), "young[001]": (140, 5), "C33/C11": (1, 1)}
+    )
+
+
+def test_angles_in_radians():
+    table = table_of(ANGLES, np.array([140.0, 135.0, 130.0]), np.full(3, 3.0))
+    radians = table | {"euler_deg": np.radians(ANGLES)}
+    settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": "hexagonal"}
+    point = [[162.0, 92.0, 47.0, 180.0, 69.0]]
+    wanted = Posterior.of(table, **settings).evaluate(point)
+    found = Posterior.of(radians, angles="radians", **settings)
+    assert np.array(found.evaluate(point)) == pytest.approx(np.array(wanted), rel=1e-9)
+    assert found.problem.measurements.euler_deg == pytest.approx(ANGLES, abs=1e-12)
+    assert found.problem.warnings == []
+    with pytest.raises(bi.InputError, match="no angle is above 2 pi.*angles = 'radians'"):
+        Posterior.of(radians, **settings)
+    with pytest.raises(bi.InputError, match=r"column Phi_deg: 10.0 radians; allowed 0.0 to 3.14159"):
+        Posterior.of(table, angles="radians", **settings)
+    # Whole numbers of degrees near the axis, and two grains, are no proof.
+    for angles in ([[0, 0, 0], [0, 3, 0], [0, 6, 0]], [[0.1, 0.2, 0.3], [1.0, 1.5, 2.0]]):
+        few = table_of(np.array(angles, float), np.full(len(angles), 140.0), np.full(len(angles), 3.0))
+        assert any("radians" in line for line in Posterior.of(few, **settings).problem.warnings)
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "n_constants", "visible"),
+    [("isotropic", 2, 1), ("cubic", 3, 2), ("hexagonal", 5, 3), ("4/mmm", 6, 4), ("4/m", 7, 5), ("-3m", 6, 4), ("-3", 7, 5),
+     ("mmm", 9, 6), ("2/m", 13, 9), ("-1", 21, 15)],
+)  # fmt: skip
+def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants, visible):
+    rng = np.random.default_rng(5)
+
+    def warnings(n):
+        # Directions at random in a narrow part of the sphere, and each of them again, turned about itself, which says nothing new.
+        angles = np.column_stack([np.zeros(n), 15.0 + 30.0 * np.arange(n) / max(1, n - 1), rng.uniform(60, 85, n)])
+        angles = np.concatenate([angles, angles + [50.0, 0, 0]])
+        table = table_of(angles, np.full(2 * n, 150.0), np.full(2 * n, 4.0))
+        settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": symmetry}
+        return [line for line in Posterior.of(table, **settings).problem.warnings if "directions" in line]
+
+    if visible > 2:
+        said = f"grains in 2 different directions; {visible} combinations of the {n_constants} constants are visible to indentation"
+        assert [said in line for line in warnings(2)] == [True]
+    assert warnings(max(2, min(visible, 6))) == [] or visible > 6
