@@ -119,8 +119,8 @@ contains
       self%euler = euler
       call new_field(self%class, self%field_degree, euler, self%field, error)
       if (allocated(error)) return
-      self%field_cost = size(self%field%nodes, 2)*(0.7_wp + 0.006_wp*size(euler, 2)) + 0.25_wp*size(euler, 2)
-      self%full_cost = 15.0_wp*size(euler, 2)
+      self%field_cost = size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*size(euler, 2)) + 0.07_wp*size(euler, 2)
+      self%full_cost = 2.6_wp*size(euler, 2)
    end subroutine set_grains
 
    pure subroutine evaluate_moduli(self, c, modulus, slope)

@@ -4,13 +4,14 @@
 !> Phys. Solids 14, 163, 1966). With a circle instead of the ellipse the modulus is that of Vlassak & Nix (J. Mech. Phys.
 !> Solids 42, 1223, 1994), which is never larger.
 module halfspace_theory
+   use barnett_lothe, only: inverse_barnett, lanes, tolerance
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type, raise
    use kinds, only: pi, wp
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus, inverse_barnett
+   public :: halfspace_type, halfspace_modulus
 
    !> What the theory says of one crystal under the indenter.
    type :: halfspace_type
@@ -20,21 +21,22 @@ module halfspace_theory
       real(wp) :: axis_ratio = 1.0_wp, major_axis = 0.0_wp
    end type halfspace_type
 
-   !> Relative change on doubling an angular grid below which the finer one is accepted. The trapezoid rule converges
-   !> exponentially on these periodic integrands, so that the error left is about the square of the change.
-   real(wp), parameter :: tolerance = 1.0e-5_wp
-   integer, parameter :: coarsest = 16, finest = 4096
+   !> Directions of the coarsest grid that is accepted, of those in the table below, and of the finest grid.
+   integer, parameter :: coarsest = 2*lanes, tabulated = 4*lanes, finest = 4096
+   !> Of the harmonic of h at 3/4 of what a grid resolves, relative to the mean. With the doubling of the grid it guards against a
+   !> change that is small by the phase of a harmonic alone.
+   real(wp), parameter :: allowed_tail = 3.0e-4_wp
 
    integer :: k
-   !> Cosines and sines of the angles pi k/16 (first column) and those half-way between, which suffice for most crystals.
-   real(wp), parameter :: cosines(coarsest, 2) = &
-      & reshape([(cos(pi*k/coarsest), k=0, coarsest - 1), (cos(pi*(k + 0.5_wp)/coarsest), k=0, coarsest - 1)], [coarsest, 2])
-   real(wp), parameter :: sines(coarsest, 2) = &
-      & reshape([(sin(pi*k/coarsest), k=0, coarsest - 1), (sin(pi*(k + 0.5_wp)/coarsest), k=0, coarsest - 1)], [coarsest, 2])
+   !> Directions in half a turn, radians, such that the first n = 8, 16, 32 are equally spaced; those of finer grids follow alike.
+   real(wp), parameter :: directions(tabulated) = pi*[[(k/real(lanes, wp), k=0, lanes - 1)], &
+      & [((k + 0.5_wp)/lanes, k=0, lanes - 1)], [((k + 0.5_wp)/(2*lanes), k=0, 2*lanes - 1)]]
+   real(wp), parameter :: cosines(tabulated) = cos(directions), sines(tabulated) = sin(directions)
 
-   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness with the sample axes.
+   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness with the sample axes, (xy) with its transpose: those of one axis by the
+   !> components 11, 22, 33, 23, 13, 12, the others by columns.
    type :: contractions_type
-      real(wp) :: xx(3, 3), xy(3, 3), yy(3, 3), zx(3, 3), zy(3, 3), zz(3, 3)
+      real(wp) :: xx(6), xy(6), yy(6), xz(9), yz(9), zz(6)
    end type contractions_type
 
 contains
@@ -45,139 +47,77 @@ contains
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
       type(contractions_type) :: contractions
-      real(wp) :: previous, compliance(finest)
-      integer :: n, i
+      real(wp) :: h(finest), cosine(finest), sine(finest), shape(2), change
+      integer :: done, n
 
       call check_stiffness(c, error)
       if (allocated(error)) return
       contractions = new_contractions(rotate_stiffness(c, rotation_matrix(euler)))
+      done = 0
+      shape = 0.0_wp
       n = coarsest
-      do i = 1, n
-         compliance(i) = surface_compliance(contractions, pi*(i - 1)/n)
-      end do
-      call fit_contact_ellipse(compliance(:n), result)
-      do while (2*n <= finest)
-         previous = result%modulus
-         ! Old points become the odd ones of the finer grid.
-         do i = n, 1, -1
-            compliance(2*i - 1) = compliance(i)
-         end do
+      do while (n <= finest)
+         call extend_grid(contractions, done, n, h, cosine, sine)
+         done = n
+         call fit_contact_ellipse(h(:n), cosine(:n), sine(:n), shape, result, change)
+         if (change <= tolerance .and. tail(h(:n), cosine(:n), sine(:n)) <= allowed_tail) return
          n = 2*n
-         do i = 2, n, 2
-            compliance(i) = surface_compliance(contractions, pi*(i - 1)/n)
-         end do
-         call fit_contact_ellipse(compliance(:n), result)
-         if (abs(result%modulus - previous) <= tolerance*result%modulus) return
       end do
       call raise(error, 'the surface Green''s function of a nearly unstable crystal did not converge on ' &
          & //to_text(finest)//' directions')
    end subroutine halfspace_modulus
 
-   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa; theta is the direction from sample x in the surface.
-   pure real(wp) function surface_compliance(c, theta) result(h)
-      type(contractions_type), intent(in) :: c
-      real(wp), intent(in) :: theta
-      real(wp) :: ze(3, 3), ee(3, 3), total(6), e(2), before
-      real(wp), allocatable :: phi(:)
-      integer :: n, i
+   !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, and the cosine and sine of 2 theta, in the directions after the first
+   !> `done` up to the `n`-th; theta is counted from sample x in the surface.
+   pure subroutine extend_grid(contractions, done, n, h, cosine, sine)
+      type(contractions_type), intent(in) :: contractions
+      integer, intent(in) :: done, n
+      real(wp), intent(inout) :: h(finest), cosine(finest), sine(finest)
+      real(wp) :: c(lanes), s(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6), theta
+      integer :: first, i
 
-      ! m and n turn in the plane perpendicular to t = (cos theta, sin theta, 0), which z and e = (sin, -cos, 0) span.
-      e = [sin(theta), -cos(theta)]
-      ze = c%zx*e(1) + c%zy*e(2)
-      ee = c%xx*e(1)**2 + (c%xy + transpose(c%xy))*(e(1)*e(2)) + c%yy*e(2)**2
-      ! The integrand repeats after pi.
-      n = coarsest
-      total = integrand_sum(c%zz, ze, ee, cosines(:, 1), sines(:, 1))
-      h = inverse_zz(total, n)
-      do while (2*n <= finest)
-         if (n == coarsest) then
-            total = total + integrand_sum(c%zz, ze, ee, cosines(:, 2), sines(:, 2))
+      do first = done, n - lanes, lanes
+         if (first < tabulated) then
+            c = cosines(first + 1:first + lanes)
+            s = sines(first + 1:first + lanes)
          else
-            phi = pi*([(i, i=1, n)] - 0.5_wp)/n
-            total = total + integrand_sum(c%zz, ze, ee, cos(phi), sin(phi))
+            do i = 1, lanes
+               theta = pi*(first + i - done - 0.5_wp)/done
+               c(i) = cos(theta)
+               s(i) = sin(theta)
+            end do
          end if
-         n = 2*n
-         before = h
-         h = inverse_zz(total, n)
-         if (abs(h - before) <= tolerance*h) exit
+         cosine(first + 1:first + lanes) = c**2 - s**2
+         sine(first + 1:first + lanes) = 2.0_wp*c*s
+         ! m = (sin theta, -cos theta, 0) and n = z are perpendicular to t.
+         do i = 1, 9
+            mn(:, i) = s*contractions%xz(i) - c*contractions%yz(i)
+         end do
+         do i = 1, 6
+            mm(:, i) = s**2*contractions%xx(i) - s*c*contractions%xy(i) + c**2*contractions%yy(i)
+            nn(:, i) = contractions%zz(i)
+         end do
+         call inverse_barnett(mm, mn, nn, f)
+         h(first + 1:first + lanes) = f(:, 3)
       end do
-   end function surface_compliance
-
-   !> B^-1(t)/(8 pi^2) of a crystal, 1/GPa, components 11, 22, 33, 23, 13, 12 in crystal axes.
-   pure function inverse_barnett(c, t) result(f)
-      !> Stiffness in crystal axes, GPa; unit vector in crystal axes.
-      real(wp), intent(in) :: c(6, 6), t(3)
-      real(wp) :: f(6)
-      real(wp) :: first(3), second(3), mm(3, 3), mn(3, 3), nn(3, 3), left(6, 3), right(6, 3), half(6, 3)
-      real(wp) :: total(6), before(6), minor(6), determinant
-      real(wp), allocatable :: phi(:)
-      integer :: n, i
-
-      ! Two unit vectors perpendicular to t, from the coordinate axis that is farthest from it.
-      first = 0.0_wp
-      first(minloc(abs(t), 1)) = 1.0_wp
-      first = first - dot_product(first, t)*t
-      first = first/norm2(first)
-      second = [t(2)*first(3) - t(3)*first(2), t(3)*first(1) - t(1)*first(3), t(1)*first(2) - t(2)*first(1)]
-      left = contraction_matrix(first)
-      right = contraction_matrix(second)
-      half = matmul(c, right)
-      mn = matmul(transpose(left), half)
-      nn = matmul(transpose(right), half)
-      mm = matmul(transpose(left), matmul(c, left))
-      n = coarsest
-      total = integrand_sum(mm, mn, nn, cosines(:, 1), sines(:, 1))
-      do while (2*n <= finest)
-         before = total/n
-         if (n == coarsest) then
-            total = total + integrand_sum(mm, mn, nn, cosines(:, 2), sines(:, 2))
-         else
-            phi = pi*([(i, i=1, n)] - 0.5_wp)/n
-            total = total + integrand_sum(mm, mn, nn, cos(phi), sin(phi))
-         end if
-         n = 2*n
-         if (all(abs(total/n - before) <= tolerance*maxval(abs(before)))) exit
-      end do
-      minor = [total(2)*total(3) - total(4)**2, total(1)*total(3) - total(5)**2, total(1)*total(2) - total(6)**2, &
-         & total(6)*total(5) - total(1)*total(4), total(6)*total(4) - total(2)*total(5), total(4)*total(5) - total(6)*total(3)]
-      determinant = total(1)*minor(1) + total(6)*minor(6) + total(5)*minor(5)
-      f = minor/determinant*n/(2.0_wp*pi)
-   end function inverse_barnett
-
-   !> The 6 x 3 matrix A of a direction a such that the contraction (ab) is A(a)^T C A(b).
-   pure function contraction_matrix(a) result(matrix)
-      real(wp), intent(in) :: a(3)
-      real(wp) :: matrix(6, 3)
-
-      matrix = reshape([a(1), 0.0_wp, 0.0_wp, 0.0_wp, a(3), a(2), 0.0_wp, a(2), 0.0_wp, a(3), 0.0_wp, a(1), &
-         & 0.0_wp, 0.0_wp, a(3), a(2), a(1), 0.0_wp], [6, 3])
-   end function contraction_matrix
-
-   !> [B^-1]_zz/(8 pi^2), with B the mean of the integrand over a full turn, divided by 4 pi; `total` holds the sum of the
-   !> components 11, 22, 33, 23, 13, 12 over n angles.
-   pure real(wp) function inverse_zz(total, n) result(h)
-      real(wp), intent(in) :: total(6)
-      integer, intent(in) :: n
-      real(wp) :: minor, determinant
-
-      minor = total(1)*total(2) - total(6)**2
-      determinant = minor*total(3) - total(1)*total(4)**2 - total(2)*total(5)**2 + 2.0_wp*total(4)*total(5)*total(6)
-      h = minor/determinant*n/(2.0_wp*pi)
-   end function inverse_zz
+   end subroutine extend_grid
 
    pure function new_contractions(c) result(self)
       !> Stiffness in the sample frame, GPa.
       real(wp), intent(in) :: c(6, 6)
       type(contractions_type) :: self
+      real(wp) :: xy(3, 3)
 
-      self%xx = contraction(c, 1, 1)
-      self%xy = contraction(c, 1, 2)
-      self%yy = contraction(c, 2, 2)
-      self%zx = contraction(c, 3, 1)
-      self%zy = contraction(c, 3, 2)
-      self%zz = contraction(c, 3, 3)
+      xy = contraction(c, 1, 2)
+      self%xx = components(contraction(c, 1, 1))
+      self%xy = components(xy + transpose(xy))
+      self%yy = components(contraction(c, 2, 2))
+      self%xz = reshape(contraction(c, 1, 3), [9])
+      self%yz = reshape(contraction(c, 2, 3), [9])
+      self%zz = components(contraction(c, 3, 3))
    end function new_contractions
 
+   !> The contraction (ab)_ij = a_k C_kijl b_l of a stiffness with two of the sample axes.
    pure function contraction(c, a, b) result(ab)
       real(wp), intent(in) :: c(6, 6)
       integer, intent(in) :: a, b
@@ -191,119 +131,126 @@ contains
       end do
    end function contraction
 
-   !> Sum of (mm) - (mn)(nn)^-1(nm), components 11, 22, 33, 23, 13, 12, over angles of m from z given by their
-   !> cosines and sines. Written out by components, so that the angles fill the vector units.
-   pure function integrand_sum(zz, ze, ee, c, s) result(total)
-      real(wp), intent(in) :: zz(3, 3), ze(3, 3), ee(3, 3)
-      real(wp), intent(in), contiguous :: c(:), s(:)
-      real(wp) :: total(6)
-      real(wp) :: both(3, 3), difference(3, 3), cc, cs, ss, determinant
-      real(wp) :: n11, n22, n33, n23, n13, n12, i11, i22, i33, i23, i13, i12
-      real(wp) :: a11, a12, a13, a21, a22, a23, a31, a32, a33, b11, b12, b13, b21, b22, b23, b31, b32, b33
-      real(wp) :: t11, t22, t33, t23, t13, t12
-      integer :: i
+   !> Components 11, 22, 33, 23, 13, 12.
+   pure function components(a) result(c)
+      real(wp), intent(in) :: a(3, 3)
+      real(wp) :: c(6)
 
-      both = ze + transpose(ze)
-      difference = ee - zz
-      t11 = 0.0_wp
-      t22 = 0.0_wp
-      t33 = 0.0_wp
-      t23 = 0.0_wp
-      t13 = 0.0_wp
-      t12 = 0.0_wp
-      !$omp simd reduction(+: t11, t22, t33, t23, t13, t12)
-      do i = 1, size(c)
-         cc = c(i)*c(i)
-         cs = c(i)*s(i)
-         ss = s(i)*s(i)
-         ! (nn) and the adjugate of it.
-         n11 = ss*zz(1, 1) - cs*both(1, 1) + cc*ee(1, 1)
-         n22 = ss*zz(2, 2) - cs*both(2, 2) + cc*ee(2, 2)
-         n33 = ss*zz(3, 3) - cs*both(3, 3) + cc*ee(3, 3)
-         n23 = ss*zz(2, 3) - cs*both(2, 3) + cc*ee(2, 3)
-         n13 = ss*zz(1, 3) - cs*both(1, 3) + cc*ee(1, 3)
-         n12 = ss*zz(1, 2) - cs*both(1, 2) + cc*ee(1, 2)
-         i11 = n22*n33 - n23*n23
-         i22 = n11*n33 - n13*n13
-         i33 = n11*n22 - n12*n12
-         i12 = n13*n23 - n12*n33
-         i13 = n12*n23 - n13*n22
-         i23 = n12*n13 - n11*n23
-         determinant = 1.0_wp/(n11*i11 + n12*i12 + n13*i13)
-         ! a = (mn), b = (mn)(nn)^-1.
-         a11 = cs*difference(1, 1) + cc*ze(1, 1) - ss*ze(1, 1)
-         a12 = cs*difference(1, 2) + cc*ze(1, 2) - ss*ze(2, 1)
-         a13 = cs*difference(1, 3) + cc*ze(1, 3) - ss*ze(3, 1)
-         a21 = cs*difference(2, 1) + cc*ze(2, 1) - ss*ze(1, 2)
-         a22 = cs*difference(2, 2) + cc*ze(2, 2) - ss*ze(2, 2)
-         a23 = cs*difference(2, 3) + cc*ze(2, 3) - ss*ze(3, 2)
-         a31 = cs*difference(3, 1) + cc*ze(3, 1) - ss*ze(1, 3)
-         a32 = cs*difference(3, 2) + cc*ze(3, 2) - ss*ze(2, 3)
-         a33 = cs*difference(3, 3) + cc*ze(3, 3) - ss*ze(3, 3)
-         b11 = determinant*(a11*i11 + a12*i12 + a13*i13)
-         b12 = determinant*(a11*i12 + a12*i22 + a13*i23)
-         b13 = determinant*(a11*i13 + a12*i23 + a13*i33)
-         b21 = determinant*(a21*i11 + a22*i12 + a23*i13)
-         b22 = determinant*(a21*i12 + a22*i22 + a23*i23)
-         b23 = determinant*(a21*i13 + a22*i23 + a23*i33)
-         b31 = determinant*(a31*i11 + a32*i12 + a33*i13)
-         b32 = determinant*(a31*i12 + a32*i22 + a33*i23)
-         b33 = determinant*(a31*i13 + a32*i23 + a33*i33)
-         t11 = t11 + cc*zz(1, 1) + cs*both(1, 1) + ss*ee(1, 1) - (b11*a11 + b12*a12 + b13*a13)
-         t22 = t22 + cc*zz(2, 2) + cs*both(2, 2) + ss*ee(2, 2) - (b21*a21 + b22*a22 + b23*a23)
-         t33 = t33 + cc*zz(3, 3) + cs*both(3, 3) + ss*ee(3, 3) - (b31*a31 + b32*a32 + b33*a33)
-         t23 = t23 + cc*zz(2, 3) + cs*both(2, 3) + ss*ee(2, 3) - (b21*a31 + b22*a32 + b23*a33)
-         t13 = t13 + cc*zz(1, 3) + cs*both(1, 3) + ss*ee(1, 3) - (b11*a31 + b12*a32 + b13*a33)
-         t12 = t12 + cc*zz(1, 2) + cs*both(1, 2) + ss*ee(1, 2) - (b11*a21 + b12*a22 + b13*a23)
+      c = [a(1, 1), a(2, 2), a(3, 3), a(2, 3), a(1, 3), a(1, 2)]
+   end function components
+
+   !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to the mean: n/8 is a power of two, and
+   !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
+   pure real(wp) function tail(h, cosine, sine)
+      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+      real(wp) :: re, im, old, mean, sum_re, sum_im
+      integer :: i, j, squarings
+
+      squarings = nint(log(size(h)/8.0_wp)/log(2.0_wp))
+      mean = 0.0_wp
+      sum_re = 0.0_wp
+      sum_im = 0.0_wp
+      do i = 1, size(h)
+         re = cosine(i)*(cosine(i)**2 - 3.0_wp*sine(i)**2)
+         im = sine(i)*(3.0_wp*cosine(i)**2 - sine(i)**2)
+         do j = 1, squarings
+            old = re
+            re = re**2 - im**2
+            im = 2.0_wp*old*im
+         end do
+         mean = mean + h(i)
+         sum_re = sum_re + h(i)*re
+         sum_im = sum_im + h(i)*im
       end do
-      total = [t11, t22, t33, t23, t13, t12]
-   end function integrand_sum
+      tail = 2.0_wp*sqrt(sum_re**2 + sum_im**2)/mean
+   end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
-   pure subroutine fit_contact_ellipse(h, result)
-      !> h at n equally spaced directions in [0, pi).
-      real(wp), intent(in) :: h(:)
+   pure subroutine fit_contact_ellipse(h, cosine, sine, shape, result, change)
+      !> h, and the cosine and sine of 2 theta, in n equally spaced directions, of which the first half are equally spaced too.
+      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+      !> (a, b): a guess, or 0, on entry.
+      real(wp), intent(inout) :: shape(2)
       type(halfspace_type), intent(out) :: result
-      real(wp) :: cosine(size(h)), sine(size(h)), r(size(h)), x(2), step(2), gradient(2), hessian(2, 2)
-      real(wp) :: value, trial, determinant, weight, length
-      integer :: i, iteration
+      !> Of the modulus on leaving the second half out, relative.
+      real(wp), intent(out) :: change
+      !> Steps of less leave an error of the order of their square, and of its square in the modulus.
+      real(wp), parameter :: smallest = 1.0e-5_wp
+      !> Shapes and steps for which Newton's method needs no watching.
+      real(wp), parameter :: safe_shape = 0.7_wp, safe_step = 0.1_wp
+      real(wp) :: step(2), gradient(2), hessian(3), value, half, determinant, length
+      integer :: n, iteration
 
-      weight = pi/size(h)
-      do i = 1, size(h)
-         cosine(i) = cos(2.0_wp*pi*(i - 1)/size(h))
-         sine(i) = sin(2.0_wp*pi*(i - 1)/size(h))
-      end do
-      x = 0.0_wp
-      value = weight*sum(h)
-      result%modulus_circular = 1.0_wp/value
+      n = size(h)
       do iteration = 1, 50
-         r = 1.0_wp/sqrt(1.0_wp + x(1)*cosine + x(2)*sine)
-         gradient(1) = -0.5_wp*weight*sum(h*cosine*r**3)
-         gradient(2) = -0.5_wp*weight*sum(h*sine*r**3)
-         hessian(1, 1) = 0.75_wp*weight*sum(h*cosine**2*r**5)
-         hessian(1, 2) = 0.75_wp*weight*sum(h*cosine*sine*r**5)
-         hessian(2, 2) = 0.75_wp*weight*sum(h*sine**2*r**5)
-         determinant = hessian(1, 1)*hessian(2, 2) - hessian(1, 2)**2
-         step(1) = -(hessian(2, 2)*gradient(1) - hessian(1, 2)*gradient(2))/determinant
-         step(2) = -(hessian(1, 1)*gradient(2) - hessian(1, 2)*gradient(1))/determinant
-         if (sum(step**2) < 1.0e-20_wp) exit
+         call differentiate(h, cosine, sine, shape, gradient, hessian)
+         determinant = hessian(1)*hessian(3) - hessian(2)**2
+         step(1) = (hessian(2)*gradient(2) - hessian(3)*gradient(1))/determinant
+         step(2) = (hessian(2)*gradient(1) - hessian(1)*gradient(2))/determinant
          length = 1.0_wp
-         do
-            if (sum((x + length*step)**2) < 1.0_wp) then
-               trial = weight*sum(h/sqrt(1.0_wp + (x(1) + length*step(1))*cosine + (x(2) + length*step(2))*sine))
-               if (trial <= value*(1.0_wp + 1.0e-15_wp)) exit
-            end if
-            length = 0.5_wp*length
+         if (sum((shape + step)**2) > safe_shape**2 .or. sum(step**2) > safe_step**2) then
+            value = total_compliance(h, cosine, sine, shape)
+            do
+               if (sum((shape + length*step)**2) < 1.0_wp) then
+                  if (total_compliance(h, cosine, sine, shape + length*step) <= value*(1.0_wp + 1.0e-15_wp)) exit
+               end if
+               length = 0.5_wp*length
+               if (length < 1.0e-10_wp) exit
+            end do
             if (length < 1.0e-10_wp) exit
-         end do
-         if (length < 1.0e-10_wp) exit
-         x = x + length*step
-         value = trial
+         end if
+         shape = shape + length*step
+         if (sum(step**2) < smallest**2) exit
       end do
-      result%modulus = 1.0_wp/value
-      length = sqrt(sum(x**2))
+      half = total_compliance(h(:n/2), cosine(:n/2), sine(:n/2), shape)
+      value = half + total_compliance(h(n/2 + 1:), cosine(n/2 + 1:), sine(n/2 + 1:), shape)
+      change = abs(2.0_wp*half/value - 1.0_wp)
+      result%modulus = n/(pi*value)
+      result%modulus_circular = n/(pi*sum(h))
+      length = norm2(shape)
       result%axis_ratio = sqrt((1.0_wp - length)/(1.0_wp + length))
       ! The weight is largest where the contact is narrowest.
-      result%major_axis = modulo(0.5_wp*atan2(x(2), x(1)) + 0.5_wp*pi, pi)
+      result%major_axis = modulo(0.5_wp*atan2(shape(2), shape(1)) + 0.5_wp*pi, pi)
    end subroutine fit_contact_ellipse
+
+   !> Sum of h (1 + a cos 2 theta + b sin 2 theta)^-1/2.
+   pure real(wp) function total_compliance(h, cosine, sine, shape) result(total)
+      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+      real(wp), intent(in) :: shape(2)
+      integer :: i
+
+      total = 0.0_wp
+      !$omp simd reduction(+: total)
+      do i = 1, size(h)
+         total = total + h(i)/sqrt(1.0_wp + shape(1)*cosine(i) + shape(2)*sine(i))
+      end do
+   end function total_compliance
+
+   !> Its gradient and its second derivatives aa, ab, bb.
+   pure subroutine differentiate(h, cosine, sine, shape, gradient, hessian)
+      real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
+      real(wp), intent(in) :: shape(2)
+      real(wp), intent(out) :: gradient(2), hessian(3)
+      real(wp) :: r, w, a, b, aa, ab, bb
+      integer :: i
+
+      a = 0.0_wp
+      b = 0.0_wp
+      aa = 0.0_wp
+      ab = 0.0_wp
+      bb = 0.0_wp
+      !$omp simd private(r, w) reduction(+: a, b, aa, ab, bb)
+      do i = 1, size(h)
+         r = 1.0_wp/(1.0_wp + shape(1)*cosine(i) + shape(2)*sine(i))
+         w = 0.5_wp*h(i)*r*sqrt(r)
+         a = a - w*cosine(i)
+         b = b - w*sine(i)
+         w = 1.5_wp*w*r
+         aa = aa + w*cosine(i)*cosine(i)
+         ab = ab + w*cosine(i)*sine(i)
+         bb = bb + w*sine(i)*sine(i)
+      end do
+      gradient = [a, b]
+      hessian = [aa, ab, bb]
+   end subroutine differentiate
 end module halfspace_theory

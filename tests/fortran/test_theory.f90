@@ -1,8 +1,9 @@
-!> The half-space theory read from a field, and the coordinates of Step 2.
+!> The half-space theory, in full and read from a field, and the coordinates of Step 2.
 program test_theory
+   use barnett_lothe, only: inverse_barnett, lanes
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: log_anisotropy, is_stable
+   use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, voigt_index
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: pi, wp
@@ -19,9 +20,152 @@ program test_theory
       call test_coordinates(trim(classes(k)))
       call test_field(trim(classes(k)))
    end do
+   call test_doubling()
+   call test_hexagonal_axis()
+   call test_turn_about_normal()
    call finish()
 
 contains
+
+   !> Doubled angles against the trapezoid rule written out, for directions of a crystal without symmetry.
+   subroutine test_doubling()
+      integer, parameter :: n_angles = 512
+      type(crystal_class_type) :: class
+      type(error_type), allocatable :: error
+      type(random_stream_type) :: stream
+      real(wp), allocatable :: w(:)
+      real(wp) :: c(6, 6), t(3), first(3), second(3), b(3, 3), m(3), n(3), expected(3, 3), phi
+      real(wp) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6), product(3, 3)
+      integer :: lane, i, j
+
+      call new_crystal_class('triclinic', class, error)
+      stream = new_random_stream(7, 0)
+      call make_crystal(class, stream, w, c)
+      do lane = 1, lanes
+         do i = 1, 3
+            call stream%normal(t(i))
+            call stream%normal(first(i))
+         end do
+         t = t/norm2(t)
+         first = first - dot_product(first, t)*t
+         first = first/norm2(first)
+         second = [t(2)*first(3) - t(3)*first(2), t(3)*first(1) - t(1)*first(3), t(1)*first(2) - t(2)*first(1)]
+         mm(lane, :) = components(contraction(c, first, first))
+         mn(lane, :) = reshape(contraction(c, first, second), [9])
+         nn(lane, :) = components(contraction(c, second, second))
+      end do
+      call inverse_barnett(mm, mn, nn, f)
+      ! Of the last direction, whose axes are still there.
+      b = 0.0_wp
+      do i = 1, n_angles
+         phi = 2.0_wp*pi*i/n_angles
+         m = cos(phi)*first + sin(phi)*second
+         n = cos(phi)*second - sin(phi)*first
+         product = contraction(c, m, n)
+         b = b + contraction(c, m, m) - matmul(product, matmul(inverse_of(contraction(c, n, n)), transpose(product)))
+      end do
+      ! B = sum 2 pi/n / (8 pi^2), and f = B^-1/(8 pi^2).
+      expected = inverse_of(b*2.0_wp*pi/n_angles/(8.0_wp*pi**2))/(8.0_wp*pi**2)
+      do j = 1, 6
+         call check('an inverse of the matrix doubles the angles', &
+            & abs(f(lanes, j) - component(expected, j)) < 1.0e-9_wp*maxval(abs(expected)))
+      end do
+   end subroutine test_doubling
+
+   !> Along the axis of a hexagonal crystal the modulus has a closed form, however anisotropic the crystal.
+   subroutine test_hexagonal_axis()
+      real(wp), parameter :: c11 = 300.0_wp, c12 = 120.0_wp, c13(3) = [60.0_wp, 20.0_wp, 12.0_wp]
+      real(wp), parameter :: c33(3) = [150.0_wp, 30.0_wp, 6.0_wp], c44(3) = [60.0_wp, 6.0_wp, 1.5_wp]
+      type(crystal_class_type) :: class
+      type(halfspace_type) :: found
+      type(error_type), allocatable :: error
+      real(wp) :: c(6, 6), expected
+      integer :: i
+
+      call new_crystal_class('hexagonal', class, error)
+      do i = 1, 3
+         c = class%stiffness([c11, c12, c44(i), c33(i), c13(i)])
+         expected = 2.0_wp*sqrt((c11*c33(i) - c13(i)**2)/c11/(1.0_wp/c44(i) + 2.0_wp/(sqrt(c11*c33(i)) + c13(i))))
+         call halfspace_modulus(c, [0.3_wp, 0.0_wp, 0.0_wp], found, error)
+         call check_success('along the axis', error)
+         call check_close('along the axis of a hexagonal crystal', found%modulus, expected, 1.0e-8_wp*expected)
+      end do
+      call check('the last of these is very anisotropic', anisotropy_index(c) > 66.0_wp)
+   end subroutine test_hexagonal_axis
+
+   !> The modulus does not change as the crystal turns about the surface's normal: the grids are accepted for what they resolve, not
+   !> because a harmonic happens to vanish on them.
+   subroutine test_turn_about_normal()
+      integer, parameter :: turns = 400
+      type(crystal_class_type) :: class
+      type(halfspace_type) :: found
+      type(error_type), allocatable :: error
+      real(wp) :: c(6, 6), moduli(turns)
+      integer :: i, tilted
+
+      call new_crystal_class('cubic', class, error)
+      c = class%stiffness([129.1_wp, 109.7_wp, 82.4_wp])
+      do tilted = 0, 1
+         do i = 1, turns
+            call halfspace_modulus(c, [pi*i/turns, 0.5_wp*tilted, 0.2_wp*tilted], found, error)
+            moduli(i) = found%modulus
+         end do
+         call check('a turn about the normal changes nothing', maxval(moduli) - minval(moduli) < 1.0e-7_wp*minval(moduli))
+      end do
+   end subroutine test_turn_about_normal
+
+   !> (ab)_ij = a_k C_kijl b_l.
+   function contraction(c, a, b) result(ab)
+      real(wp), intent(in) :: c(6, 6), a(3), b(3)
+      real(wp) :: ab(3, 3)
+      integer :: i, j, p, q
+
+      ab = 0.0_wp
+      do j = 1, 3
+         do i = 1, 3
+            do q = 1, 3
+               do p = 1, 3
+                  ab(i, j) = ab(i, j) + a(p)*c(voigt_index(p, i), voigt_index(j, q))*b(q)
+               end do
+            end do
+         end do
+      end do
+   end function contraction
+
+   function components(a) result(six)
+      real(wp), intent(in) :: a(3, 3)
+      real(wp) :: six(6)
+      integer :: j
+
+      six = [(component(a, j), j=1, 6)]
+   end function components
+
+   !> Component j of 11, 22, 33, 23, 13, 12.
+   real(wp) function component(a, j)
+      real(wp), intent(in) :: a(3, 3)
+      integer, intent(in) :: j
+      integer, parameter :: row(6) = [1, 2, 3, 2, 1, 1], column(6) = [1, 2, 3, 3, 3, 2]
+
+      component = a(row(j), column(j))
+   end function component
+
+   !> By Cramer's rule.
+   function inverse_of(a) result(inverse)
+      real(wp), intent(in) :: a(3, 3)
+      real(wp) :: inverse(3, 3)
+      integer :: i, j, p, q, r, s
+
+      do j = 1, 3
+         p = 1 + mod(j, 3)
+         q = 1 + mod(j + 1, 3)
+         do i = 1, 3
+            r = 1 + mod(i, 3)
+            s = 1 + mod(i + 1, 3)
+            inverse(i, j) = a(p, r)*a(q, s) - a(p, s)*a(q, r)
+         end do
+      end do
+      inverse = inverse/dot_product(a(1, :), inverse(:, 1))
+   end function inverse_of
 
    !> A crystal of a class near steel's stiffness, of log-anisotropy about 0.8.
    subroutine make_crystal(class, stream, w, c)

@@ -4,9 +4,10 @@ import csv
 
 import numpy as np
 import pytest
+from reference_theory import direct_modulus
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names
+from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from conftest import REFERENCE
 
 
@@ -38,6 +39,28 @@ def test_theory_of_every_class(row):
     stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in bi.constants(row["symmetry"])})
     modulus = bi.halfspace_modulus(stiffness, [float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")])
     assert modulus == pytest.approx(float(row["M_elliptic"]), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "symmetry, constants", [("cubic", [129.1, 109.7, 82.4]), ("cubic", [100.0, 96.5, 95.0]), ("hexagonal", [300.0, 120.0, 1.5, 6.0, 12.0])]
+)
+def test_theory_of_very_anisotropic_crystals(symmetry, constants):
+    """Indices 8, 63 and 91 against sums over many angles and a general minimiser."""
+    stiffness = stiffness_rows(symmetry, [constants])[0]
+    angles = np.array([[10.0, 50.0, 20.0]])
+    assert bi.halfspace_modulus(stiffness, angles) == pytest.approx(direct_modulus(stiffness, angles, points=256, angles=192), rel=2e-6)
+
+
+def test_rows_of_an_array_do_not_depend_on_each_other():
+    rows = crystals()
+    stiffness = np.array(
+        [bi.stiffness(row["symmetry"], **{name: float(row[name]) for name in bi.constants(row["symmetry"])}) for row in rows]
+    )
+    angles = np.array([[float(row[angle]) for angle in ("phi1_deg", "Phi_deg", "phi2_deg")] for row in rows])
+    moduli = bi.halfspace_modulus(stiffness, angles)
+    assert (moduli == [bi.halfspace_modulus(*row) for row in zip(stiffness, angles, strict=True)]).all()
+    assert (moduli[::-1] == bi.halfspace_modulus(stiffness[::-1], angles[::-1], threads=2)).all()
+    assert (moduli == bi.Surrogate.load("halfspace").predict(stiffness, angles)[0]).all()
 
 
 def test_names_of_classes():
