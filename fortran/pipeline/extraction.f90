@@ -5,13 +5,14 @@ module extraction
    use field_degree, only: allowed_error, choose_field_degree, largest_field_error
    use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
+   use knowledge_conflict, only: conflict_type, find_conflict
    use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, sample_pilot, sample_posterior, sample_prior
+   use problem_posterior, only: new_problem_posterior, sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: predict, surrogate_type
    use threads, only: thread_count
    implicit none
    private
@@ -34,6 +35,8 @@ module extraction
       type(gain_type), allocatable :: gains(:)
       type(quantity_type), allocatable :: quantities(:)
       type(known_quantity_type), allocatable :: known(:)
+      !> Of what &knowledge says.
+      type(conflict_type) :: conflict
       type(predictions_type) :: predictions
       !> Of each grain, GPa: mean and sd of the modulus, and mean of what is measured, the calibration error with it.
       real(wp), allocatable :: predicted_mean(:), predicted_sd(:), expected(:)
@@ -41,6 +44,11 @@ module extraction
       !> in sds.
       integer :: field_degree = 0
       real(wp) :: field_error = 0.0_wp
+      !> Of the surrogate: how many simulations taught it, the checksum of its file ('' if it is none), and its sd for the mean grain of the
+      !> mean crystal, GPa.
+      integer :: simulations = 0
+      character(len=16) :: checksum = ''
+      real(wp) :: surrogate_sd = 0.0_wp
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    end type extraction_type
@@ -64,8 +72,38 @@ contains
       call system_clock(end)
       self%seconds = real(end - start, wp)/rate
       if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
+      if (.not. allocated(error)) call judge_knowledge(problem, self, error)
       if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
+      if (.not. allocated(error)) call describe_surrogate(surrogate, self)
    end subroutine extract
+
+   !> Compare what is known with what the measurements say without it.
+   subroutine judge_knowledge(problem, self, error)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(chains_type) :: free
+
+      if (size(self%posterior%prior%knowledge%mean) > 0) call sample_without_knowledge(problem, self%posterior, free, error)
+      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, free, self%conflict, error)
+   end subroutine judge_knowledge
+
+   subroutine describe_surrogate(surrogate, self)
+      type(surrogate_type), intent(in) :: surrogate
+      type(extraction_type), intent(inout) :: self
+      real(wp) :: modulus, sd
+      integer :: k, i
+
+      self%simulations = size(surrogate%simulations%modulus)
+      self%checksum = surrogate%checksum
+      if (self%posterior%grains%has_theory) return
+      k = self%posterior%n_constants
+      do i = 1, self%posterior%n_grains
+         call predict(surrogate, self%posterior%prior%class%stiffness(self%parameters(:k)%mean), self%posterior%euler(:, i), &
+            & modulus, sd)
+         self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_grains
+      end do
+   end subroutine describe_surrogate
 
    !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
    !> draws themselves show whether it was enough.

@@ -6,8 +6,10 @@ module extraction_document
    use json, only: json_type
    use kinds, only: wp
    use posterior_summary, only: combination_type
+   use prior_words, only: describe_prior
    use problem, only: problem_type
-   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_mixing, judge_open, judge_ridges, judge_theory, powers_text
+   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_knowledge, judge_mixing, judge_open, judge_ridges, &
+      & judge_theory, powers_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -78,7 +80,7 @@ contains
          call write_gain(document, found%names, found%gains(i))
       end do
       call document%end_array()
-      call write_prior(document, found%posterior%prior)
+      call write_prior(document, found)
       if (found%field_degree > 0) then
          call document%begin_object('theory')
          call document%put('degree', found%field_degree)
@@ -144,12 +146,48 @@ contains
    end subroutine write_gain
 
    !> The prior that was in effect, what was not stated too; null where there is no limit.
-   subroutine write_prior(document, prior)
+   subroutine write_prior(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable :: lines(:)
+
+      call document%begin_object('prior')
+      call write_limits(document, found%posterior%prior)
+      call write_knowledge(document, found)
+      call describe_prior(found, lines)
+      call document%put('words', lines)
+      call document%end_object()
+   end subroutine write_prior
+
+   !> What is known, and by how many sds it is away from what all else says.
+   subroutine write_knowledge(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      real(wp) :: sd(size(found%conflict%of_quantity))
+      integer :: j
+
+      associate (known => found%posterior%prior%knowledge)
+         sd = known%sd()
+         call document%begin_array('knowledge')
+         do j = 1, size(sd)
+            call document%begin_object()
+            call document%put('name', known%quantities(j)%name)
+            call document%put('unit', known%quantities(j)%unit)
+            call document%put('mean', known%mean(j))
+            call document%put('sd', sd(j))
+            call document%put('conflict_sd', found%conflict%of_quantity(j))
+            call document%end_object()
+         end do
+         call document%end_array()
+         call document%put('conflict_sd', found%conflict%sds)
+      end associate
+   end subroutine write_knowledge
+
+   subroutine write_limits(document, prior)
       type(json_type), intent(inout) :: document
       type(prior_type), intent(in) :: prior
       integer :: j
 
-      call document%begin_object('prior')
       call document%put('measure', trim(merge('logarithms', 'constants ', prior%in_logarithms)))
       call document%begin_object('bounds')
       do j = 1, prior%n_constants
@@ -166,7 +204,6 @@ contains
          call document%put('young_gpa', prior%young)
       end if
       call document%put('share_covered', prior%share_inside)
-      call document%end_object()
 
    contains
 
@@ -180,7 +217,7 @@ contains
             call document%put_null(key)
          end if
       end subroutine put_limit
-   end subroutine write_prior
+   end subroutine write_limits
 
    !> What a person should know, added to `warnings`.
    subroutine judge_extraction(problem, found, warnings)
@@ -193,6 +230,7 @@ contains
       k = found%posterior%n_constants
       call judge_coverage(found%posterior%prior%share_inside, warnings)
       call judge_theory(found%field_error, warnings)
+      call judge_knowledge(found%posterior%prior%knowledge, found%conflict, warnings)
       do i = 1, size(found%names)
          call judge_mixing(trim(found%names(i)), found%parameters(i)%diagnostics, size(found%chains%draws, 3), &
             & problem%settings%sampler%method, warnings)

@@ -5,6 +5,7 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
+   use knowledge_conflict, only: without_knowledge
    use measured_grains, only: measured_type
    use memory, only: check_memory
    use modulus_kinds, only: modulus_map_type, new_modulus_map
@@ -17,7 +18,8 @@ module problem_posterior
    use threads, only: thread_count
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior, sample_pilot, sample_posterior, sample_prior
+   public :: check_step_2, check_target, new_problem_posterior
+   public :: sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
@@ -188,6 +190,21 @@ contains
 
       call sample_aside(problem, posterior, 2000, run_settings_type(200, 1, 1, first_stream=far_stream + 1000000), chains, error)
    end subroutine sample_pilot
+
+   !> A few draws of what the measurements and the limits of the prior say without any knowledge.
+   subroutine sample_without_knowledge(problem, posterior, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: rough_degree = 12
+      type(posterior_type) :: free
+
+      call without_knowledge(posterior, free, error)
+      if (.not. allocated(error) .and. free%grains%has_theory) call free%set_field_degree(rough_degree, error)
+      if (.not. allocated(error)) call sample_aside(problem, free, 2000, run_settings_type(500, 2, &
+         & thread_count(problem%settings%execution%workers), first_stream=far_stream + 2000000), chains, error)
+   end subroutine sample_without_knowledge
 
    !> The prior by the sampler that mixes best.
    subroutine sample_prior(problem, prior, chains, error)

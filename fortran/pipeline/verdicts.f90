@@ -1,15 +1,18 @@
 !> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
 module verdicts
    use chain_diagnostics, only: diagnostics_type
+   use constants_prior, only: knowledge_type
    use field_degree, only: allowed_error
    use further_knowledge, only: gain_type
    use kinds, only: wp
+   use knowledge_conflict, only: conflict_type
    use posterior_summary, only: combination_type, decided_by_data, left_open
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_theory, judge_bound, judge_grains, powers_text
+   public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_theory, judge_bound, judge_grains
+   public :: judge_knowledge, known_text, powers_text
 
    !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
    !> al., Bayesian Anal. 16, 667, 2021).
@@ -129,12 +132,63 @@ contains
          if (ratio(j) > worth_it) cycle
          if (len(advice) > 0) advice = advice//'; '
          advice = advice//trim(gains(i)%name)//' to '//fixed(100.0_wp*gains(i)%relative_sd, 0)//' % would bring the sd of ' &
-            & //trim(names(j))//' from '//to_text(gains(i)%sd_now(j), 2)//' to '//to_text(gains(i)%sd_then(j), 2)//' GPa'
+            & //trim(names(j))//' from '//short(gains(i)%sd_now(j))//' to '//short(gains(i)%sd_then(j))//' GPa'
       end do
       if (len(advice) > 0) advice = '. Say in &knowledge what else is known: '//advice
       call warn(warnings, 'the data leave '//to_text(open)//' of '//to_text(size(names))//' combinations open (' &
          & //which//', mostly)'//advice)
    end subroutine judge_open
+
+   !> What is said in &knowledge and cannot be brought together with all else.
+   subroutine judge_knowledge(knowledge, conflict, warnings)
+      type(knowledge_type), intent(in) :: knowledge
+      type(conflict_type), intent(in) :: conflict
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: far = 3.0_wp
+      integer :: j
+
+      do j = 1, size(knowledge%mean)
+         ! Of correlated ones the worst takes the others with it.
+         if (any(abs(knowledge%covariance(:, j)) > 0.0_wp .and. conflict%of_quantity > conflict%of_quantity(j))) cycle
+         if (conflict%of_quantity(j) > far) call warn(warnings, 'what is said of '//known_text(knowledge, j) &
+            & //' contradicts all else that is known or measured by '//fixed(conflict%of_quantity(j), 1)//' sd')
+      end do
+      if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) call warn(warnings, 'what is known contradicts the ' &
+         & //'measurements, or itself, by '//fixed(conflict%sds, 1)//' sd: with it the least misfit grows by ' &
+         & //fixed(conflict%growth, 1)//' for '//to_text(size(knowledge%mean))//' quantities')
+   end subroutine judge_knowledge
+
+   !> 'bulk_modulus = 165 ± 3.3 GPa', of the quantity j of what is known.
+   function known_text(knowledge, j) result(words)
+      type(knowledge_type), intent(in) :: knowledge
+      integer, intent(in) :: j
+      character(len=:), allocatable :: words
+      real(wp) :: sd(size(knowledge%mean))
+
+      sd = knowledge%sd()
+      words = knowledge%quantities(j)%name//' = '//with_sd(knowledge%mean(j), sd(j), knowledge%quantities(j)%unit)
+   end function known_text
+
+   function with_sd(mean, sd, unit) result(words)
+      real(wp), intent(in) :: mean, sd
+      character(len=*), intent(in) :: unit
+      character(len=:), allocatable :: words
+
+      words = to_text(mean, 4)//' ± '//short(sd)
+      if (unit /= '1') words = words//' '//unit
+   end function with_sd
+
+   !> Two digits, or as many as there are before the point.
+   pure function short(value) result(words)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: words
+
+      if (abs(value) < 10.0_wp) then
+         words = to_text(value, 2)
+      else
+         words = fixed(value, 0)
+      end if
+   end function short
 
    !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count are left out.
    pure function powers_text(names, exponents) result(words)

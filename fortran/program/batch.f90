@@ -66,7 +66,8 @@ contains
       type(problem_type) :: self
       type(error_type), allocatable :: error
       character(len=:), allocatable :: told
-      type(warning_type), allocatable :: warnings(:)
+      type(warning_type), allocatable :: prior(:), warnings(:)
+      integer :: i
 
       call read_problem(path, 'run', self, error)
       call stop_on(error)
@@ -94,10 +95,13 @@ contains
          write (output_unit, '(2a)') 'fit: ', told
       end if
       if (self%settings%measurements%given) then
-         call sample_constants(self, output, told, warnings, error)
+         call sample_constants(self, output, told, prior, warnings, error)
          call stop_on(error)
          call tell(warnings)
          write (output_unit, '(2a)') 'sample: ', told
+         do i = 1, size(prior)
+            write (output_unit, '(2a)') 'prior: ', prior(i)%text
+         end do
       end if
    end subroutine perform
 

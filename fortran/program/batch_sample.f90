@@ -7,6 +7,7 @@ module batch_sample
    use extraction_document, only: judge_extraction, write_extraction
    use files, only: new_file_type, replace_file
    use namelist_file, only: place
+   use prior_words, only: describe_prior
    use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior
    use surrogate_lookup, only: load_named_surrogate, places_type
@@ -22,12 +23,12 @@ module batch_sample
 contains
 
    !> Sample: `posterior.csv` with every draw and its log density, `summary.json` with what they say.
-   subroutine sample_constants(self, output, told, warnings, error)
+   subroutine sample_constants(self, output, told, prior, warnings, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
-      !> One line for the user, and what should be known.
+      !> One line for the user; the prior that was in effect, and what should be known.
       character(len=:), allocatable, intent(out) :: told
-      type(warning_type), allocatable, intent(out) :: warnings(:)
+      type(warning_type), allocatable, intent(out) :: prior(:), warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: surrogate
       type(extraction_type) :: found
@@ -38,6 +39,7 @@ contains
       if (.not. allocated(error)) call replace_file(output//'/summary.json', write_extraction(self, found), error)
       if (allocated(error)) return
       allocate (warnings(0))
+      call describe_prior(found, prior)
       call judge_extraction(self, found, warnings)
       told = to_text(size(found%chains%draws, 3))//' chains of '//to_text(size(found%chains%draws, 2))//' samples: '//output &
          & //'/posterior.csv'

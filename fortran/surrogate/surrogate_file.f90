@@ -35,6 +35,7 @@ contains
          call raise(error, path//': '//file%error%message)
       else
          call replace_file(path, file%content(:file%filled), error)
+         surrogate%checksum = last_word(file%content(:file%filled))
       end if
    end subroutine save_surrogate
 
@@ -55,8 +56,17 @@ contains
          call exchange_surrogate(surrogate, file)
          call file%finish()
          if (allocated(file%error)) call raise(error, path//': the surrogate is damaged: '//file%error%message, exit_bad_input)
+         surrogate%checksum = last_word(file%content)
       end if
    end subroutine load_surrogate
+
+   !> The checksum, with which a file ends.
+   pure function last_word(content)
+      character(len=*), intent(in) :: content
+      character(len=16) :: last_word
+
+      last_word = content(max(1, len(content) - len(last_word)):len(content) - 1)
+   end function last_word
 
    !> Refuse to write where something is that is not a surrogate.
    subroutine check_replaceable(path, error)

@@ -31,6 +31,8 @@ module surrogate_model
       type(simulations_type) :: simulations
       !> Where it comes from: a JSON object.
       character(len=:), allocatable :: provenance
+      !> Of the file that it was read from or written to, '' if there is none.
+      character(len=16) :: checksum = ''
    end type surrogate_type
 
 contains

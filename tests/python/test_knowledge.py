@@ -1,6 +1,7 @@
 """What else is known of a crystal: its density, what contradicts it, and angles in radians."""
 
 import csv
+import pickle
 
 import numpy as np
 import pytest
@@ -10,10 +11,13 @@ from step_2_cases import table_of
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.inference.posterior import PRIOR, Posterior
+from bayesindent.report.words import best_first
 from conftest import SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
 TITANIUM = SOURCE / "inputs" / "data" / "titanium.csv"
+#: Of the sampler, where means and sds are enough.
+SHORT = {"samples": 1000, "burn_in": 2000, "chains": 2}
 ANGLES = np.array([[0.0, 10.0, 0.0], [20.0, 50.0, 40.0], [10.0, 85.0, 5.0]])
 
 
@@ -53,12 +57,60 @@ def test_where_data_say_nothing_the_posterior_is_what_is_known():
     wanted, spread = mean + gain * (other - mean[2]), covariance - np.outer(gain, covariance[2])
     table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 2000.0))
     knowledge = {"stiffness": (mean, covariance), "C44": (other, sd)}
-    result = bi.extract(table, symmetry="hexagonal", knowledge=knowledge, samples=5000, chains=2)
+    result = bi.extract(table, symmetry="hexagonal", knowledge=knowledge, samples=5000, burn_in=2000, chains=2)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names("hexagonal")], axis=1)
     size = min(item["ess_bulk"] for item in bi.summary(result)["parameters"].values())
     assert size > 1000
     assert draws.mean(axis=0) == pytest.approx(wanted, abs=5 * np.sqrt(spread.max() / size))
     assert np.cov(draws.T) == pytest.approx(spread, abs=8 * spread.max() / np.sqrt(size))
+
+
+def conflicts(result):
+    """All conflicts by name, the one of all together, and what is told of them."""
+    document = bi.summary(result)
+    found = {item["name"]: item["conflict_sd"] for item in document["prior"]["knowledge"]}
+    return found, document["prior"]["conflict_sd"], [line for line in document["warnings"] if "contradicts" in line]
+
+
+def test_the_conflict_of_two_sources_is_their_distance_in_sds():
+    mean, covariance = stiffness_of_file()
+    table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 2000.0))
+    # A source that disagrees with the file's C44 of 44 +- 3, where the data say nothing.
+    distance = (62.0 - mean[2]) / np.hypot(2.0, np.sqrt(covariance[2, 2]))
+    knowledge = {"stiffness": (mean, covariance), "C44": (62.0, 2.0)}
+    one, together, told = conflicts(bi.extract(table, symmetry="hexagonal", knowledge=knowledge, **SHORT))
+    # The file's own constant is under the same name, and as far from all else.
+    assert one["C44"] == pytest.approx(distance, rel=0.1)
+    assert together == pytest.approx(stats.norm.isf(stats.chi2.sf(distance**2, 6)), abs=0.1)
+    assert len(told) == 2
+    assert all("C44 = " in line for line in told)
+
+
+def test_knowledge_that_contradicts_measurements_is_told():
+    settings = {"symmetry": "hexagonal", **SHORT}
+    _, together, told = conflicts(bi.extract(TITANIUM, knowledge={"stiffness": STIFFNESS}, **settings))
+    assert together < 2
+    assert told == []
+    one, together, told = conflicts(bi.extract(TITANIUM, knowledge={"bulk_modulus": (108.7, 1.0), "C11": (100.0, 2.0)}, **settings))
+    assert min(one.values()) > 8
+    assert together > 8
+    assert [line.split(" = ")[0] for line in told] == ["what is said of bulk_modulus", "what is said of C11"]
+
+
+def test_a_problem_with_a_stiffness_is_made_anew():
+    problem = prior_of({"stiffness": stiffness_of_file()}).problem
+    copy = pickle.loads(pickle.dumps(problem))
+    assert copy.stiffness == problem.stiffness
+    assert problem.stiffness[0] == ["row", *constant_names("hexagonal")]
+
+
+def test_the_best_known_come_first():
+    kinds = {"C11": 0.2, "C12": -0.1, "C44": 0.99}
+    document = {
+        "parameters": {name: {"mean": 1.0} for name in (*kinds, "sd_factor")},
+        "identifiability": [{"kind": "quantity", "name": name, "contraction": value} for name, value in kinds.items()],
+    }
+    assert [name for name, _, _ in best_first(document)] == ["C44", "C11", "C12", "sd_factor"]
 
 
 @pytest.mark.parametrize(
@@ -114,7 +166,7 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
     def warnings(n):
         # Directions at random in a narrow part of the sphere, and each of them again, turned about itself, which says nothing new.
         angles = np.column_stack([np.zeros(n), 15.0 + 30.0 * np.arange(n) / max(1, n - 1), rng.uniform(60, 85, n)])
-        angles = np.concatenate([angles, angles + [50.0, 0, 0]])
+        angles = np.concatenate([angles, angles + np.array([50.0, 0, 0])])
         table = table_of(angles, np.full(2 * n, 150.0), np.full(2 * n, 4.0))
         settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": symmetry}
         return [line for line in Posterior.of(table, **settings).problem.warnings if "directions" in line]

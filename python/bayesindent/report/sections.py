@@ -8,7 +8,7 @@ from importlib import metadata
 
 from ..version import __version__
 from .results import Results
-from .words import number, orientation, powers_as_html, quantity_in_words
+from .words import best_first, number, orientation, powers_as_html, quantity_in_words
 
 __all__ = ["SECTIONS", "Section", "Table"]
 
@@ -78,8 +78,7 @@ def posterior(results: Results) -> Section | None:
     if not document:
         return None
     rows = [
-        [name, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)]
-        for name, item in document["parameters"].items()
+        [name, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)] for name, item, _ in best_first(document)
     ]
     caption = f"Convergence of {document['chains']} chains of {document['samples']} samples; R-hat should be below 1.01"
     return Section("Step 2: the elastic constants", after=[Table(caption, ["constant", "R-hat", "effective samples, bulk", "tail"], rows)])
@@ -104,7 +103,8 @@ def identifiability(results: Results) -> Section | None:
         else:
             unit, digits = ("", 3) if row["unit"] == "1" else (f" ({row['unit']})", 1)
             values = [number(row[name], digits) for name in ("mean", "sd", "prior_sd")]
-            quantities.append([quantity_in_words(row["name"]) + unit, *values, share])
+            quantities.append((row["contraction"], [quantity_in_words(row["name"]) + unit, *values, share]))
+    quantities = [row for _, row in sorted(quantities, key=lambda pair: -pair[0])]
     return Section(
         "What the data decided, and what the prior did",
         "Indentation sees some combinations of the constants sharply and others hardly at all. The contraction is the share of the "
@@ -133,6 +133,15 @@ def prior_rows(prior: dict) -> list[list[str]]:
     rows += [[words, f"{number(prior[name][0], 2)} .. {number(prior[name][1], 2)}"] for name, words in names.items() if prior[name]]
     names = {"anisotropy_cap": "anisotropy index (Eq. 14) up to", "log_anisotropy_max": "log-anisotropy up to"}
     rows += [[words, number(prior[name], 2)] for name, words in names.items() if prior[name] is not None]
+    for item in prior["knowledge"]:
+        unit = "" if item["unit"] == "1" else f" ({item['unit']})"
+        rows.append(
+            [
+                f"known: {quantity_in_words(item['name'])}{unit}",
+                f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else",
+            ]
+        )
+    rows.append(["surrogate", prior["words"][-1].removeprefix("surrogate: ")])
     return [*rows, ["share that the surrogate covers", f"{100 * prior['share_covered']:.0f} %"]]
 
 
@@ -170,10 +179,21 @@ def constants_table(results: Results) -> Table | None:
     if not document:
         return None
     rows = []
-    for name, item in document["parameters"].items():
+    for name, item, contraction in best_first(document):
         low, high = item["hdi_95"]
-        rows.append([name, number(item["mean"]), number(item["sd"]), number(item["map"]), f"{number(low)} to {number(high)}"])
-    return Table("Elastic constants in GPa", ["constant", "mean", "sd", "most probable", "95 % interval"], rows)
+        rows.append(
+            [
+                name,
+                number(item["mean"]),
+                number(item["sd"]),
+                number(item["map"]),
+                f"{number(low)} to {number(high)}",
+                number(contraction, 3),
+            ]
+        )
+    return Table(
+        "Elastic constants in GPa, the best known first", ["constant", "mean", "sd", "most probable", "95 % interval", "contraction"], rows
+    )
 
 
 #: Sections by the name by which figures belong to them, in order.

@@ -4,12 +4,19 @@ import math
 
 from markupsafe import Markup, escape
 
-__all__ = ["number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+__all__ = ["best_first", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
 
 
 def number(value, digits: int = 1) -> str:
     """A number as text; a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def best_first(document: dict) -> list[tuple[str, dict, float | None]]:
+    """Name, entry and contraction of each parameter of the document of `extract`, those first that the data know best."""
+    contraction = {row["name"]: row["contraction"] for row in document.get("identifiability", []) if row["kind"] == "quantity"}
+    rows = [(name, item, contraction.get(name)) for name, item in document["parameters"].items()]
+    return sorted(rows, key=lambda row: math.inf if row[2] is None else -row[2])
 
 
 def orientation(euler_deg) -> str:

@@ -1,7 +1,7 @@
 """`extract`: Step 2."""
 
 from ...pipeline.step_2 import extract_stage
-from ...report.words import number
+from ...report.words import best_first, number
 from ..command import namelist_command
 from ..console import show_table
 
@@ -9,14 +9,15 @@ __all__ = ["COMMAND"]
 
 
 def show(document: dict) -> None:
-    """The constants."""
+    """The constants, the best known first, and the prior that was in effect."""
     rows = []
-    for name, item in document["parameters"].items():
+    for name, item, contraction in best_first(document):
         low, high = item["hdi_95"]
-        values = [number(item["mean"]), number(item["sd"]), number(item["map"]), f"{low:.1f} .. {high:.1f}"]
+        values = [number(item["mean"]), number(item["sd"]), number(item["map"]), f"{low:.1f} .. {high:.1f}", number(contraction, 3)]
         rows.append([name, *values, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)])
-    header = ["constant", "mean", "sd", "most probable", "95 %", "R-hat", "ESS bulk", "ESS tail"]
-    show_table("Elastic constants (GPa)", header, rows)
+    header = ["constant", "mean", "sd", "most probable", "95 %", "contraction", "R-hat", "ESS bulk", "ESS tail"]
+    show_table("Elastic constants (GPa), the best known first", header, rows)
+    print("The prior that was in effect:", *document["prior"]["words"], sep="\n  ")
 
 
 COMMAND = namelist_command("extract", stage=extract_stage, show=show)

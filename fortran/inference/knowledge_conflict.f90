@@ -1,0 +1,152 @@
+!> How far what &knowledge says is from what all else says, in sds.
+!>
+!> The misfit is minus twice the logarithm of likelihood and normal factors, and D by how much its least value over the support grows if
+!> the factors are there. For one normal factor m ± s of a quantity of which all else says M ± S, D = (M - m)²/(S² + s²). It does not
+!> depend on where the prior has its volume. Of each of several quantities the same comes from mean and variance given everything, its
+!> factor included, |E q - m|/sqrt(s² - Var q), and cannot be more than the root of D.
+module knowledge_conflict
+   use constants_posterior, only: posterior_type
+   use constants_prior, only: knowledge_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use quantities, only: evaluate_quantities
+   use samplers, only: chains_type
+   use simplex_search, only: climb
+   implicit none
+   private
+   public :: conflict_type, find_conflict, without_knowledge
+
+   type :: conflict_type
+      !> D, and the sds of a normal variable that are as improbable as a chi-square of as many degrees as quantities.
+      real(wp) :: growth = 0.0_wp, sds = 0.0_wp
+      !> Of each quantity, in sds.
+      real(wp), allocatable :: of_quantity(:)
+   end type conflict_type
+
+   !> s² - Var q is at least this share of s²: less is the noise of the draws.
+   real(wp), parameter :: least_share = 0.05_wp
+
+contains
+
+   !> The density without any knowledge.
+   subroutine without_knowledge(posterior, free, error)
+      type(posterior_type), intent(in) :: posterior
+      type(posterior_type), intent(out) :: free
+      type(error_type), allocatable, intent(out) :: error
+      type(knowledge_type) :: nothing
+
+      allocate (nothing%quantities(0), nothing%mean(0), nothing%covariance(0, 0))
+      free = posterior
+      call free%prior%set_knowledge(nothing, error)
+   end subroutine without_knowledge
+
+   !> Compare what is known with all else.
+   subroutine find_conflict(posterior, chains, free_chains, conflict, error)
+      type(posterior_type), intent(in) :: posterior
+      !> Of it, and of the density without knowledge.
+      type(chains_type), intent(in) :: chains, free_chains
+      type(conflict_type), intent(out) :: conflict
+      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type) :: all, free
+      real(wp) :: point(posterior%dimension), other(posterior%dimension), most, most_free, most_other
+      integer :: n
+
+      n = size(posterior%prior%knowledge%mean)
+      allocate (conflict%of_quantity(n))
+      if (n == 0) return
+      all = posterior
+      all%prior%in_logarithms = .false.
+      call without_knowledge(all, free, error)
+      if (allocated(error)) return
+      call best_of(all, chains, point, most)
+      call best_of(free, free_chains, other, most_other)
+      ! What is best with knowledge is a point to start from without.
+      call climb_up(free, 0.1_wp*spread_of(chains), point, most_free)
+      conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
+      conflict%sds = sds_of(conflict%growth, n)
+      call compare_moments(posterior, chains, conflict)
+      if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
+   end subroutine find_conflict
+
+   !> The point of largest density near the best draw.
+   subroutine best_of(density, chains, point, log_density)
+      type(posterior_type), intent(in) :: density
+      type(chains_type), intent(in) :: chains
+      real(wp), intent(out) :: point(:), log_density
+      integer :: best(2)
+
+      best = maxloc(chains%log_density)
+      point = chains%draws(:, best(1), best(2))
+      call climb_up(density, 0.1_wp*spread_of(chains), point, log_density)
+   end subroutine best_of
+
+   !> Simplices one after another until the next adds nothing.
+   subroutine climb_up(density, steps, point, log_density)
+      type(posterior_type), intent(in) :: density
+      real(wp), intent(in) :: steps(:)
+      real(wp), intent(inout) :: point(:)
+      real(wp), intent(out) :: log_density
+      integer, parameter :: most = 8
+      real(wp), parameter :: nothing = 0.05_wp
+      real(wp) :: before
+      logical :: admitted
+      integer :: i
+
+      call density%evaluate(point, log_density, admitted)
+      do i = 1, most
+         before = log_density
+         call climb(density, steps, point)
+         call density%evaluate(point, log_density, admitted)
+         if (log_density - before < nothing) exit
+      end do
+   end subroutine climb_up
+
+   pure function spread_of(chains) result(sd)
+      type(chains_type), intent(in) :: chains
+      real(wp) :: sd(size(chains%draws, 1))
+      real(wp) :: n
+      integer :: j
+
+      n = size(chains%draws, 2)*real(size(chains%draws, 3), wp)
+      sd = [(norm2(chains%draws(j, :, :) - sum(chains%draws(j, :, :))/n)/sqrt(n), j=1, size(sd))]
+   end function spread_of
+
+   !> The conflict of each quantity, from mean and variance over some of the draws.
+   subroutine compare_moments(posterior, chains, conflict)
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(in) :: chains
+      type(conflict_type), intent(inout) :: conflict
+      integer, parameter :: most = 4000
+      real(wp), dimension(size(conflict%of_quantity)) :: values, mean, square, sd
+      integer :: stride, n, c, i
+
+      stride = max(1, int(size(chains%draws, 2)*real(size(chains%draws, 3), wp)/most))
+      mean = 0.0_wp
+      square = 0.0_wp
+      n = 0
+      associate (knowledge => posterior%prior%knowledge)
+         sd = knowledge%sd()
+         do c = 1, size(chains%draws, 3)
+            do i = 1, size(chains%draws, 2), stride
+               call evaluate_quantities(knowledge%quantities, posterior%stiffness(chains%draws(:, i, c)), values)
+               n = n + 1
+               mean = mean + (values - knowledge%mean)/sd
+               square = square + ((values - knowledge%mean)/sd)**2
+            end do
+         end do
+      end associate
+      mean = mean/n
+      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - square/n + mean**2)), sqrt(conflict%growth))
+   end subroutine compare_moments
+
+   !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of freedom.
+   pure real(wp) function sds_of(chi_square, degrees)
+      real(wp), intent(in) :: chi_square
+      integer, intent(in) :: degrees
+      real(wp) :: spread
+
+      spread = 2.0_wp/(9.0_wp*degrees)
+      sds_of = max(0.0_wp, ((chi_square/degrees)**(1.0_wp/3.0_wp) - 1.0_wp + spread)/sqrt(spread))
+      if (degrees == 1) sds_of = sqrt(chi_square)
+   end function sds_of
+end module knowledge_conflict

@@ -1,0 +1,62 @@
+!> The prior that was in effect, and the surrogate, in a few lines for people.
+module prior_words
+   use constants_prior, only: prior_type
+   use extraction, only: extraction_type
+   use kinds, only: wp
+   use text, only: fixed, to_text
+   use verdicts, only: known_text
+   use warning_lists, only: warn, warning_type
+   implicit none
+   private
+   public :: describe_prior
+
+contains
+
+   !> Lines: measure and limits; bounds; what is known; the surrogate.
+   subroutine describe_prior(found, lines)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(out) :: lines(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      allocate (lines(0))
+      associate (prior => found%posterior%prior)
+         line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+         if (.not. prior%has_box) line = line//', Poisson''s ratio (Hill) '//to_text(prior%poisson(1))//' .. ' &
+            & //to_text(prior%poisson(2))//', Young''s modulus (Hill) '//fixed(prior%young(1), 0)//' .. ' &
+            & //fixed(prior%young(2), 0)//' GPa'
+         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
+            & //to_text(prior%anisotropy_cap)
+         if (prior%log_anisotropy_max < huge(prior%log_anisotropy_max)) line = line//', log-anisotropy up to ' &
+            & //to_text(prior%log_anisotropy_max)
+         call warn(lines, line)
+         line = ''
+         do j = 1, prior%n_constants
+            if (prior%is_stated(j)) line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
+               & //to_text(prior%upper(j))
+         end do
+         if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+         line = ''
+         do j = 1, size(prior%knowledge%mean)
+            line = line//', '//known_text(prior%knowledge, j)
+         end do
+         if (len(line) > 0) call warn(lines, 'known: '//line(3:))
+      end associate
+      call warn(lines, 'surrogate: '//surrogate_words(found))
+   end subroutine describe_prior
+
+   function surrogate_words(found) result(words)
+      type(extraction_type), intent(in) :: found
+      character(len=:), allocatable :: words
+
+      if (found%field_degree > 0) then
+         words = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+            & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      else
+         words = to_text(found%simulations)//' simulations'
+         if (len_trim(found%checksum) > 0) words = words//', checksum '//found%checksum
+         words = words//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+            & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
+      end if
+   end function surrogate_words
+end module prior_words

@@ -1,0 +1,74 @@
+"""What both programs say of Step 2 on the screen."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from conftest import SOURCE
+
+PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
+
+CASE = f"""&problem symmetry = 'cubic' /
+&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}' /
+&prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
+&knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
+&sampler samples = 1000, burn_in = 4000, chains = 2 /
+"""
+PRIOR = [
+    "uniform in the constants over stable crystals, anisotropy index (Eq. 14) up to 7.2",
+    "bounds in GPa: C11 50.0 .. 250.0, C12 40.0 .. 150.0, C44 15.0 .. 150.0",
+    "known: bulk_modulus = 165.0 ± 3.3 GPa",
+]
+
+
+def test_prior_and_order(bayesindent, tmp_path):
+    (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "165"))
+    done = bayesindent("extract", "a.nml")
+    assert done.returncode == 0, done.stderr
+    lines = [line.strip() for line in done.stdout.splitlines()]
+    begin = lines.index("The prior that was in effect:") + 1
+    assert lines[begin : begin + 3] == PRIOR
+    assert re.fullmatch(r"surrogate: the exact theory of the half-space, harmonics to degree \d+, .* % of its sd", lines[begin + 3])
+    rows = [line.split() for line in lines if re.match(r"C\d\d ", line)]
+    document = json.loads((tmp_path / "runs" / "a" / "summary.json").read_text())
+    contraction = {row["name"]: row["contraction"] for row in document["identifiability"] if row["kind"] == "quantity"}
+    assert [row[0] for row in rows] == sorted(document["parameters"], key=lambda name: -contraction[name])
+    assert list(document["parameters"]) == ["C11", "C12", "C44"]
+    done = subprocess.run([PROGRAM, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert [line for line in done.stdout.splitlines() if line.startswith("prior: ")][:3] == [f"prior: {line}" for line in PRIOR]
+
+
+def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
+    (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "300"))
+    for done in (
+        bayesindent("extract", "a.nml"),
+        subprocess.run([PROGRAM, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False),
+    ):
+        assert done.returncode == 0, done.stderr
+        told = re.search(r"warning: what is said of bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", done.stderr)
+        # The bounds alone keep the bulk modulus below (250 + 2 150)/3 = 183 GPa.
+        assert float(told[1]) > (300 - 184) / 3.3 - 1
+
+
+@pytest.mark.parametrize("unit", ["degrees", "radians"])
+def test_angles(bayesindent, tmp_path, unit):
+    rows = list(csv.DictReader(line for line in (SOURCE / "inputs" / "data" / "fe3si.csv").open() if not line.startswith("#")))
+    if unit == "radians":
+        for row in rows:
+            row |= {name: str(float(row[name]) * 3.141592653589793 / 180) for name in ("phi1_deg", "Phi_deg", "phi2_deg")}
+    with (tmp_path / "grains.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    text = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', ANGLES /\n"
+    (tmp_path / "stated.nml").write_text(text.replace("ANGLES", f"angles = '{unit}'"))
+    (tmp_path / "unstated.nml").write_text(text.replace(", ANGLES", ""))
+    assert bayesindent("run", "stated.nml", "--check").returncode == 0
+    done = bayesindent("run", "unstated.nml", "--check")
+    assert done.returncode == (2 if unit == "radians" else 0)
+    assert ("angles = 'radians'" in done.stderr) == (unit == "radians")
