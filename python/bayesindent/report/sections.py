@@ -104,7 +104,7 @@ def identifiability(results: Results) -> Section | None:
             unit, digits = ("", 3) if row["unit"] == "1" else (f" ({row['unit']})", 1)
             values = [number(row[name], digits) for name in ("mean", "sd", "prior_sd")]
             quantities.append((row["contraction"], [quantity_in_words(row["name"]) + unit, *values, share]))
-    quantities = [row for _, row in sorted(quantities, key=lambda pair: -pair[0])]
+    ordered = [row for _, row in sorted(quantities, key=lambda pair: -pair[0])]
     return Section(
         "What the data decided, and what the prior did",
         "Indentation sees some combinations of the constants sharply and others hardly at all. The contraction is the share of the "
@@ -116,7 +116,7 @@ def identifiability(results: Results) -> Section | None:
                 ["combination", "sd (%)", "sd of the prior (%)", "contraction"],
                 combinations,
             ),
-            Table("Quantities of the crystal", ["", "mean", "sd", "sd of the prior", "contraction"], quantities),
+            Table("Quantities of the crystal", ["", "mean", "sd", "sd of the prior", "contraction"], ordered),
             Table("What else to measure or look up, and what it would bring", ["known", "sd of the constants, GPa"], further),
             Table("The prior that was in effect", ["", ""], prior_rows(results.documents["extract"].get("prior", {}))),
         ],
