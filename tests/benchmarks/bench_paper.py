@@ -3,6 +3,8 @@
 Runs inputs/case_studies/SYMMETRY_paper.nml once for each seed, as `build` does: every simulation is kept, and running again goes on.
 Then our surrogate (dimensionless coordinates, prior from theory) chooses a few of the simulations that the paper's learnt from, by
 variance, and predicts those that it did not see.
+
+With --step 2: both steps of inputs/case_studies/iron_paper.nml or titanium_paper.nml, and the exact posterior beside the paper's method.
 """
 
 import argparse
@@ -12,6 +14,7 @@ from pathlib import Path
 import f90nml
 import numpy as np
 from bench_learning import OURS, baselines, curve
+from paper_step_2 import Study
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
@@ -31,14 +34,25 @@ OUR_SIZES = {"cubic": [10, 20, 40, 100, 300], "hexagonal": [20, 40, 100, 200, 40
 def main(argv=None) -> int:
     """Build, compare, print the tables."""
     parser = argparse.ArgumentParser(prog="bench paper", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--step", type=int, choices=(1, 2), default=1, help="1: the surrogates, 2: the constants (1)")
     parser.add_argument("--symmetry", choices=("cubic", "hexagonal"), default="cubic")
     parser.add_argument("--seeds", default="1", help="seeds, for example 1,2,3,4,5 (1)")
     parser.add_argument("--cap", type=float, default=0.0, help="cap on the anisotropy index (default: the file's)")
-    parser.add_argument("--simulator", choices=("fe", "theory"), default="fe", help="theory: the half-space theory in place of simulations")
+    parser.add_argument("--simulator", choices=("fe", "theory"), default=None,
+                        help="finite elements on the paper's block, or the half-space theory in their place (default: the file's)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)")
+    parser.add_argument("--figures", action="store_true", help="step 2: write the figures of docs/case_studies")
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
+    if arguments.step == 2:
+        study = Study(arguments.symmetry, output / "step_2", arguments.simulator, arguments.workers)
+        study.run()
+        study.tables()
+        study.precision_table()
+        if arguments.figures:
+            study.figures()
+        return 0
     rows, ours = [], []
     for seed in map(int, arguments.seeds.split(",")):
         folder = output / f"seed_{seed}"
@@ -74,7 +88,8 @@ def variant(arguments, seed: int, folder: Path) -> Problem:
     """The problem of the case study with another seed, cap or simulator."""
     namelist = f90nml.read(INPUTS / f"{arguments.symmetry}_paper.nml")
     namelist["problem"]["seed"] = seed
-    namelist["simulation"]["simulator"] = arguments.simulator
+    if arguments.simulator:
+        namelist["simulation"]["simulator"] = arguments.simulator
     namelist["execution"] = {"workers": arguments.workers}
     if arguments.cap > 0:
         namelist["domain"]["anisotropy_cap"] = arguments.cap
