@@ -10,16 +10,26 @@ module logarithmic_coordinates
    use kinds, only: wp
    implicit none
    private
-   public :: log_coordinates_type, new_log_coordinates
+   public :: log_coordinates_type, new_log_coordinates, log_frame_type
+
+   !> Eigenvalues of log K, and its eigenvectors, one a column.
+   type :: log_frame_type
+      real(wp) :: values(6), vectors(6, 6)
+   end type log_frame_type
 
    type :: log_coordinates_type
       !> As many as constants.
       integer :: n = 0
       !> Orthonormal symmetric matrices (6, 6, n).
       real(wp), allocatable :: basis(:, :, :)
+      !> Entries (row, column, basis matrix) of another, sparse basis of the same space, lower triangles, and their values.
+      integer, allocatable, private :: entries(:, :)
+      real(wp), allocatable, private :: values(:)
    contains
       procedure :: to_logarithms
       procedure :: from_logarithms
+      procedure :: log_volume
+      procedure :: saturating
    end type log_coordinates_type
 
 contains
@@ -33,7 +43,7 @@ contains
       real(wp) :: matrix(6, 6), unit(class%n_constants)
       integer :: i, k
 
-      allocate (self%basis(6, 6, class%n_constants))
+      allocate (self%basis(6, 6, class%n_constants), self%entries(3, 0), self%values(0))
       matrix = 0.0_wp
       matrix(:3, :3) = 1.0_wp/3.0_wp
       call append(matrix)
@@ -46,9 +56,24 @@ contains
          unit = 0.0_wp
          unit(k) = 1.0_wp
          call append(kelvin_form(class%stiffness(unit)))
+         call list_entries(k, kelvin_form(class%stiffness(unit)))
       end do
 
    contains
+
+      pure subroutine list_entries(k, matrix)
+         integer, intent(in) :: k
+         real(wp), intent(in) :: matrix(6, 6)
+         integer :: i, j
+
+         do j = 1, 6
+            do i = j, 6
+               if (abs(matrix(i, j)) < spanned) cycle
+               self%entries = reshape([self%entries, i, j, k], [3, size(self%values) + 1])
+               self%values = [self%values, matrix(i, j)]
+            end do
+         end do
+      end subroutine list_entries
 
       pure subroutine append(matrix)
          real(wp), intent(in) :: matrix(6, 6)
@@ -85,62 +110,100 @@ contains
       w = [(sum(self%basis(:, :, j)*logarithm), j=1, self%n)]
    end function to_logarithms
 
-   !> The crystal at coordinates w, and log |dc/dw| up to a constant of the class.
-   pure subroutine from_logarithms(self, w, c, log_volume)
+   !> The crystal at coordinates w.
+   pure subroutine from_logarithms(self, w, c, frame)
       class(log_coordinates_type), intent(in) :: self
       !> (n).
       real(wp), intent(in) :: w(:)
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(out) :: c(6, 6)
-      !> As said above.
-      real(wp), intent(out) :: log_volume
-      real(wp) :: logarithm(6, 6), values(6), vectors(6, 6), scaled(6, 6), turned(6, 6), slopes(6, 6)
-      real(wp) :: parts(21, self%n), gram(self%n, self%n), half, quotient
-      integer :: i, j, k
+      !> For `log_volume`.
+      type(log_frame_type), intent(out) :: frame
+      real(wp) :: logarithm(6, 6), scaled(6, 6)
+      integer :: j, k
 
       logarithm = 0.0_wp
       do k = 1, self%n
          logarithm = logarithm + w(k)*self%basis(:, :, k)
       end do
-      call diagonalise(logarithm, values, vectors)
+      call diagonalise(logarithm, frame%values, frame%vectors)
       do j = 1, 6
-         scaled(:, j) = exp(values(j))*vectors(:, j)
+         scaled(:, j) = exp(frame%values(j))*frame%vectors(:, j)
       end do
-      c = stiffness_of_kelvin(matmul(scaled, transpose(vectors)))
+      c = stiffness_of_kelvin(matmul(scaled, transpose(frame%vectors)))
+   end subroutine from_logarithms
+
+   !> Coordinates (n) of K (K + K0)^-1 in the same basis, K0 = reference (GPa) times the unit matrix: moduli of indentation hardly change
+   !> where some stiffness is much larger or smaller, and nor do these.
+   pure function saturating(self, frame, reference) result(y)
+      class(log_coordinates_type), intent(in) :: self
+      type(log_frame_type), intent(in) :: frame
+      real(wp), intent(in) :: reference
+      real(wp) :: y(self%n)
+      real(wp) :: scaled(6, 6), matrix(6, 6)
+      integer :: j
+
       do j = 1, 6
-         do i = 1, j
-            half = 0.5_wp*(values(i) - values(j))
-            quotient = 1.0_wp + half**2/6.0_wp
-            if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
-            slopes(i, j) = exp(0.5_wp*(values(i) + values(j)))*quotient
-         end do
+         scaled(:, j) = frame%vectors(:, j)/(1.0_wp + reference*exp(-frame%values(j)))
       end do
-      if (self%n == 21) then
-         log_volume = 0.0_wp
+      matrix = matmul(scaled, transpose(frame%vectors))
+      do j = 1, self%n
+         y(j) = sum(self%basis(:, :, j)*matrix)
+      end do
+   end function saturating
+
+   !> log |dc/dw| of a crystal, up to a constant of the class.
+   pure real(wp) function log_volume(self, frame)
+      class(log_coordinates_type), intent(in) :: self
+      type(log_frame_type), intent(in) :: frame
+      real(wp) :: slopes(6, 6), parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
+      integer :: i, j, k
+
+      associate (values => frame%values, vectors => frame%vectors)
          do j = 1, 6
-            log_volume = log_volume + sum(log(slopes(:j, j)))
+            do i = 1, j
+               half = 0.5_wp*(values(i) - values(j))
+               quotient = 1.0_wp + half**2/6.0_wp
+               if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
+               slopes(i, j) = exp(0.5_wp*(values(i) + values(j)))*quotient
+            end do
          end do
-         return
-      end if
-      do k = 1, self%n
-         turned = matmul(transpose(vectors), matmul(self%basis(:, :, k), vectors))
+         if (self%n == 21) then
+            log_volume = 0.0_wp
+            do j = 1, 6
+               log_volume = log_volume + sum(log(slopes(:j, j)))
+            end do
+            return
+         end if
          i = 0
          do j = 1, 6
-            parts(i + 1:i + j, k) = turned(:j, j)*sqrt(slopes(:j, j)*2.0_wp)
-            parts(i + j, k) = parts(i + j, k)*sqrt(0.5_wp)
+            weights(i + 1:i + j) = sqrt(2.0_wp*slopes(:j, j))
+            weights(i + j) = sqrt(slopes(j, j))
             i = i + j
          end do
-      end do
-      gram = matmul(transpose(parts), parts)
-      log_volume = 0.0_wp
-      ! The determinant by a Cholesky factor in place.
-      do j = 1, self%n
-         do k = 1, j - 1
-            gram(j:, j) = gram(j:, j) - gram(j, k)*gram(j:, k)
+         parts = 0.0_wp
+         do k = 1, size(self%values)
+            i = 0
+            do j = 1, 6
+               associate (p => vectors(self%entries(1, k), :), q => vectors(self%entries(2, k), :))
+                  pairs(i + 1:i + j) = p(:j)*q(j)
+                  if (self%entries(1, k) /= self%entries(2, k)) pairs(i + 1:i + j) = pairs(i + 1:i + j) + q(:j)*p(j)
+               end associate
+               i = i + j
+            end do
+            parts(:, self%entries(3, k)) = parts(:, self%entries(3, k)) + self%values(k)*pairs*weights
          end do
-         log_volume = log_volume + log(gram(j, j))
-         gram(j + 1:, j) = gram(j + 1:, j)/sqrt(gram(j, j))
-         gram(j, j) = sqrt(gram(j, j))
-      end do
-   end subroutine from_logarithms
+         gram = matmul(transpose(parts), parts)
+         log_volume = 0.0_wp
+         ! The determinant by a Cholesky factor in place.
+         do j = 1, self%n
+            do k = 1, j - 1
+               gram(j:, j) = gram(j:, j) - gram(j, k)*gram(j:, k)
+            end do
+            log_volume = log_volume + log(gram(j, j))
+            gram(j + 1:, j) = gram(j + 1:, j)/sqrt(gram(j, j))
+            gram(j, j) = sqrt(gram(j, j))
+         end do
+      end associate
+   end function log_volume
 end module logarithmic_coordinates

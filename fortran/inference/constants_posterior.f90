@@ -8,45 +8,23 @@ module constants_posterior
    use abstract_basis, only: grain_model_type
    use abstract_error_model, only: error_model_type
    use constants_prior, only: prior_type
-   use error_models, only: new_error_model
-   use errors, only: error_type, exit_bad_input, raise
+   use error_models, only: likelihood_type, new_error_model
+   use errors, only: error_type
    use kinds, only: wp
+   use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
    use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use sampling_target, only: point_type, target_type
    use small_matrices, only: sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
-   use text, only: to_text
    implicit none
    private
-   public :: posterior_type, new_posterior, likelihood_type
+   public :: posterior_type, new_posterior
 
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
-
-   type :: likelihood_type
-      !> One of `modulus_kind_names`.
-      character(len=:), allocatable :: modulus_kind
-      !> Of the indenter (GPa) and of the sample, for the kinds that need them.
-      real(wp) :: indenter_modulus = 1140.0_wp, indenter_nu = 0.07_wp, sample_nu = 0.3_wp
-      !> Relative sd of an error common to all grains of a group.
-      real(wp) :: calibration_sd = 0.0_wp
-      !> Relative sd of what differs from grain to grain beside the errors of measurement.
-      real(wp) :: scatter_sd = 0.0_wp
-      !> One of `likelihood_names`, and the degrees of freedom of Student's t.
-      character(len=:), allocatable :: errors
-      real(wp) :: student_dof = 4.0_wp
-      !> Infer a common factor on the sds: one more parameter, its logarithm.
-      logical :: infer_scale = .false.
-      !> Count the surrogate's uncertainty.
-      logical :: surrogate_uncertainty = .true.
-      !> Leave the data out: the prior alone.
-      logical :: prior_only = .false.
-   end type likelihood_type
-
-   !> Of the surface harmonics of theory where it is read roughly.
-   integer, parameter :: rough_degree = 14
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
@@ -56,8 +34,6 @@ module constants_posterior
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      !> The same with theory read roughly, if theory is in it: for samplers on their way.
-      class(grain_model_type), allocatable, private :: rough_grains
       type(modulus_map_type) :: kind
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group.
@@ -69,15 +45,15 @@ module constants_posterior
       integer, allocatable :: group(:)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
-      !> Scales of their errors, GPa.
+      !> Scales of their errors, GPa; and the variance of y that grains do not share.
       real(wp), allocatable, private :: scale(:)
-      !> Variance of y that grains do not share.
       real(wp), private :: scatter = 0.0_wp
-      !> Sum of the logarithms of the scales.
-      real(wp), private :: log_scales = 0.0_wp
+      !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
+      real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
       procedure :: evaluate
       procedure :: evaluate_working
+      procedure :: evaluate_outputs
       procedure :: to_working
       procedure :: draw_start
       procedure :: log_likelihood
@@ -104,14 +80,9 @@ contains
 
       call check_measurements(measured, likelihood%prior_only, error)
       if (allocated(error)) return
-      if (.not. (likelihood%calibration_sd >= 0.0_wp .and. likelihood%calibration_sd < 1.0_wp)) then
-         call raise(error, 'calibration_sd = '//to_text(likelihood%calibration_sd)//' is relative: 0 <= calibration_sd < 1', &
-            & exit_bad_input)
-         return
-      end if
       call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, likelihood%indenter_nu, likelihood%sample_nu, &
          & posterior%kind, error)
-      if (.not. allocated(error)) call new_error_model(likelihood%errors, likelihood%student_dof, posterior%errors, error)
+      if (.not. allocated(error)) call new_error_model(likelihood, posterior%errors, error)
       if (allocated(error)) return
       posterior%prior = prior
       posterior%likelihood = likelihood
@@ -124,17 +95,14 @@ contains
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
+      ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
+      if (posterior%n_grains > 0) posterior%typical_modulus = 0.7_wp*sum(measured%modulus)/posterior%n_grains
       if (any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
       call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
       if (allocated(error)) return
-      if (posterior%grains%has_theory) then
-         allocate (posterior%rough_grains, source=posterior%grains)
-         posterior%rough_grains%field_degree = rough_degree
-         call posterior%rough_grains%set_grains(posterior%euler, error)
-         if (allocated(error)) return
-      end if
+      if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = size(posterior%euler, 2)
       posterior%scatter = merge(surrogate%sd_inflation**2/surrogate%beta, 0.0_wp, likelihood%surrogate_uncertainty)
       if (posterior%scatter < none) posterior%scatter = 0.0_wp
       posterior%n_shared = posterior%grains%n_columns
@@ -160,36 +128,43 @@ contains
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: log_density
       logical, intent(out) :: admitted
-      real(wp) :: c(6, 6), other(6, 6), log_volume
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6), other(6, 6)
 
       c = self%stiffness(x)
       log_density = -huge(1.0_wp)
       admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
       if (.not. admitted) return
-      log_volume = 0.0_wp
-      if (self%prior%in_logarithms) call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, &
-         & log_volume)
-      log_density = density_of_crystal(self, self%grains, x, c) - log_volume
+      log_density = density_of_crystal(self, x, c)
+      if (.not. self%prior%in_logarithms) return
+      call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, frame)
+      log_density = log_density - self%prior%logarithms%log_volume(frame)
    end subroutine evaluate
 
-   pure subroutine evaluate_working(self, point, roughly, admitted)
+   pure subroutine evaluate_working(self, point, admitted, polynomial)
       class(posterior_type), intent(in) :: self
       type(point_type), intent(inout) :: point
-      logical, intent(in) :: roughly
       logical, intent(out) :: admitted
-      real(wp) :: c(6, 6), log_volume
+      type(output_polynomial_type), intent(in), optional :: polynomial
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6), log_volume, outputs(self%n_outputs), arguments(self%dimension)
 
-      call self%prior%logarithms%from_logarithms(point%w(:self%n_constants), c, log_volume)
+      call self%prior%logarithms%from_logarithms(point%w(:self%n_constants), c, frame)
       point%x = point%w
       point%x(:self%n_constants) = self%prior%class%constants_of(c)
       admitted = self%prior%admits(point%x(:self%n_constants), c, norm2(point%w(3:self%n_constants))) &
          & .and. scale_is_admitted(self, point%x)
       if (.not. admitted) return
-      if (roughly .and. allocated(self%rough_grains)) then
-         point%log_working = density_of_crystal(self, self%rough_grains, point%x, c)
+      if (is_fitted(polynomial)) then
+         arguments = point%w
+         arguments(:self%n_constants) = self%prior%logarithms%saturating(frame, self%typical_modulus)
+         call polynomial%evaluate(arguments, outputs, admitted)
+         if (.not. admitted) return
+         point%log_working = density_of_crystal(self, point%x, c, exp(outputs))
       else
-         point%log_working = density_of_crystal(self, self%grains, point%x, c)
+         point%log_working = density_of_crystal(self, point%x, c)
       end if
+      log_volume = self%prior%logarithms%log_volume(frame)
       point%log_density = point%log_working
       if (self%prior%in_logarithms) then
          point%log_density = point%log_density - log_volume
@@ -197,6 +172,24 @@ contains
          point%log_working = point%log_working + log_volume
       end if
    end subroutine evaluate_working
+
+   !> Logarithms of the moduli of the measured grains, and of their tilts.
+   pure subroutine evaluate_outputs(self, w, arguments, outputs, admitted)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: w(:)
+      real(wp), intent(out) :: arguments(:), outputs(:)
+      logical, intent(out) :: admitted
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6), modulus(size(outputs)), slope(size(outputs))
+
+      call self%prior%logarithms%from_logarithms(w(:self%n_constants), c, frame)
+      admitted = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:self%n_constants)))
+      if (.not. admitted) return
+      arguments = w
+      arguments(:self%n_constants) = self%prior%logarithms%saturating(frame, self%typical_modulus)
+      call self%grains%evaluate_moduli(c, modulus, slope)
+      outputs = log(modulus)
+   end subroutine evaluate_outputs
 
    !> Whether the factor on the sds is within its bounds, if there is one.
    pure logical function scale_is_admitted(self, x)
@@ -209,13 +202,14 @@ contains
    end function scale_is_admitted
 
    !> Normal factors of the prior and likelihood.
-   pure real(wp) function density_of_crystal(self, grains, x, c) result(log_density)
+   pure real(wp) function density_of_crystal(self, x, c, rows) result(log_density)
       class(posterior_type), intent(in) :: self
-      class(grain_model_type), intent(in) :: grains
       real(wp), intent(in) :: x(:), c(6, 6)
+      !> Moduli of all directions, where theory is not to be asked for them.
+      real(wp), intent(in), optional :: rows(:)
 
       log_density = self%prior%log_density(c)
-      if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, grains, x, c)
+      if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
    end function density_of_crystal
 
    subroutine draw_start(self, stream, x)
@@ -260,28 +254,34 @@ contains
       real(wp), intent(out), contiguous :: values(:)
       real(wp) :: slope(self%n_grains), own_variance(self%n_grains)
 
-      call evaluate_grains(self, self%grains, self%stiffness(x), values, slope, own_variance)
+      call evaluate_grains(self, self%stiffness(x), values, slope, own_variance)
    end subroutine moduli
 
    !> Of each measured grain the mean indentation modulus, its derivative with respect to y, and the variance that it does not share
    !> with others: the surrogate's, that of its orientation, and that of grains as such.
-   pure subroutine evaluate_grains(self, grains, c, modulus, slope, own_variance)
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, known_rows)
       class(posterior_type), intent(in) :: self
-      class(grain_model_type), intent(in) :: grains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      real(wp), allocatable :: rows(:), slopes(:)
+      !> Moduli of all directions, if they are known.
+      real(wp), intent(in), optional :: known_rows(:)
+      real(wp), dimension(size(self%euler, 2)) :: rows, slopes
       real(wp) :: shift, variance
       integer :: g
 
+      if (present(known_rows)) then
+         rows = known_rows
+         slopes = known_rows
+      else
+         call self%grains%evaluate_moduli(c, rows, slopes)
+      end if
       if (self%n_directions == 1) then
-         call grains%evaluate_moduli(c, modulus, slope)
+         modulus = rows
+         slope = slopes
          own_variance = self%scatter*slope**2 + (self%likelihood%scatter_sd*modulus)**2
          return
       end if
-      allocate (rows(self%n_grains*n_tilts), slopes(self%n_grains*n_tilts))
-      call grains%evaluate_moduli(c, rows, slopes)
       do g = 1, self%n_grains
          call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
          modulus(g) = rows(g) + shift
@@ -296,26 +296,25 @@ contains
       !> (dimension).
       real(wp), intent(in) :: x(:)
 
-      log_likelihood = likelihood_of_crystal(self, self%grains, x, self%stiffness(x))
+      log_likelihood = likelihood_of_crystal(self, x, self%stiffness(x))
    end function log_likelihood
 
-   pure real(wp) function likelihood_of_crystal(self, grains, x, c) result(log_likelihood)
+   pure real(wp) function likelihood_of_crystal(self, x, c, rows) result(log_likelihood)
       class(posterior_type), intent(in) :: self
-      class(grain_model_type), intent(in) :: grains
       real(wp), intent(in) :: x(:), c(6, 6)
+      real(wp), intent(in), optional :: rows(:)
       real(wp) :: factor
       real(wp) :: model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
       real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
 
       factor = scale_factor(self, x)
+      call evaluate_grains(self, c, model, slope, own_variance, rows)
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call grains%evaluate_moduli(c, model, slope)
          call self%kind%apply(model, slope)
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
          return
       end if
-      call evaluate_grains(self, grains, c, model, slope, own_variance)
-      call whiten(self, grains, c, factor, model, slope, own_variance, scales, u)
+      call whiten(self, c, factor, model, slope, own_variance, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
@@ -337,9 +336,8 @@ contains
 
    !> From moduli to what is measured, `model` and `slope` in place; scales of the errors that grains do not share, and over them the
    !> columns of U: the surrogate's shared errors, the calibration's of each group.
-   pure subroutine whiten(self, grains, c, factor, model, slope, own_variance, scales, u)
+   pure subroutine whiten(self, c, factor, model, slope, own_variance, scales, u)
       class(posterior_type), intent(in) :: self
-      class(grain_model_type), intent(in) :: grains
       real(wp), intent(in) :: c(6, 6), factor
       real(wp), intent(inout) :: model(:), slope(:)
       real(wp), intent(in) :: own_variance(:)
@@ -353,21 +351,21 @@ contains
       slope = slope*map_slope
       scales = factor*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
-      if (grains%n_columns > 0) then
+      if (self%grains%n_columns > 0) then
          ratio = slope/scales
          if (self%n_directions == 1) then
-            call grains%evaluate_columns(c, u(:, :grains%n_columns))
+            call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
          else
-            allocate (columns(size(self%euler, 2), grains%n_columns))
-            call grains%evaluate_columns(c, columns)
-            u(:, :grains%n_columns) = columns(:self%n_grains, :)
+            allocate (columns(size(self%euler, 2), self%grains%n_columns))
+            call self%grains%evaluate_columns(c, columns)
+            u(:, :self%grains%n_columns) = columns(:self%n_grains, :)
          end if
-         do g = 1, grains%n_columns
+         do g = 1, self%grains%n_columns
             u(:, g) = u(:, g)*ratio
          end do
       end if
       if (self%likelihood%calibration_sd > 0.0_wp) then
-         first = grains%n_columns
+         first = self%grains%n_columns
          u(:, first + 1:) = 0.0_wp
          do g = 1, self%n_grains
             u(g, first + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
@@ -388,8 +386,8 @@ contains
 
       if (self%n_shared == 0) return
       c = self%stiffness(x)
-      call evaluate_grains(self, self%grains, c, model, slope, own_variance)
-      call whiten(self, self%grains, c, scale_factor(self, x), model, slope, own_variance, scales, u)
+      call evaluate_grains(self, c, model, slope, own_variance)
+      call whiten(self, c, scale_factor(self, x), model, slope, own_variance, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 

@@ -13,7 +13,7 @@ module constants_prior
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
+   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use settings_groups, only: prior_settings_type
@@ -26,7 +26,7 @@ module constants_prior
    real(wp), parameter :: least_poisson = 0.05_wp, greatest_poisson = 0.48_wp, greatest_log_anisotropy = 2.5_wp, &
       & young_factor = 3.0_wp
    !> GPa; what is not within is no bound.
-   real(wp), parameter :: no_lower = -500.0_wp, no_upper = 5000.0_wp
+   real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
 
    !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
    type :: knowledge_type
@@ -158,7 +158,8 @@ contains
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
-      real(wp) :: x(prior%n_constants), c(6, 6), log_volume, log_weights(trials), weights(trials)
+      type(log_frame_type) :: frame
+      real(wp) :: x(prior%n_constants), c(6, 6), log_weights(trials), weights(trials)
       logical :: inside(trials)
       integer :: i, n
 
@@ -170,8 +171,8 @@ contains
          if (.not. prior%admits(x, c)) cycle
          n = n + 1
          if (prior%in_logarithms .eqv. prior%has_box) then
-            call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), c, log_volume)
-            log_weights(n) = log_weights(n) + merge(-log_volume, log_volume, prior%has_box)
+            call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), c, frame)
+            log_weights(n) = log_weights(n) + merge(-1.0_wp, 1.0_wp, prior%has_box)*prior%logarithms%log_volume(frame)
          end if
          inside(n) = basis%covers(c)
       end do
@@ -252,7 +253,8 @@ contains
       !> What the density of the draws lacks to be uniform, in the constants with a box and in log K without.
       real(wp), intent(out) :: log_weight
       real(wp), parameter :: wider = 1.3_wp
-      real(wp) :: u, young, nu, w(self%n_constants), c(6, 6), radius, log_volume
+      type(log_frame_type) :: frame
+      real(wp) :: u, young, nu, w(self%n_constants), c(6, 6), radius
       integer :: j, free
 
       log_weight = 0.0_wp
@@ -280,7 +282,7 @@ contains
          radius = min(self%log_anisotropy_max, 2.0_wp*greatest_log_anisotropy)*u**(1.0_wp/free)
          w(3:) = radius*w(3:)/norm2(w(3:))
       end if
-      call self%logarithms%from_logarithms(w, c, log_volume)
+      call self%logarithms%from_logarithms(w, c, frame)
       x = self%class%constants_of(c)
    end subroutine draw_start
 end module constants_prior

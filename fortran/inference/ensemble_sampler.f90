@@ -1,20 +1,34 @@
 !> A sampler made for long ridges cut by bounds.
 !>
-!> Each chain is on its own. An ensemble of points first finds the posterior by differential evolution (ter Braak, Stat. Comput. 16,
-!> 239, 2006) in the target's working coordinates, straightened round after round: principal axes, and a polynomial of the longer ones
-!> taken off the shorter ones. A normal mixture is fitted to the straightened points and improved by importance sampling. What follows
-!> is a plain Markov chain with a fixed kernel: mostly independent draws from the mixture, redrawn until they are in the support, now and
-!> then a step along the difference of two points of the burn-in. One sample is one step, or several where the mixture fits badly.
+!> Each chain is on its own. An ensemble of points first finds the posterior (`ensemble_evolution`). A normal mixture is fitted to what it
+!> has visited, in the coordinates in which that is straight, and improved by importance sampling.
+!>
+!> What follows is a plain Markov chain with a fixed kernel: independent draws from the mixture, redrawn until they are in the support,
+!> and steps along the difference of two points of the burn-in. One sample is one step, or many where the mixture fits badly. Where a
+!> polynomial stands for the model, where these steps lead is accepted or not by the exact density (a surrogate transition, Liu, Monte
+!> Carlo Strategies in Scientific Computing, Springer 2001, section 9.4.3), so that the draws are of the exact one.
 module ensemble_sampler
+   use abstract_sampler, only: sampler_type
+   use ensemble_evolution, only: add_difference, evolve_population, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use kinds, only: i8, wp
+   use output_polynomial, only: is_fitted
    use random, only: random_stream_type
-   use ridge_straightening, only: fit_straightening, no_straightening, straightening_type
-   use abstract_sampler, only: draw_starts, sampler_type
    use sampling_target, only: point_type, target_type
    implicit none
    private
    public :: ensemble_sampler_type
+
+   !> What is fixed after the burn-in.
+   type :: kernel_type
+      type(view_type) :: view
+      type(mixture_type) :: mixture
+      !> Points of the burn-in in straight coordinates, (dimension, point).
+      real(wp), allocatable :: archive(:, :)
+      !> Of the steps that are draws of the mixture, and steps for a sample.
+      real(wp) :: share = 0.0_wp
+      integer :: steps = 1
+   end type kernel_type
 
    type, extends(sampler_type) :: ensemble_sampler_type
    contains
@@ -30,134 +44,147 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (parameter, sample), (sample).
       real(wp), intent(out) :: draws(:, :), log_density(:)
-      !> Share of accepted draws of the mixture.
+      !> Share of accepted draws of the mixture; of what the polynomial proposes, where it stands for the model.
       real(wp), intent(out) :: acceptance
       !> Whether a point of the support was found.
       logical, intent(out) :: started
-      real(wp), allocatable :: archive(:, :)
-      type(straightening_type) :: straight
-      type(mixture_type) :: mixture
-      type(point_type) :: current, proposal
-      real(wp) :: u(target%dimension), tried(target%dimension), own, other, v, quality, share
-      integer :: i, a, b, step, steps, accepted, counted
-      logical :: admitted
+      !> Samples that are one step of the exact density whatever the polynomial says.
+      real(wp), parameter :: exact_share = 0.05_wp
+      type(kernel_type) :: kernel
+      type(view_type) :: exact
+      type(point_type) :: current, nearly, proposal
+      real(wp) :: u(target%dimension), tried(target%dimension), quality, v
+      integer :: i, a, b, accepted, counted
+      logical :: admitted, moved
 
       acceptance = 0.0_wp
-      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, straight, archive, started)
+      call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
       if (.not. started) return
-      call fit_proposal(target, straight, archive, stream, mixture, quality)
+      call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
+      exact%straight = kernel%view%straight
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
-      share = 0.0_wp
-      if (quality > 0.0_wp) share = min(0.85_wp, max(0.2_wp, quality))
-      steps = 1 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.8_wp - quality))
-      call stream%pick(size(archive, 2), i)
-      u = archive(:, i)
-      allocate (current%w(target%dimension), proposal%w(target%dimension))
-      call straight%from_straight(u, current%w)
-      call target%evaluate_working(current, .false., admitted)
-      own = log_mixture(mixture, u)
+      kernel%share = 0.0_wp
+      if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality))
+      kernel%steps = 1 + nint(merge(8.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
+                             & *max(0.0_wp, 0.8_wp - quality))
+      call stream%pick(size(kernel%archive, 2), i)
+      u = kernel%archive(:, i)
+      allocate (current%w(target%dimension))
+      call kernel%view%straight%from_straight(u, current%w)
+      nearly = current
+      proposal = current
+      call target%evaluate_working(current, admitted)
+      call target%evaluate_working(nearly, admitted, kernel%view%polynomial)
       accepted = 0
       counted = 0
       do i = 1, size(log_density)
-         do step = 1, steps
-            call stream%uniform(v)
-            if (v < share) then
-               counted = counted + 1
-               call draw_admitted(target, straight, mixture, stream, proposal, tried, admitted)
-               if (.not. admitted) cycle
-               other = log_mixture(mixture, tried)
-               call stream%uniform(v)
-               if (log(v) < proposal%log_working - current%log_working + own - other) then
-                  current = proposal
-                  u = tried
-                  own = other
-                  accepted = accepted + 1
-               end if
-            else
-               call stream%pick(size(archive, 2), a)
-               call stream%pick(size(archive, 2), b)
-               call add_difference(stream, archive(:, a) - archive(:, b), u, tried)
-               call try_step(target, straight, stream, tried, 1.0_wp, .false., proposal, current, admitted)
-               if (.not. admitted) cycle
+         moved = .false.
+         call stream%uniform(v)
+         if (is_fitted(kernel%view%polynomial) .and. v < exact_share) then
+            call stream%pick(size(kernel%archive, 2), a)
+            call stream%pick(size(kernel%archive, 2), b)
+            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%reach, u, tried)
+            call try_step(target, exact, stream, tried, 1.0_wp, proposal, current, moved)
+            if (moved) then
                u = tried
-               own = log_mixture(mixture, u)
+               nearly = current
+               call target%evaluate_working(nearly, admitted, kernel%view%polynomial)
+               ! Where the polynomial says nothing no walk may end, and so none that is accepted may begin.
+               if (.not. admitted) nearly%log_working = -huge(1.0_wp)
             end if
-         end do
+         else if (is_fitted(kernel%view%polynomial)) then
+            tried = u
+            proposal = nearly
+            call walk(target, kernel, stream, tried, proposal, a, b)
+            if (b > 0) call test_exactly(target, stream, tried, proposal, u, nearly, current, moved)
+            if (b > 0) counted = counted + 1
+            if (moved) accepted = accepted + 1
+         else
+            call walk(target, kernel, stream, u, current, a, b)
+            counted = counted + a
+            accepted = accepted + b
+         end if
          draws(:, i) = current%x
          log_density(i) = current%log_density
       end do
       acceptance = real(accepted, wp)/max(1, counted)
    end subroutine run
 
-   !> A Metropolis step from `current` to straight coordinates u.
-   subroutine try_step(target, straight, stream, u, temperature, roughly, proposal, current, accepted)
+   !> Some steps of the chain of the density as it is viewed, from u in place.
+   subroutine walk(target, kernel, stream, u, point, drawn, accepted)
       class(target_type), intent(in) :: target
-      type(straightening_type), intent(in) :: straight
+      type(kernel_type), intent(in) :: kernel
       type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: u(:)
-      !> Divides the logarithm of the density.
-      real(wp), intent(in) :: temperature
-      !> On the way to the posterior: the density may be rough.
-      logical, intent(in) :: roughly
-      type(point_type), intent(inout) :: proposal, current
+      !> Straight coordinates, (dimension).
+      real(wp), intent(inout) :: u(:)
+      type(point_type), intent(inout) :: point
+      !> Draws of the mixture, and how many were accepted; with a polynomial the accepted steps of any kind.
+      integer, intent(out) :: drawn, accepted
+      type(point_type) :: proposal
+      real(wp) :: tried(target%dimension), own, other, v
+      integer :: a, b, step
+      logical :: admitted
+
+      allocate (proposal%w(target%dimension))
+      own = log_mixture(kernel%mixture, u)
+      drawn = 0
+      accepted = 0
+      do step = 1, kernel%steps
+         call stream%uniform(v)
+         if (v < kernel%share) then
+            drawn = drawn + 1
+            call draw_admitted(target, kernel%view, kernel%mixture, stream, proposal, tried, admitted)
+            if (.not. admitted) cycle
+            other = log_mixture(kernel%mixture, tried)
+            call stream%uniform(v)
+            if (.not. log(v) < proposal%log_working - point%log_working + own - other) cycle
+            point = proposal
+            accepted = accepted + 1
+         else
+            call stream%pick(size(kernel%archive, 2), a)
+            call stream%pick(size(kernel%archive, 2), b)
+            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%reach, u, tried)
+            call try_step(target, kernel%view, stream, tried, 1.0_wp, proposal, point, admitted)
+            if (.not. admitted) cycle
+            other = log_mixture(kernel%mixture, tried)
+            if (is_fitted(kernel%view%polynomial)) accepted = accepted + 1
+         end if
+         u = tried
+         own = other
+      end do
+   end subroutine walk
+
+   !> Whether the exact density accepts where steps of the near one have led, from u to `tried`; if so all is replaced.
+   subroutine test_exactly(target, stream, tried, near_proposal, u, nearly, current, accepted)
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(in) :: tried(:)
+      !> By the near density: the new point and the old one.
+      type(point_type), intent(in) :: near_proposal
+      real(wp), intent(inout) :: u(:)
+      type(point_type), intent(inout) :: nearly
+      !> The old point by the exact density.
+      type(point_type), intent(inout) :: current
       logical, intent(out) :: accepted
+      type(point_type) :: proposal
       real(wp) :: v
 
-      call straight%from_straight(u, proposal%w)
-      call target%evaluate_working(proposal, roughly, accepted)
+      proposal = near_proposal
+      call target%evaluate_working(proposal, accepted)
       if (.not. accepted) return
       call stream%uniform(v)
-      accepted = log(v)*temperature < proposal%log_working - current%log_working
-      if (accepted) current = proposal
-   end subroutine try_step
-
-   !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
-   subroutine add_difference(stream, difference, u, moved)
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: difference(:), u(:)
-      real(wp), intent(out) :: moved(:)
-      real(wp), parameter :: noise = 1.0e-5_wp
-      real(wp) :: share, v, length, z
-      integer :: i, n
-      logical :: changed(size(u))
-
-      call stream%uniform(share)
-      changed = .true.
-      if (share < 0.5_wp) then
-         do i = 1, size(u)
-            call stream%uniform(v)
-            changed(i) = v < 2.0_wp*share
-         end do
-         if (.not. any(changed)) changed = .true.
-      end if
-      n = count(changed)
-      call step_length(n, stream, length)
-      moved = u
-      do i = 1, size(u)
-         if (.not. changed(i)) cycle
-         call stream%normal(z)
-         moved(i) = u(i) + length*difference(i) + noise*z
-      end do
-   end subroutine add_difference
-
-   !> Factor of a difference of two points: ter Braak's, now and then one, or shorter.
-   subroutine step_length(n, stream, length)
-      integer, intent(in) :: n
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(out) :: length
-      real(wp) :: v
-
-      call stream%uniform(v)
-      length = 2.38_wp/sqrt(2.0_wp*n)
-      if (v < 0.15_wp) length = 1.0_wp
-      if (v > 0.75_wp) length = 0.35_wp*length
-   end subroutine step_length
+      accepted = log(v) < proposal%log_working - current%log_working - (near_proposal%log_working - nearly%log_working)
+      if (.not. accepted) return
+      u = tried
+      nearly = near_proposal
+      current = proposal
+   end subroutine test_exactly
 
    !> A point of the mixture in the support, and u, its straightened coordinates; `admitted` is false if a thousand draws were all
    !> outside.
-   subroutine draw_admitted(target, straight, mixture, stream, point, u, admitted)
+   subroutine draw_admitted(target, view, mixture, stream, point, u, admitted)
       class(target_type), intent(in) :: target
-      type(straightening_type), intent(in) :: straight
+      type(view_type), intent(in) :: view
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
       type(point_type), intent(inout) :: point
@@ -167,120 +194,18 @@ contains
 
       do attempt = 1, 1000
          call draw_mixture(mixture, stream, u)
-         call straight%from_straight(u, point%w)
-         call target%evaluate_working(point, .false., admitted)
+         call view%straight%from_straight(u, point%w)
+         call target%evaluate_working(point, admitted, view%polynomial)
          if (admitted) return
       end do
    end subroutine draw_admitted
 
-   !> Differential evolution of a population from the target's starts, in rounds that cool, and warm a little for
-   !> the tails: each straightens what the one before has found.
-   !> The archive is what the last one visited, thinned, in straight coordinates.
-   subroutine evolve_population(target, evaluations, stream, straight, archive, started)
-      class(target_type), intent(in) :: target
-      integer(i8), intent(in) :: evaluations
-      type(random_stream_type), intent(inout) :: stream
-      type(straightening_type), intent(out) :: straight
-      !> (dimension, point).
-      real(wp), allocatable, intent(out) :: archive(:, :)
-      logical, intent(out) :: started
-      integer, parameter :: most = 3000, rounds = 10
-      real(wp), parameter :: temperatures(rounds) = [300.0_wp, 100.0_wp, 30.0_wp, 10.0_wp, 3.0_wp, &
-         & 1.0_wp, 1.0_wp, 1.0_wp, 1.5_wp, 1.5_wp]
-      real(wp), allocatable :: points(:, :), density(:), u(:, :)
-      type(point_type), allocatable :: walkers(:)
-      type(point_type) :: proposal
-      real(wp) :: tried(target%dimension)
-      integer :: n, m, found, generations, generation, round, k, a, b, i, kept
-      integer(i8) :: visits, stride
-      logical :: accepted
-
-      n = target%dimension
-      m = max(24, 10*n)
-      allocate (points(n, 8*m), density(8*m))
-      call draw_starts(target, stream, points, density, found)
-      started = found > 0
-      if (.not. started) return
-      call keep_best(points, density, found, m)
-      m = min(m, found)
-      allocate (walkers(m), u(n, m))
-      do k = 1, m
-         allocate (walkers(k)%w(n))
-         call target%to_working(points(:, k), walkers(k)%w)
-         call target%evaluate_working(walkers(k), .true., accepted)
-      end do
-      proposal%w = walkers(1)%w
-      generations = int(max(4_i8, evaluations/(m*rounds)))
-      stride = max(1_i8, (int(generations, i8)*m/2 + most - 1)/most)
-      straight = no_straightening(n)
-      do round = 1, rounds
-         if (round == 1) allocate (archive(n, int(int(generations, i8)*m/stride) + 1))
-         do k = 1, m
-            call straight%to_straight(walkers(k)%w, u(:, k))
-         end do
-         kept = 0
-         visits = 0
-         do generation = 1, generations
-            do k = 1, m
-               call pick_pair(stream, m, k, a, b)
-               call add_difference(stream, u(:, a) - u(:, b), u(:, k), tried)
-               call try_step(target, straight, stream, tried, temperatures(round), .true., proposal, &
-                  & walkers(k), accepted)
-               if (accepted) u(:, k) = tried
-               if (2*generation <= generations) cycle
-               if (mod(visits, stride) == 0) then
-                  kept = kept + 1
-                  archive(:, kept) = walkers(k)%w
-               end if
-               visits = visits + 1
-            end do
-         end do
-         if (round < rounds) call fit_straightening(archive(:, :kept), straight)
-      end do
-      archive = archive(:, :kept)
-      do i = 1, kept
-         call straight%to_straight(archive(:, i), tried)
-         archive(:, i) = tried
-      end do
-   end subroutine evolve_population
-
-   !> Two members of a population, different from each other and from `w` where there are enough.
-   subroutine pick_pair(stream, walkers, w, a, b)
-      type(random_stream_type), intent(inout) :: stream
-      integer, intent(in) :: walkers, w
-      integer, intent(out) :: a, b
-
-      do
-         call stream%pick(walkers, a)
-         call stream%pick(walkers, b)
-         if (walkers < 3 .or. (a /= b .and. a /= w .and. b /= w)) exit
-      end do
-   end subroutine pick_pair
-
-   !> Move the `wanted` points of highest density to the front.
-   pure subroutine keep_best(points, density, found, wanted)
-      real(wp), intent(inout) :: points(:, :), density(:)
-      integer, intent(in) :: found, wanted
-      real(wp) :: point(size(points, 1)), value
-      integer :: i, best
-
-      do i = 1, min(wanted, found)
-         best = i - 1 + maxloc(density(i:found), dim=1)
-         point = points(:, best)
-         value = density(best)
-         points(:, best) = points(:, i)
-         density(best) = density(i)
-         points(:, i) = point
-         density(i) = value
-      end do
-   end subroutine keep_best
-
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
    !> that the mixture has lost comes back. `quality` estimates the effective share of its draws; 0 if they are of no use.
-   subroutine fit_proposal(target, straight, archive, stream, mixture, quality)
+   subroutine fit_proposal(target, view, archive, stream, mixture, quality)
       class(target_type), intent(in) :: target
-      type(straightening_type), intent(in) :: straight
+      type(view_type), intent(in) :: view
       real(wp), intent(in) :: archive(:, :)
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
@@ -312,8 +237,8 @@ contains
          out = 0
          do while (inside < draws .and. out < most_tries)
             call draw_mixture(mixture, stream, u)
-            call straight%from_straight(u, point%w)
-            call target%evaluate_working(point, .true., admitted)
+            call view%straight%from_straight(u, point%w)
+            call target%evaluate_working(point, admitted, view%polynomial)
             if (admitted) then
                inside = inside + 1
                points(kept + inside, :) = u

@@ -1,5 +1,5 @@
-!> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each coordinate less a polynomial of the
-!> earlier ones. The map keeps volumes up to a constant.
+!> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each coordinate less
+!> a polynomial of the earlier ones. The map keeps volumes up to a constant.
 module ridge_straightening
    use errors, only: error_type
    use kinds, only: wp
@@ -8,12 +8,16 @@ module ridge_straightening
    private
    public :: straightening_type, no_straightening, fit_straightening
 
-   !> Of the polynomial: so many of the longest axes have cubes and fourth powers too, all have products of two.
-   integer, parameter :: n_curved = 3
+   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
+   integer, parameter :: richest = 5
+   integer, parameter :: axes_with(2:4, 0:richest) = reshape([0, 0, 0, 3, 0, 0, 5, 3, 0, 8, 4, 3, 20, 6, 3, 20, 8, 4], &
+      & [3, richest + 1])
+   !> Points for each term.
+   integer, parameter :: points_a_term = 10
 
    type :: straightening_type
       private
-      integer :: n = 0
+      integer :: n = 0, richness = 0
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
@@ -26,37 +30,54 @@ module ridge_straightening
 
 contains
 
-   !> Number of features of the first m coordinates: 1, z, products of two, and of three and four of the first ones.
-   pure integer function feature_count(m)
+   !> Number of features of the first m coordinates.
+   pure integer function feature_count(m, richness)
       integer, intent(in) :: m
-      integer :: h
+      !> 0 to `richest`.
+      integer, intent(in) :: richness
+      integer :: n(2:4)
 
-      h = min(m, n_curved)
-      feature_count = 1 + m + m*(m + 1)/2 + h*(h + 1)*(h + 2)/6 + h*(h + 1)*(h + 2)*(h + 3)/24
+      n = min(m, axes_with(:, richness))
+      feature_count = 1 + m + n(2)*(n(2) + 1)/2 + n(3)*(n(3) + 1)*(n(3) + 2)/6 + n(4)*(n(4) + 1)*(n(4) + 2)*(n(4) + 3)/24
    end function feature_count
 
-   !> Those of fewer coordinates come first.
-   pure subroutine evaluate_features(z, f)
+   !> The features that coordinate i brings, those of the earlier ones being there: z(i), and its products with itself and these.
+   pure subroutine add_features(z, i, richness, f)
       real(wp), intent(in) :: z(:)
+      integer, intent(in) :: i, richness
+      real(wp), intent(inout) :: f(:)
+      integer :: j, k, last
+
+      last = feature_count(i - 1, richness)
+      f(last + 1) = z(i)
+      last = last + 1
+      if (i > axes_with(2, richness)) return
+      f(last + 1:last + i) = z(i)*z(:i)
+      last = last + i
+      if (i > axes_with(3, richness)) return
+      do j = 1, i
+         f(last + 1:last + j) = z(i)*z(j)*z(:j)
+         last = last + j
+      end do
+      if (i > axes_with(4, richness)) return
+      do j = 1, i
+         do k = 1, j
+            f(last + 1:last + k) = z(i)*z(j)*z(k)*z(:k)
+            last = last + k
+         end do
+      end do
+   end subroutine add_features
+
+   !> The features of all coordinates; those of fewer come first.
+   pure subroutine evaluate_features(z, richness, f)
+      real(wp), intent(in) :: z(:)
+      integer, intent(in) :: richness
       real(wp), intent(out) :: f(:)
-      integer :: i, j, k, l, last
+      integer :: i
 
       f(1) = 1.0_wp
-      last = 1
       do i = 1, size(z)
-         f(last + 1) = z(i)
-         f(last + 2:last + 1 + i) = z(i)*z(:i)
-         last = last + 1 + i
-         if (i > n_curved) cycle
-         do j = 1, i
-            do k = 1, j
-               f(last + 1) = z(i)*z(j)*z(k)
-               do l = 1, k
-                  f(last + 1 + l) = z(i)*z(j)*z(k)*z(l)
-               end do
-               last = last + 1 + k
-            end do
-         end do
+         call add_features(z, i, richness, f)
       end do
    end subroutine evaluate_features
 
@@ -67,7 +88,7 @@ contains
       integer :: j
 
       straight%n = n
-      allocate (straight%centre(n), straight%forward(n, n), straight%bend(feature_count(n - 1), n), source=0.0_wp)
+      allocate (straight%centre(n), straight%forward(n, n), straight%bend(feature_count(n - 1, 0), n), source=0.0_wp)
       allocate (straight%width(n), source=1.0_wp)
       do j = 1, n
          straight%forward(j, j) = 1.0_wp
@@ -78,9 +99,11 @@ contains
    end function no_straightening
 
    !> Fit the straightening to points.
-   subroutine fit_straightening(points, straight)
+   subroutine fit_straightening(points, distinct, straight)
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
+      !> How many of the points are not copies.
+      integer, intent(in) :: distinct
       type(straightening_type), intent(out) :: straight
       type(error_type), allocatable :: error
       real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:)
@@ -90,6 +113,12 @@ contains
       n = size(points, 1)
       many = size(points, 2)
       straight = no_straightening(n)
+      do while (straight%richness < richest)
+         if (points_a_term*feature_count(n - 1, straight%richness + 1) > distinct) exit
+         straight%richness = straight%richness + 1
+      end do
+      m = feature_count(n - 1, straight%richness)
+      straight%bend = reshape([(0.0_wp, i=1, m*n)], [m, n])
       straight%centre = sum(points, 2)/many
       allocate (z(n, many))
       do i = 1, many
@@ -107,9 +136,9 @@ contains
       z = matmul(straight%forward, z)
       straight%least = minval(z, 2)
       straight%greatest = maxval(z, 2)
-      allocate (f(feature_count(n - 1), many), gram(feature_count(n - 1), feature_count(n - 1)))
+      allocate (f(m, many), gram(m, m))
       do i = 1, many
-         call evaluate_features(z(:n - 1, i), f(:, i))
+         call evaluate_features(z(:n - 1, i), straight%richness, f(:, i))
       end do
       gram = 0.0_wp
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
@@ -119,7 +148,7 @@ contains
       ! The features of coordinate j are the first ones, and so is their part of the factor.
       call cholesky_factor(gram, error)
       do j = 1, n
-         m = feature_count(j - 1)
+         m = feature_count(j - 1, straight%richness)
          if (.not. allocated(error)) then
             rhs = matmul(f(:m, :), z(j, :))
             call solve_leading(gram, rhs)
@@ -155,9 +184,9 @@ contains
       integer :: j, m
 
       z = matmul(self%forward, w - self%centre)
-      call evaluate_features(min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), f)
+      call evaluate_features(min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), self%richness, f)
       do j = 1, self%n
-         m = feature_count(j - 1)
+         m = feature_count(j - 1, self%richness)
          u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
       end do
    end subroutine to_straight
@@ -168,14 +197,19 @@ contains
       !> (dimension).
       real(wp), intent(in) :: u(:)
       real(wp), intent(out) :: w(:)
-      real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1))
-      integer :: j, m
+      real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
+      integer :: j, k
 
+      f(1) = 1.0_wp
       do j = 1, self%n
-         m = feature_count(j - 1)
-         call evaluate_features(within(:j - 1), f(:m))
-         z(j) = u(j)*self%width(j) + sum(self%bend(:m, j)*f(:m))
+         bent = 0.0_wp
+         !$omp simd reduction(+:bent)
+         do k = 1, feature_count(j - 1, self%richness)
+            bent = bent + self%bend(k, j)*f(k)
+         end do
+         z(j) = u(j)*self%width(j) + bent
          within(j) = min(max(z(j), self%least(j)), self%greatest(j))
+         if (j < self%n) call add_features(within, j, self%richness, f)
       end do
       w = self%centre + matmul(self%backward, z)
    end subroutine from_straight

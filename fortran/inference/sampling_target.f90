@@ -1,6 +1,7 @@
 !> What a sampler needs to know of a density.
 module sampling_target
    use kinds, only: wp
+   use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    implicit none
    private
@@ -18,6 +19,9 @@ module sampling_target
    type, abstract :: target_type
       !> Number of parameters.
       integer :: dimension = 0
+      !> Number of smooth results of the working coordinates, costly to compute, from which the density follows at little cost; 0 if it
+      !> is not of this kind.
+      integer :: n_outputs = 0
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
       procedure(draw_start_interface), deferred :: draw_start
@@ -26,6 +30,7 @@ module sampling_target
       !> Coordinates in which the density is smoother: by default the parameters themselves.
       procedure :: to_working
       procedure :: evaluate_working
+      procedure :: evaluate_outputs
    end type target_type
 
    abstract interface
@@ -61,17 +66,33 @@ contains
    end subroutine to_working
 
    !> All of a point from its working coordinates, which are there; the densities only if it is `admitted`.
-   pure subroutine evaluate_working(self, point, roughly, admitted)
+   pure subroutine evaluate_working(self, point, admitted, polynomial)
       class(target_type), intent(in) :: self
       type(point_type), intent(inout) :: point
-      !> A density that is near enough to find the way by will do.
-      logical, intent(in) :: roughly
       !> Whether it is in the support.
       logical, intent(out) :: admitted
+      !> What takes the place of the costly results, if it is there and fitted.
+      type(output_polynomial_type), intent(in), optional :: polynomial
 
       point%x = point%w
       call self%evaluate(point%x, point%log_density, admitted)
-      if (roughly .and. .not. admitted) return
+      ! There is none for what has no costly results.
+      admitted = admitted .and. .not. is_fitted(polynomial)
       point%log_working = point%log_density
    end subroutine evaluate_working
+
+   !> The costly results at a point, if it is in the support, and coordinates in which they are smooth; there are none by default.
+   pure subroutine evaluate_outputs(self, w, arguments, outputs, admitted)
+      class(target_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: w(:)
+      !> (dimension), (n_outputs).
+      real(wp), intent(out) :: arguments(:), outputs(:)
+      !> Whether the point is in the support.
+      logical, intent(out) :: admitted
+
+      arguments = w
+      outputs = 0.0_wp
+      admitted = self%n_outputs > 0
+   end subroutine evaluate_outputs
 end module sampling_target

@@ -24,7 +24,7 @@ contains
       real(wp), intent(in) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
       !> The draws that follow are others.
-      real(wp), parameter :: reserve = 0.6_wp
+      real(wp), parameter :: reserve = 0.5_wp
       real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), limit, best_limit, cost, least
       real(wp), allocatable :: exact(:, :)
       integer :: i, best

@@ -1,8 +1,9 @@
 !> The posterior that a problem asks for, over a surrogate.
 module problem_posterior
    use abstract_sampler, only: sampler_type
-   use constants_posterior, only: likelihood_type, new_posterior, posterior_type
+   use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
+   use error_models, only: likelihood_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
    use knowledge_conflict, only: without_knowledge
@@ -188,7 +189,7 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
 
-      call sample_aside(problem, posterior, 2000, run_settings_type(200, 1, 1, first_stream=far_stream + 1000000), chains, error)
+      call sample_aside(problem, posterior, 5000, run_settings_type(400, 1, 1, first_stream=far_stream + 1000000), chains, error)
    end subroutine sample_pilot
 
    !> A few draws of what the measurements and the limits of the prior say without any knowledge.

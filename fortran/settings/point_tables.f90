@@ -130,8 +130,9 @@ contains
             points%euler_deg(j, i) = points%euler_deg(j, i)/unit
             most = merge(180.0_wp, largest_turn, j == 2)
             ! Half a turn in radians is a rounded number.
-            if (radians .and. j == 2 .and. points%euler_deg(j, i) < most + rounding/unit) &
-               & points%euler_deg(j, i) = min(points%euler_deg(j, i), most)
+            if (radians .and. j == 2 .and. points%euler_deg(j, i) < most + rounding/unit) then
+               points%euler_deg(j, i) = min(points%euler_deg(j, i), most)
+            end if
             if (abs(points%euler_deg(j, i)) > most .or. (j == 2 .and. points%euler_deg(j, i) < 0.0_wp)) then
                call refuse_cell(points%table, column(j), i, unit_name//'; allowed ' &
                   & //to_text(merge(0.0_wp, -largest_turn, j == 2)*unit)//' to '//to_text(most*unit), error)

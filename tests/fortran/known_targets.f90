@@ -1,11 +1,12 @@
 !> Densities that the samplers are tried on.
 module known_targets
    use kinds, only: wp
+   use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: target_type
+   use sampling_target, only: point_type, target_type
    implicit none
    private
-   public :: banana_type
+   public :: banana_type, wavy_type
 
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
    type, extends(target_type) :: banana_type
@@ -15,6 +16,15 @@ module known_targets
       procedure :: draw_start
       procedure :: evaluate
    end type banana_type
+
+   !> The model's results o = (w1, w2 + 0.8 sin 2 w1, w3 + 0.3 w1², w4, ..) are standard normal, and w1 > -1. No polynomial is exact.
+   type, extends(target_type) :: wavy_type
+   contains
+      procedure :: draw_start => draw_wavy_start
+      procedure :: evaluate => evaluate_wavy
+      procedure :: evaluate_working => evaluate_wavy_working
+      procedure :: evaluate_outputs => evaluate_wavy_outputs
+   end type wavy_type
 
 contains
 
@@ -40,4 +50,59 @@ contains
       log_density = -0.5_wp*x(1)**2 - 0.5_wp*((x(2) - x(1)**2)/0.1_wp)**2
       if (self%dimension > 2) log_density = log_density - 0.5_wp*sum(x(3:)**2)
    end subroutine evaluate
+
+   subroutine draw_wavy_start(self, stream, x)
+      class(wavy_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(out) :: x(:)
+      integer :: i
+
+      do i = 1, self%dimension
+         call stream%uniform(x(i))
+      end do
+      x = 8.0_wp*x - 4.0_wp
+   end subroutine draw_wavy_start
+
+   pure subroutine evaluate_wavy(self, x, log_density, admitted)
+      class(wavy_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: log_density
+      logical, intent(out) :: admitted
+      real(wp) :: arguments(size(x)), outputs(size(x))
+
+      log_density = -huge(1.0_wp)
+      call self%evaluate_outputs(x, arguments, outputs, admitted)
+      if (admitted) log_density = -0.5_wp*sum(outputs**2)
+   end subroutine evaluate_wavy
+
+   pure subroutine evaluate_wavy_working(self, point, admitted, polynomial)
+      class(wavy_type), intent(in) :: self
+      type(point_type), intent(inout) :: point
+      logical, intent(out) :: admitted
+      type(output_polynomial_type), intent(in), optional :: polynomial
+      real(wp) :: outputs(self%n_outputs)
+
+      point%x = point%w
+      call self%evaluate(point%x, point%log_density, admitted)
+      if (.not. admitted) return
+      if (is_fitted(polynomial)) then
+         call polynomial%evaluate(point%w, outputs, admitted)
+         if (.not. admitted) return
+         point%log_density = -0.5_wp*sum(outputs**2)
+      end if
+      point%log_working = point%log_density
+   end subroutine evaluate_wavy_working
+
+   pure subroutine evaluate_wavy_outputs(self, w, arguments, outputs, admitted)
+      class(wavy_type), intent(in) :: self
+      real(wp), intent(in) :: w(:)
+      real(wp), intent(out) :: arguments(:), outputs(:)
+      logical, intent(out) :: admitted
+
+      admitted = w(1) > -1.0_wp .and. self%n_outputs > 0
+      arguments = w
+      outputs = w
+      outputs(2) = w(2) + 0.8_wp*sin(2.0_wp*w(1))
+      outputs(3) = w(3) + 0.3_wp*w(1)**2
+   end subroutine evaluate_wavy_outputs
 end module known_targets

@@ -4,12 +4,13 @@ program test_inference
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use error_models, only: new_error_model
+   use error_models, only: likelihood_type, new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
-   use known_targets, only: banana_type
+   use known_targets, only: banana_type, wavy_type
    use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish
@@ -21,6 +22,8 @@ program test_inference
    call test_error_models()
    call test_mixture()
    ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more across it.
+   call test_output_polynomial()
+   call test_surrogate_transition()
    call test_sampler('ensemble', 20000, 20000, 0.05_wp)
    call test_sampler('scmh', 200000, 5000, 0.05_wp)
    call test_diagnostics()
@@ -52,7 +55,7 @@ contains
       real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
       integer :: k
 
-      call new_error_model('normal', 0.0_wp, model, error)
+      call new_error_model(likelihood_of('normal', 0.0_wp), model, error)
       call check_success('normal errors', error)
       ! Two columns that are the same, s q with |q| = 1, are errors of covariance 2 s² q qᵀ.
       r = [3.5_wp, 2.5_wp, 1.0_wp, -1.0_wp]
@@ -66,7 +69,7 @@ contains
       end do
       call check_close('normal density', model%log_density(r, 2.0_wp), -sum(r**2)/8.0_wp - 4.0_wp*log(2.0_wp) &
          & - 2.0_wp*log(2.0_wp*pi), 1.0e-13_wp)
-      call new_error_model('student', 3.0_wp, model, error)
+      call new_error_model(likelihood_of('student', 3.0_wp), model, error)
       call check_close('Student''s t of sd 1: its scale', model%scale, 1.0_wp/sqrt(3.0_wp), 1.0e-15_wp)
       ! Three degrees of freedom: 2/(pi sqrt(3)) (1 + x²/3)^-2.
       call check_close('density of Student''s t', model%log_density([1.5_wp], 1.0_wp), &
@@ -74,9 +77,9 @@ contains
       u = 0.0_wp
       call model%integrate(r, u, b, l, value)
       call check_close('Student''s t without shared errors', value, model%log_density(r, 1.0_wp), 1.0e-13_wp)
-      call new_error_model('student', 1.5_wp, model, error)
+      call new_error_model(likelihood_of('student', 1.5_wp), model, error)
       call check_close('without a variance the sd is the scale', model%scale, 1.0_wp, 0.0_wp)
-      call new_error_model('laplace', 1.0_wp, model, error)
+      call new_error_model(likelihood_of('laplace', 1.0_wp), model, error)
       call check_refused('another likelihood', error, 'normal, student')
 
       call new_modulus_map('effective_modulus', 1140.0_wp, 0.07_wp, 0.3_wp, map, error)
@@ -125,6 +128,79 @@ contains
       ! Four standard errors of a share of one quarter.
       call check_close('share of draws there', total, 0.25_wp, 0.0123_wp)
    end subroutine test_mixture
+
+   pure function likelihood_of(errors, student_dof) result(likelihood)
+      character(len=*), intent(in) :: errors
+      real(wp), intent(in) :: student_dof
+      type(likelihood_type) :: likelihood
+
+      likelihood%errors = errors
+      likelihood%student_dof = student_dof
+   end function likelihood_of
+
+   !> The ensemble with a polynomial in place of a model that is none: moments of the exact density all the same.
+   subroutine test_surrogate_transition()
+      type(wavy_type) :: wavy
+      class(sampler_type), allocatable :: sampler
+      type(chains_type) :: chains
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: second(:, :), third(:, :)
+      real(wp) :: mean
+
+      wavy%dimension = 6
+      wavy%n_outputs = 6
+      call new_sampler('ensemble', 1000, sampler, error)
+      call sample_chains(wavy, sampler, run_settings_type(10000, 4, 2, 3), chains, error)
+      call check_success('surrogate transitions: chains', error)
+      call check('the polynomial errs, and the exact density tells', all(chains%acceptance < 0.999_wp .and. &
+         & chains%acceptance > 0.2_wp))
+      mean = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
+      second = chains%draws(2, :, :) + 0.8_wp*sin(2.0_wp*chains%draws(1, :, :))
+      third = chains%draws(3, :, :) + 0.3_wp*chains%draws(1, :, :)**2
+      ! Some 10,000 effective samples: five standard errors.
+      call check_close('surrogate transitions: a cut normal', average(chains%draws(1, :, :)), mean, 0.05_wp)
+      call check_close('surrogate transitions: its square', average(chains%draws(1, :, :)**2), 1.0_wp - mean, 0.05_wp)
+      call check_close('surrogate transitions: the wave', average(second**2), 1.0_wp, 0.07_wp)
+      call check_close('surrogate transitions: the wave does not depend', &
+         & average(second*sin(2.0_wp*chains%draws(1, :, :))), 0.0_wp, 0.04_wp)
+      call check_close('surrogate transitions: the bend', average(third**2), 1.0_wp, 0.07_wp)
+      call check_close('surrogate transitions: the bend does not depend', average(third*chains%draws(1, :, :)), 0.0_wp, 0.05_wp)
+      call check_close('surrogate transitions: the others', average(chains%draws(6, :, :)**2), 1.0_wp, 0.07_wp)
+   end subroutine test_surrogate_transition
+
+   !> A polynomial is found again by its values, and says nothing of what is beyond them.
+   subroutine test_output_polynomial()
+      type(output_polynomial_type) :: polynomial
+      type(random_stream_type) :: stream
+      real(wp) :: points(3, 400), outputs(2, 400), found(2)
+      integer :: i, k
+      logical :: inside
+
+      stream = new_random_stream(8, 0)
+      do i = 1, 400
+         do k = 1, 3
+            call stream%normal(points(k, i))
+         end do
+         outputs(:, i) = some_cubic(points(:, i))
+      end do
+      call check('terms of degree 3 in 9 coordinates', polynomial_terms(9, 3) == 220)
+      call check('the degree that 300 terms allow in 9', polynomial_degree(9, 300) == 3)
+      call fit_output_polynomial(points, outputs, 3, polynomial)
+      call check('a fit', is_fitted(polynomial))
+      call polynomial%evaluate([0.3_wp, -0.4_wp, 0.7_wp], found, inside)
+      call check('a cubic is found again', inside .and. maxval(abs(found - some_cubic([0.3_wp, -0.4_wp, 0.7_wp]))) < 1.0e-5_wp)
+      call polynomial%evaluate([9.0_wp, 0.0_wp, 0.0_wp], found, inside)
+      call check('beyond the points it says nothing', .not. inside)
+      call fit_output_polynomial(points(:, :1), outputs(:, :1), 3, polynomial)
+      call check('one point is not enough', .not. is_fitted(polynomial))
+   end subroutine test_output_polynomial
+
+   pure function some_cubic(x) result(y)
+      real(wp), intent(in) :: x(3)
+      real(wp) :: y(2)
+
+      y = [1.0_wp + x(1)*x(2)*x(3) - x(2)**3, x(1)**2 - 2.0_wp*x(2)*x(3)]
+   end function some_cubic
 
    !> Moments of a curved ridge that bounds cut, and the same chains on 1, 2 and 4 threads.
    subroutine test_sampler(name, samples, burn_in, tolerance)

@@ -5,7 +5,7 @@ program test_summary
    use errors, only: error_type
    use kinds, only: wp
    use known_targets, only: banana_type
-   use logarithmic_coordinates, only: new_log_coordinates
+   use logarithmic_coordinates, only: log_frame_type, new_log_coordinates
    use next_measurement, only: candidates_type, choose_measurements, expected_gains, suggestions_type
    use posterior_summary, only: combination_type, correlate, find_combinations, parameter_type, summarise_parameters
    use random, only: new_random_stream, random_stream_type
@@ -90,9 +90,10 @@ contains
       type(prior_type), intent(in) :: about
       real(wp), intent(in) :: w(2)
       real(wp) :: constants(2)
-      real(wp) :: c(6, 6), log_volume
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6)
 
-      call about%logarithms%from_logarithms(w, c, log_volume)
+      call about%logarithms%from_logarithms(w, c, frame)
       constants = about%class%constants_of(c)
    end function constants_at
 

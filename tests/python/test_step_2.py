@@ -94,7 +94,9 @@ def test_orientations_are_judged(surrogates):
     assert "one grain" in warnings_of(surrogates["cubic"], [[10.0, 20.0, 30.0]])[0]
     assert "the orientations are all alike" in warnings_of(surrogates["cubic"], [[0.0, 20.0, 30.0], [50.0, 20.0, 60.0]])[0]
     assert "the orientations are all alike" in warnings_of(surrogates["hexagonal"], [[0.0, 30.0, 10.0], [0.0, 150.0, 80.0]])[0]
-    assert warnings_of(surrogates["hexagonal"], [[0.0, 30.0, 10.0], [0.0, 70.0, 80.0]]) == []
+    two = [[0.0, 30.0, 10.0], [0.0, 70.0, 80.0]]
+    assert "3 combinations of the 5 constants" in warnings_of(surrogates["hexagonal"], two)[0]
+    assert warnings_of(surrogates["hexagonal"], [*two, [0.0, 50.0, 0.0]]) == []
     assert any("radians" in line for line in warnings_of(surrogates["cubic"], [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]]))
 
 
