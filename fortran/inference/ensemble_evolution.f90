@@ -67,7 +67,7 @@ contains
       end do
       m = min(m, found)
       effort = 1
-      if (target%n_outputs > 0) effort = merge(14, 1, n >= many_dimensions)
+      if (target%n_outputs > 0) effort = merge(10, 1, n >= many_dimensions)
       allocate (walkers(m), u(n, m), archive(n, most + m))
       do k = 1, m
          walkers(k)%w = points(:, k)
@@ -81,7 +81,11 @@ contains
             call target%evaluate_working(walkers(k), accepted, view%polynomial)
          end do
          generations = int(max(4_i8, merge(effort, min(effort, 2_i8), is_fitted(view%polynomial))*evaluations/(m*rounds)))
+         ! All walkers are to be in the archive: no common divisor.
          stride = max(1_i8, (int(generations, i8)*m/2 + most - 1)/most)
+         do while (any([(mod(stride, int(i, i8)) == 0 .and. mod(m, i) == 0, i=2, m)]))
+            stride = stride + 1
+         end do
          kept = 0
          visits = 0
          distinct = 0

@@ -65,7 +65,7 @@ contains
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
       kernel%share = 0.0_wp
       if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality))
-      kernel%steps = 1 + nint(merge(8.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
+      kernel%steps = 1 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
                              & *max(0.0_wp, 0.8_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
