@@ -13,7 +13,7 @@ README = (SOURCE / "README.md").read_text()
 #: is relative. Errors of Monte Carlo are a tenth of these; a most probable point on a long ridge is worth little.
 TOLERANCES = {
     "Surrogate:": [(0, 0), (0, 0), (0, 0), (0, 0), (0.5, 0)],
-    **{key: [(0, 1.0), (0, 1.0), (0, 25.0), (0, 3.0), (0, 3.0), (0, 0.01), (0.5, 0), (0.5, 0)] for key in ("C11", "C12", "C44")},
+    **{key: [(0, 1.0), (0, 1.0), (0, 25.0), (0, 3.0), (0, 3.0), (0, 0.03), (0, 0.01), (0.5, 0), (0.5, 0)] for key in ("C11", "C12", "C44")},
 }
 GAIN = [(0, 15.0), (0, 15.0), (0, 90.0), (0.2, 0)]
 NUMBER = r"(?<![\w-])\d+(?:\.\d+)?(?![\w%-])"
@@ -24,6 +24,11 @@ def block(start):
     return next(text for text in README.split("```")[1::2] if start in text).partition("\n")[2]
 
 
+def words(line):
+    """A line without its numbers and checksums; columns may be wider elsewhere."""
+    return re.sub(r"\s+", " ", re.sub(NUMBER, "#", re.sub(r"\b[0-9A-F]{16}\b", "#", line)))
+
+
 def test_the_quickstart_prints_this(bayesindent):
     done = bayesindent("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
@@ -31,8 +36,7 @@ def test_the_quickstart_prints_this(bayesindent):
     assert printed[-1] == "Report: runs/quickstart/report.html"
     assert len(shown) == len(printed) - 1
     for expected, line in zip(shown, printed, strict=False):
-        # Columns may be wider elsewhere.
-        assert re.sub(r"\s+", " ", re.sub(NUMBER, "#", line)) == re.sub(r"\s+", " ", re.sub(NUMBER, "#", expected))
+        assert words(line) == words(expected)
         values = [[float(number) for number in re.findall(NUMBER, text)] for text in (line, expected)]
         tolerances = TOLERANCES.get(expected.split()[0], GAIN)
         if len(tolerances) > len(values[0]):  # no most probable value

@@ -1,0 +1,176 @@
+"""Simulation-based calibration of Step 2 with the exact theory (Talts et al. 2018): classes, and every kind of error and knowledge.
+
+Truths are drawn from the prior within explicit bounds, measurements from the model that is assumed: with what a group shares, heavy tails,
+one unknown scale, tilted directions, or a bulk modulus known beforehand. The rank of each truth among the draws of its posterior must be
+uniform: of every constant, and of the logarithm of the density. p-values are those of a chi-square test with ten bins, after Holm's
+correction over all that one run has looked at.
+
+    ./bayesindent bench calibration                       # all ten cases, 200 data sets each: hours
+    ./bayesindent bench calibration --case cubic --repeats 50
+"""
+
+import argparse
+import csv
+import time
+from pathlib import Path
+
+import numpy as np
+from bench_studies import BINS, DRAWS, effective_size, holm
+from scipy import stats
+
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from bayesindent.inference.posterior import PRIOR, Posterior
+from bayesindent.inference.quantities import quantities
+from bayesindent.surrogate.surrogate import Surrogate
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+#: Name of the case: crystal of crystals.csv, grains, and what is added to a normal likelihood.
+CASES: dict[str, tuple[str, int, dict]] = {
+    "cubic": ("copper", 12, {}),
+    "hexagonal": ("Zn", 16, {}),
+    "trigonal": ("quartz", 20, {}),
+    "orthorhombic": ("forsterite", 30, {}),
+    "calibration factor": ("copper", 12, {"calibration_sd": 0.03}),
+    "groups": ("copper", 12, {"calibration_sd": 0.03, "group": 3}),
+    "Student's t": ("copper", 12, {"likelihood": "student", "student_dof": 4.0}),
+    "inferred scale": ("copper", 12, {"scale": "inferred"}),
+    "orientation sd": ("copper", 12, {"orientation_sd_deg": 3.0}),
+    "knowledge": ("copper", 12, {"knowledge": {"bulk_modulus": 0.1}}),
+}
+#: Relative sd of a measurement, and of the bounds about the literature's constants.
+NOISE, HALF_WIDTH = 0.02, 0.3
+#: The prior of the factor on unknown sds: its logarithm is uniform.
+FACTORS = 0.05, 50.0
+
+
+class Study:
+    """One case: truths, and the posteriors of data made with them."""
+
+    def __init__(self, name: str, seed: int):
+        crystal, self.grains, extra = CASES[name]
+        with (REFERENCE / "crystals.csv").open(encoding="utf-8") as file:
+            row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == crystal)
+        self.symmetry = row["symmetry"]
+        self.names = constant_names(self.symmetry)
+        self.typical = np.array([float(row[constant]) for constant in self.names])
+        self.rng = np.random.default_rng([seed, list(CASES).index(name)])
+        width = HALF_WIDTH * np.maximum(np.abs(self.typical), 0.2 * self.typical.max())
+        self.low, self.high = self.typical - width, self.typical + width
+        self.extra = dict(extra)
+        self.group = self.extra.pop("group", 0)
+        self.inferred = self.extra.get("scale") == "inferred"
+        self.settings = {
+            "symmetry": self.symmetry, "surrogate": Surrogate.load("halfspace"), "modulus_kind": "indentation_modulus",
+            "bounds": dict(zip(self.names, zip(self.low, self.high, strict=True), strict=True)), **self.extra,
+        }  # fmt: skip
+        self.known = None
+        if "knowledge" in self.extra:
+            ((quantity, relative),) = self.extra["knowledge"].items()
+            mean = float(quantities(self.symmetry, self.typical, [quantity])[quantity])
+            self.known = quantity, mean, relative * mean
+            self.settings["knowledge"] = {quantity: (mean, relative * mean)}
+
+    def truth(self) -> np.ndarray:
+        """A point of the prior, by rejection."""
+        settings = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "bounds")}
+        table = self.table(self.typical, np.zeros((1, 3)))
+        prior = Posterior.of(table, what=PRIOR, **settings)
+        while True:
+            point = self.low + (self.high - self.low) * self.rng.random(len(self.low))
+            if not np.isfinite(prior.evaluate(point[None])[0][0]):
+                continue
+            if self.known:
+                quantity, mean, sd = self.known
+                value = float(quantities(self.symmetry, point, [quantity])[quantity])
+                if self.rng.random() > np.exp(-0.5 * ((value - mean) / sd) ** 2):
+                    continue
+            return point
+
+    def table(self, constants: np.ndarray, euler_deg: np.ndarray) -> dict:
+        """The columns of exact measurements."""
+        modulus = halfspace_modulus(stiffness_rows(self.symmetry, [constants])[0], euler_deg)
+        columns = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg.T, strict=True))
+        return {**columns, "modulus_gpa": modulus, "sd_gpa": NOISE * modulus}
+
+    def measure(self, truth: np.ndarray) -> tuple[dict, list[float]]:
+        """Measurements of a truth with all the errors of the case, and what was drawn for the parameters beside the constants."""
+        rng, n = self.rng, self.grains
+        euler = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+        true = euler
+        if "orientation_sd_deg" in self.extra:
+            true = tilted(euler, np.radians(self.extra["orientation_sd_deg"]) * rng.normal(size=(2, n)))
+        table = self.table(truth, euler)
+        # By the theory as the posterior reads it, so that sds however small find no difference.
+        plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "bounds")}
+        modulus, sd = Posterior.of(table, **plain).moduli(truth, true)[0][0], table["sd_gpa"]
+        noise, drawn = rng.normal(size=n), []
+        if "student_dof" in self.extra:
+            dof = self.extra["student_dof"]
+            noise = rng.standard_t(dof, n) * np.sqrt((dof - 2) / dof)
+        if self.inferred:
+            factor = FACTORS[0] * (FACTORS[1] / FACTORS[0]) ** rng.random()
+            sd = table["sd_gpa"] = 0.003 * modulus
+            noise, drawn = factor * noise, [np.log(factor)]
+        if "calibration_sd" in self.extra:
+            of = np.arange(n) % max(1, self.group)
+            modulus = modulus * (1 + self.extra["calibration_sd"] * rng.normal(size=max(1, self.group))[of])
+            if self.group:
+                table["group"] = [f"tip {k}" for k in of]
+        table["modulus_gpa"] = modulus + sd * noise
+        return table, drawn
+
+    def ranks(self, threads: int, samples: int, seed: int) -> np.ndarray:
+        """Share of the draws below the truth: of each parameter, and of the logarithm of the density."""
+        truth = self.truth()
+        table, drawn = self.measure(truth)
+        posterior = Posterior.of(table, seed=seed, workers=threads, **self.settings)
+        draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=4000, chains=4, threads=threads, seed=seed)
+        flat = draws.reshape(-1, draws.shape[2])
+        size = min(DRAWS, int(effective_size(draws)))
+        chosen = flat[np.linspace(0, len(flat) - 1, max(9, size)).astype(int)]
+        true = np.concatenate([truth, drawn])
+        values = np.column_stack([chosen, posterior.evaluate(chosen)[0]])
+        return (values < np.append(true, posterior.evaluate(true[None])[0])).mean(axis=0)
+
+
+def tilted(euler_deg: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Orientations whose indented direction is tilted by small angles (2, n), radians, towards the sample's x and y."""
+    phi1, phi, phi2 = np.radians(euler_deg).T
+    # The indented direction in crystal axes, and the sample's x and y there.
+    c1, s1, c, s, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi), np.sin(phi), np.cos(phi2), np.sin(phi2)
+    z = np.array([s2 * s, c2 * s, c])
+    x = np.array([c1 * c2 - s1 * s2 * c, -c1 * s2 - s1 * c2 * c, s1 * s])
+    y = np.array([s1 * c2 + c1 * s2 * c, -s1 * s2 + c1 * c2 * c, -c1 * s])
+    z = z + tilt[0] * x + tilt[1] * y
+    z /= np.linalg.norm(z, axis=0)
+    # A turn about the direction itself changes no modulus: phi1 is free.
+    return np.column_stack([np.zeros_like(phi), np.degrees(np.arccos(z[2])), np.degrees(np.arctan2(z[0], z[1]))])
+
+
+def main(argv=None) -> int:
+    """Rank, test, tabulate; 1 if anything is not uniform."""
+    parser = argparse.ArgumentParser(prog="bench calibration", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--case", choices=tuple(CASES), action="append", help="only this one; may be given again")
+    parser.add_argument("--repeats", type=int, default=200, help="data sets of a case (200)")
+    parser.add_argument("--samples", type=int, default=1000, help="of each of four chains (1000)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=2)
+    arguments = parser.parse_args(argv)
+    p_values = {}
+    for name in arguments.case or CASES:
+        start, study = time.perf_counter(), Study(name, arguments.seed)
+        table = np.array([study.ranks(arguments.threads, arguments.samples, k + 1) for k in range(arguments.repeats)])
+        labels = [*study.names, *(["scale"] if study.inferred else []), "log density"]
+        for label, column in zip(labels, table.T, strict=True):
+            p_values[name, label] = stats.chisquare(np.histogram(column, BINS, (0, 1 + 1e-9))[0]).pvalue
+        print(f"{name}: {arguments.repeats} data sets in {time.perf_counter() - start:.0f} s", flush=True)
+    corrected = holm(p_values)
+    for (name, label), p in p_values.items():
+        print(f"  {name:20} {label:12} p = {p:.3f}, corrected {corrected[name, label]:.3f}")
+    least = min(corrected.values())
+    print("uniform" if least > 0.01 else "NOT uniform", "at p > 0.01 after Holm's correction")
+    return int(least <= 0.01)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
