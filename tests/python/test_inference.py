@@ -34,16 +34,16 @@ def test_posterior_meets_reference(symmetry, documents):
         assert item["ess_bulk"] > 20000
 
 
-#: Of 4 chains of 400,000 sweeps: least effective size, and four standard errors of the means (in sds) and sds (relative) at that size.
+#: Of 4 chains of 700,000 sweeps: least effective size, and four standard errors of the means (in sds) and sds (relative) at that size.
 @pytest.mark.parametrize(("symmetry", "least", "mean", "sd"), [("cubic", 2000, 0.09, 0.05), ("hexagonal", 120, 0.3, 0.1)])
 def test_the_papers_sampler_agrees(symmetry, least, mean, sd, surrogates, documents):
     posterior = Posterior.of(
         table_of(*columns(symmetry)), surrogate=surrogates[symmetry], surrogate_variance="none", **reference(symmetry)[1]
     )
-    draws, _, acceptance = posterior.sample(method="scmh", samples=400_000, burn_in=20000, chains=4, threads=2, seed=5)
+    draws, _, acceptance = posterior.sample(method="scmh", samples=700_000, burn_in=20000, chains=4, threads=2, seed=5)
     assert acceptance == pytest.approx(0.23, abs=0.03)
     for j, item in enumerate(documents[symmetry]["parameters"].values()):
-        assert az.ess(draws[:, ::20, j]) > least
+        assert az.ess(draws[:, ::35, j]) > least
         assert draws[..., j].mean() == pytest.approx(item["mean"], abs=mean * item["sd"])
         assert draws[..., j].std() == pytest.approx(item["sd"], rel=sd)
 
