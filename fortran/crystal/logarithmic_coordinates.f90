@@ -168,13 +168,6 @@ contains
                slopes(i, j) = exp(0.5_wp*(values(i) + values(j)))*quotient
             end do
          end do
-         if (self%n == 21) then
-            log_volume = 0.0_wp
-            do j = 1, 6
-               log_volume = log_volume + sum(log(slopes(:j, j)))
-            end do
-            return
-         end if
          i = 0
          do j = 1, 6
             weights(i + 1:i + j) = sqrt(2.0_wp*slopes(:j, j))
