@@ -140,11 +140,8 @@ subroutine posterior_evaluate(handle, parameters, n, x, log_density, log_likelih
    if (status /= 0) return
    associate (density => self%density)
       do i = 1, n
-         call density%evaluate(x(:, i), log_density(i), admitted)
-         if (.not. admitted) cycle
-         inside(i) = 1
-         log_likelihood(i) = 0
-         if (.not. density%likelihood%prior_only) log_likelihood(i) = density%log_likelihood(x(:, i))
+         call density%evaluate_parts(x(:, i), log_density(i), log_likelihood(i), admitted)
+         inside(i) = merge(1, 0, admitted)
       end do
    end associate
 end subroutine posterior_evaluate

@@ -52,11 +52,11 @@ module constants_posterior
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
       procedure :: evaluate
+      procedure :: evaluate_parts
       procedure :: evaluate_working
       procedure :: evaluate_outputs
       procedure :: to_working
       procedure :: draw_start
-      procedure :: log_likelihood
       procedure :: moduli
       procedure :: set_field_degree
       procedure :: draw_moduli
@@ -128,18 +128,31 @@ contains
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: log_density
       logical, intent(out) :: admitted
+      real(wp) :: log_likelihood
+
+      call self%evaluate_parts(x, log_density, log_likelihood, admitted)
+   end subroutine evaluate
+
+   !> The density at `x`, and its part that the measurements make: Eq. 13 and its extensions, normalised over them.
+   pure subroutine evaluate_parts(self, x, log_density, log_likelihood, admitted)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: log_density, log_likelihood
+      logical, intent(out) :: admitted
       type(log_frame_type) :: frame
       real(wp) :: c(6, 6), other(6, 6)
 
       c = self%stiffness(x)
       log_density = -huge(1.0_wp)
+      log_likelihood = 0.0_wp
       admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
       if (.not. admitted) return
-      log_density = density_of_crystal(self, x, c)
+      if (.not. self%likelihood%prior_only) log_likelihood = likelihood_of_crystal(self, x, c)
+      log_density = self%prior%log_density(c) + log_likelihood
       if (.not. self%prior%in_logarithms) return
       call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, frame)
       log_density = log_density - self%prior%logarithms%log_volume(frame)
-   end subroutine evaluate
+   end subroutine evaluate_parts
 
    pure subroutine evaluate_working(self, point, admitted, polynomial)
       class(posterior_type), intent(in) :: self
@@ -196,9 +209,8 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
 
-      scale_is_admitted = .true.
-      if (self%likelihood%infer_scale) scale_is_admitted = x(self%dimension) >= log(least_factor) &
-         & .and. x(self%dimension) <= log(greatest_factor)
+      scale_is_admitted = .not. self%likelihood%infer_scale &
+         & .or. (x(self%dimension) >= log(least_factor) .and. x(self%dimension) <= log(greatest_factor))
    end function scale_is_admitted
 
    !> Normal factors of the prior and likelihood.
@@ -266,8 +278,7 @@ contains
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> Moduli of all directions, if they are known.
       real(wp), intent(in), optional :: known_rows(:)
-      real(wp), dimension(size(self%euler, 2)) :: rows, slopes
-      real(wp) :: shift, variance
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
       integer :: g
 
       if (present(known_rows)) then
@@ -290,21 +301,12 @@ contains
       end do
    end subroutine evaluate_grains
 
-   !> Logarithm of Eq. 13 and its extensions at a point `x`, normalised over the measurements.
-   pure real(wp) function log_likelihood(self, x)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-
-      log_likelihood = likelihood_of_crystal(self, x, self%stiffness(x))
-   end function log_likelihood
-
+   !> Logarithm of Eq. 13 and its extensions at a point.
    pure real(wp) function likelihood_of_crystal(self, x, c, rows) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       real(wp), intent(in), optional :: rows(:)
-      real(wp) :: factor
-      real(wp) :: model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
+      real(wp) :: factor, model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
       real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
 
       factor = scale_factor(self, x)
