@@ -17,11 +17,6 @@ __all__ = ["Command", "namelist_command", "output_folder", "perform", "prepare"]
 log = logging.getLogger("bayesindent")
 
 
-def unwanted(*_) -> dict:
-    """What a command does not have."""
-    raise NotImplementedError
-
-
 @dataclass(frozen=True)
 class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
@@ -34,15 +29,15 @@ class Command:
     summary: str
     description: str = ""
     groups: tuple[str, ...] = ()
-    stage: Callable[..., dict] = unwanted
+    stage: Callable[..., dict] | None = None
     action: Callable[[argparse.Namespace], dict | int] | None = None
     arguments: Callable[[argparse.ArgumentParser], None] | None = None
-    show: Callable[[dict], object] = unwanted
+    show: Callable[[dict], object] | None = None
 
     @property
     def has_document(self) -> bool:
         """Whether it gives a document, rather than an exit status."""
-        return self.show is not unwanted
+        return self.show is not None
 
     def run(self, arguments: argparse.Namespace) -> dict | int:
         """Do it."""
@@ -81,6 +76,7 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
 
 def perform(command: Command, problem, output: Path, progress: Progress) -> dict:
     """Perform a command's stage; its document is kept in the output folder for reports."""
+    assert command.stage is not None, command.name
     log.info("%s begins", command.name)
     document = command.stage(problem, output, progress)
     document["warnings"] = list(document.get("warnings", []))

@@ -43,7 +43,7 @@ def show(document: dict) -> None:
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
     for command in COMMANDS:
-        if command.name in document:
+        if command.show is not None and command.name in document:
             command.show(document[command.name])
 
 
