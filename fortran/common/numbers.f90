@@ -104,18 +104,25 @@ contains
       character(len=:), allocatable :: string
       character(len=:), allocatable :: digits
       character(len=32) :: buffer
+      character(len=2), parameter :: roundings(2) = ['rn', 'ru']
+      character(len=14) :: layout
       real(wp) :: again
-      integer :: n, outcome, exponent, mark
+      integer :: n, k, exponent, mark
 
       if (.not. abs(number) <= huge(number)) then
          string = to_text(number)
          return
       end if
-      do n = 15, 17
-         write (buffer, '(es32.'//to_text(n - 1)//'e3)') abs(number)
-         call read_real(trim(adjustl(buffer)), again, outcome)
-         if (outcome == number_ok .and. .not. abs(again - abs(number)) > 0.0_wp) exit
-      end do
+      ! Fewer than 15 digits, but for zeros at the end, are enough only below the normal numbers. The numbers below a power of two are
+      ! closer than those above, so that rounding up may save a digit.
+      search: do n = merge(15, 1, .not. abs(number) < tiny(number)), 17
+         do k = 1, merge(2, 1, fraction(abs(number)) <= 0.5_wp)
+            layout = '('//roundings(k)//',es32.'//achar(48 + (n - 1)/10)//achar(48 + mod(n - 1, 10))//'e3)'
+            write (buffer, layout) abs(number)
+            read (buffer, '(es32.0)') again
+            if (.not. abs(again - abs(number)) > 0.0_wp) exit search
+         end do
+      end do search
       buffer = adjustl(buffer)
       mark = index(buffer, 'E')
       read (buffer(mark + 1:), *) exponent
@@ -134,6 +141,6 @@ contains
       else
          string = digits(:exponent + 1)//'.'//digits(exponent + 2:)
       end if
-      if (number < 0.0_wp) string = '-'//string
+      if (sign(1.0_wp, number) < 0.0_wp) string = '-'//string
    end function number_text
 end module numbers

@@ -40,6 +40,9 @@ program test_json
       & //number_text(1.0e15_wp)//' '//number_text(1.5e16_wp)//' '//number_text(-0.0625_wp)//' '//number_text(1.0_wp/3.0_wp) &
       & //' '//number_text(123456.789_wp)//' '//number_text(0.0_wp)//' '//number_text(2.5e-4_wp) &
       & == '16.0 0.1 1e-05 1000000000000000.0 1.5e+16 -0.0625 0.3333333333333333 123456.789 0.0 0.00025')
+   call check('at powers of two, at the end of the range, below nothing', number_text(2.0_wp**(-44))//' ' &
+      & //number_text(tiny(1.0_wp)/2.0_wp**52)//' '//number_text(huge(1.0_wp))//' '//number_text(-0.0_wp) &
+      & == '5.684341886080802e-14 5e-324 1.7976931348623157e+308 -0.0')
 
    document = json_type()
    call document%begin_array()

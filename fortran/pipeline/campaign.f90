@@ -1,0 +1,436 @@
+!> campaign.sqlite: every simulation that was ever made or imported, one row each, never changed; both programs read and continue it.
+!>
+!> A row is on the disk when the call that adds it returns, so that an interrupted campaign loses at most what was under way. A point
+!> that failed stays failed. Rows belong to a physics (mesh, element, estimator, revision of the numerics): several surrogates share a
+!> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
+module campaign
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use campaign_file, only: name_file, open_campaign_file, raise_damaged
+   use crystal_class, only: crystal_class_type
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: i8, wp
+   use numbers, only: number_text
+   use simulate, only: outcome_done, outcome_failed, outcome_type
+   use sqlite, only: database_type, statement_type
+   use text, only: lower, to_text
+   implicit none
+   private
+   public :: campaign_type, row_type, campaign_name
+
+   !> The file in an output folder.
+   character(len=*), parameter :: campaign_name = 'campaign.sqlite'
+
+   !> One simulation of a crystal.
+   type :: row_type
+      !> Order of choice within the physics, from 0; below 0 in a row that is to be added: the next.
+      integer :: position = -1
+      !> Name of its class; its constants in the order of the class, GPa; Bunge's angles, degrees.
+      character(len=12) :: symmetry = ''
+      real(wp), allocatable :: constants(:)
+      real(wp) :: euler_deg(3) = 0.0_wp
+      !> Computed by another program.
+      logical :: imported = .false.
+      !> Done or failed. What the file has not is 0, or empty.
+      type(outcome_type) :: outcome
+   end type row_type
+
+   !> The rows of one physics in a campaign file.
+   type :: campaign_type
+      character(len=:), allocatable :: path
+      type(database_type), private :: file
+      type(statement_type), private :: lookup, insertion
+      integer(i8), private :: physics = 0
+   contains
+      procedure :: open => open_campaign
+      procedure :: close => close_campaign
+      procedure :: rows
+      procedure :: find
+      procedure :: add
+      procedure :: add_rows
+      procedure :: import_rows
+      procedure :: next_position
+      procedure :: other_physics
+      procedure, private :: read_row
+      final :: finalize_campaign
+   end type campaign_type
+
+   !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
+   character(len=*), parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, message, ' &
+      & //'indentation_modulus_gpa, elements, seconds, depth_um, force_mn'
+   character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE physics_id = ? AND symmetry = ? ' &
+      & //'AND constants = ? AND euler_deg = ?'
+   character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
+      & //'COALESCE(?2, (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
+      & //'?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
+      & //'ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING'
+   character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', failed = 'failed'
+
+   !> Relative difference of two moduli below which an imported row says the same as a stored one.
+   real(wp), parameter :: same = 1.0e-6_wp
+
+contains
+
+   !> Open a file for the physics of an `identity` (see `physics_identity`); it is made if it is not there.
+   subroutine open_campaign(self, path, identity, error)
+      class(campaign_type), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      !> JSON, keys sorted.
+      character(len=*), intent(in) :: identity
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%close()
+      self%path = path
+      call open_campaign_file(path, self%file, error)
+      if (.not. allocated(error)) call find_physics(self, identity, error)
+      if (.not. allocated(error)) call self%file%prepare(lookup, self%lookup, error)
+      if (.not. allocated(error)) call self%file%prepare(insertion, self%insertion, error)
+      if (.not. allocated(error)) return
+      call name_file(self%path, error)
+      call self%close()
+   end subroutine open_campaign
+
+   !> Close the file; a closed campaign may be closed again.
+   subroutine close_campaign(self)
+      class(campaign_type), intent(inout) :: self
+
+      call self%lookup%finish()
+      call self%insertion%finish()
+      call self%file%close()
+   end subroutine close_campaign
+
+   subroutine finalize_campaign(self)
+      type(campaign_type), intent(inout) :: self
+
+      call self%close()
+   end subroutine finalize_campaign
+
+   !> The number of the physics of an identity, which is entered if it is new.
+   subroutine find_physics(self, identity, error)
+      type(campaign_type), intent(inout) :: self
+      character(len=*), intent(in) :: identity
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: statements(2) = [character(len=60) :: &
+         & 'INSERT OR IGNORE INTO physics (identity) VALUES (?)', 'SELECT id FROM physics WHERE identity = ?']
+      type(statement_type) :: statement
+      logical :: found
+      integer :: i
+
+      do i = 1, 2
+         call self%file%prepare(trim(statements(i)), statement, error)
+         if (allocated(error)) return
+         call statement%bind(1, identity)
+         call statement%step(found, error)
+         if (found) self%physics = statement%integer(1)
+         call statement%finish()
+         if (allocated(error)) return
+      end do
+   end subroutine find_physics
+
+   !> All rows of this physics, of one symmetry or, of '', of all, in order of choice.
+   subroutine rows(self, symmetry, found, error)
+      class(campaign_type), intent(in) :: self
+      !> Name of a class.
+      character(len=*), intent(in) :: symmetry
+      !> In order of position.
+      type(row_type), allocatable, intent(out) :: found(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: chosen = ' FROM simulation WHERE physics_id = ?1 AND (?2 = '''' OR symmetry = ?2)'
+      type(statement_type) :: statement
+      logical :: more
+      integer :: i
+
+      allocate (found(0))
+      ! A row that comes between the two statements is of another program, and of the next call.
+      call begin('SELECT COUNT(*)'//chosen)
+      if (more) then
+         deallocate (found)
+         allocate (found(statement%integer(1)))
+      end if
+      call statement%finish()
+      if (.not. allocated(error)) call begin('SELECT '//columns//chosen//' ORDER BY position, id')
+      do i = 1, size(found)
+         if (allocated(error) .or. .not. more) exit
+         call self%read_row(statement, found(i), error)
+         if (.not. allocated(error)) call statement%step(more, error)
+      end do
+      call statement%finish()
+      call name_file(self%path, error)
+
+   contains
+
+      subroutine begin(sql)
+         character(len=*), intent(in) :: sql
+
+         more = .false.
+         call self%file%prepare(sql, statement, error)
+         if (allocated(error)) return
+         call statement%bind(1, self%physics)
+         call statement%bind(2, trim(symmetry))
+         call statement%step(more, error)
+      end subroutine begin
+   end subroutine rows
+
+   !> The row of a point, if it is there.
+   subroutine find(self, symmetry, constants, euler_deg, row, found, error)
+      class(campaign_type), intent(inout) :: self
+      !> Name of its class.
+      character(len=*), intent(in) :: symmetry
+      !> Of one crystal, GPa (k), and of one grain, degrees (3).
+      real(wp), intent(in) :: constants(:), euler_deg(:)
+      type(row_type), intent(out) :: row
+      !> Whether it is there.
+      logical, intent(out) :: found
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%lookup%bind(1, self%physics)
+      call self%lookup%bind(2, trim(symmetry))
+      call self%lookup%bind(3, list_text(constants))
+      call self%lookup%bind(4, list_text(euler_deg))
+      call self%lookup%step(found, error)
+      if (found) call self%read_row(self%lookup, row, error)
+      call self%lookup%reset()
+      call name_file(self%path, error)
+   end subroutine find
+
+   !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
+   !> work on the same file, stays. A modulus that is none is a failure.
+   subroutine add(self, row, error)
+      class(campaign_type), intent(inout) :: self
+      type(row_type), intent(in) :: row
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: message
+      logical :: is_done, found
+
+      associate (to => self%insertion, outcome => row%outcome)
+         is_done = outcome%status == outcome_done
+         message = ''
+         if (is_done) then
+            is_done = ieee_is_finite(outcome%modulus) .and. outcome%modulus > 0.0_wp
+            if (.not. is_done) message = 'the modulus is '//lower(to_text(outcome%modulus))//' GPa'
+         else if (allocated(outcome%message)) then
+            message = outcome%message
+         end if
+         call to%bind(1, self%physics)
+         call to%bind_null(2)
+         if (row%position >= 0) call to%bind(2, int(row%position, i8))
+         call to%bind(3, trim(row%symmetry))
+         call to%bind(4, list_text(row%constants))
+         call to%bind(5, list_text(row%euler_deg))
+         call to%bind(6, trim(merge(told//'     ', simulated, row%imported)))
+         call to%bind(7, trim(merge(done//'  ', failed, is_done)))
+         call to%bind(8, message)
+         call to%bind_null(9)
+         if (is_done) call to%bind(9, outcome%modulus)
+         call to%bind_null(10)
+         if (outcome%elements > 0) call to%bind(10, int(outcome%elements, i8))
+         call to%bind_null(11)
+         if (outcome%seconds > 0.0_wp) call to%bind(11, outcome%seconds)
+         call bind_curve(12, outcome%depth)
+         call bind_curve(13, outcome%force)
+         call to%step(found, error)
+         call to%reset()
+      end associate
+      call name_file(self%path, error)
+
+   contains
+
+      subroutine bind_curve(i, values)
+         integer, intent(in) :: i
+         real(wp), allocatable, intent(in) :: values(:)
+
+         call self%insertion%bind_null(i)
+         if (.not. allocated(values)) return
+         if (size(values) > 0) call self%insertion%bind(i, list_text(values))
+      end subroutine bind_curve
+   end subroutine add
+
+   !> Store rows at once: all or none.
+   subroutine add_rows(self, rows, error)
+      class(campaign_type), intent(inout) :: self
+      !> Rows, as `add` takes them.
+      type(row_type), intent(in) :: rows(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable :: aborted
+      integer :: i
+
+      call self%file%run('BEGIN IMMEDIATE', error)
+      if (.not. allocated(error)) then
+         do i = 1, size(rows)
+            call self%add(rows(i), error)
+            if (allocated(error)) exit
+         end do
+         if (.not. allocated(error)) call self%file%run('COMMIT', error)
+         if (allocated(error)) call self%file%run('ROLLBACK', aborted)
+      end if
+      call name_file(self%path, error)
+   end subroutine add_rows
+
+   !> Import results of others, of crystals of one class. Rows that are there already with the same modulus are skipped. Rows that
+   !> contradict each other or a stored row are refused: then nothing is stored.
+   subroutine import_rows(self, class, constants, euler_deg, modulus, n_new, error)
+      class(campaign_type), intent(inout) :: self
+      type(crystal_class_type), intent(in) :: class
+      !> Of n crystals, GPa (k, n), and of n grains, degrees (3, n).
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      !> GPa (n).
+      real(wp), intent(in) :: modulus(:)
+      !> How many were not there.
+      integer, intent(out) :: n_new
+      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable :: aborted
+      integer :: first, i
+
+      n_new = 0
+      call self%file%run('BEGIN IMMEDIATE', error)
+      if (.not. allocated(error)) then
+         call self%next_position(first, error)
+         do i = 1, size(modulus)
+            if (allocated(error)) exit
+            call import_row(self, class, constants(:, i), euler_deg(:, i), modulus(i), first, n_new, error)
+            if (allocated(error)) then
+               if (error%status == exit_bad_input) error%message = 'row '//to_text(i)//error%message
+            end if
+         end do
+         if (.not. allocated(error)) call self%file%run('COMMIT', error)
+         if (allocated(error)) call self%file%run('ROLLBACK', aborted)
+      end if
+      if (allocated(error)) n_new = 0
+   end subroutine import_rows
+
+   !> Import one result; `first` is the position of the first, of which `n_new` were new.
+   subroutine import_row(self, class, constants, euler_deg, modulus, first, n_new, error)
+      type(campaign_type), intent(inout) :: self
+      type(crystal_class_type), intent(in) :: class
+      real(wp), intent(in) :: constants(:), euler_deg(:), modulus
+      integer, intent(in) :: first
+      integer, intent(inout) :: n_new
+      type(error_type), allocatable, intent(out) :: error
+      type(row_type) :: row
+      character(len=:), allocatable :: crystal
+      logical :: found
+      integer :: k
+
+      if (.not. (ieee_is_finite(modulus) .and. modulus > 0.0_wp)) then
+         call raise(error, ': modulus_gpa is '//lower(to_text(modulus))//'; it must be positive', exit_bad_input)
+         return
+      end if
+      call self%find(class%name, constants, euler_deg, row, found, error)
+      if (allocated(error)) return
+      if (.not. found) then
+         row%position = first + n_new
+         n_new = n_new + 1
+         row%symmetry = class%name
+         row%constants = constants
+         row%euler_deg = euler_deg
+         row%imported = .true.
+         row%outcome%status = outcome_done
+         row%outcome%modulus = modulus
+         call self%add(row, error)
+         return
+      end if
+      crystal = ''
+      do k = 1, class%n_constants
+         crystal = crystal//', '//class%constants(k)//' '//to_text(constants(k))
+      end do
+      crystal = ' ('//crystal(3:)//'): '
+      if (row%outcome%status == outcome_failed) then
+         call raise(error, crystal//'the campaign has this point as failed ('//row%outcome%message//'); a stored row is never ' &
+            & //'changed: leave the row out, or import into a new campaign', exit_bad_input)
+      else if (abs(row%outcome%modulus - modulus) > same*modulus) then
+         call raise(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has '//to_text(row%outcome%modulus) &
+            & //' GPa '//trim(merge('in an earlier row', 'in the campaign  ', row%position >= first))//'; one of them is wrong ' &
+            & //'or of another physics: leave one out, or import into a new campaign', exit_bad_input)
+      end if
+   end subroutine import_row
+
+   !> The `position` of a row to come.
+   subroutine next_position(self, position, error)
+      class(campaign_type), intent(in) :: self
+      integer, intent(out) :: position
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      position = 0
+      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//to_text(self%physics), &
+         & found, error)
+      if (.not. allocated(error)) read (found, *) position
+      call name_file(self%path, error)
+   end subroutine next_position
+
+   !> The identities of the other physics in the file that have rows, one a line.
+   subroutine other_physics(self, identities, error)
+      class(campaign_type), intent(in) :: self
+      !> Lines, or ''.
+      character(len=:), allocatable, intent(out) :: identities
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//to_text(self%physics) &
+         & //' AND id IN (SELECT physics_id FROM simulation)', identities, error)
+      call name_file(self%path, error)
+   end subroutine other_physics
+
+   !> The row that a statement is at.
+   subroutine read_row(self, statement, row, error)
+      class(campaign_type), intent(in) :: self
+      type(statement_type), intent(in) :: statement
+      type(row_type), intent(out) :: row
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: angles(:)
+      character(len=:), allocatable :: word
+      logical :: good(4)
+
+      row%position = int(statement%integer(1))
+      call statement%text(2, word)
+      row%symmetry = word
+      call read_list(3, row%constants, good(1))
+      call read_list(4, angles, good(2))
+      call statement%text(5, word)
+      row%imported = word == told
+      call statement%text(6, word)
+      row%outcome%status = merge(outcome_done, outcome_failed, word == done)
+      call statement%text(7, row%outcome%message)
+      row%outcome%modulus = statement%real(8)
+      row%outcome%elements = int(statement%integer(9))
+      row%outcome%seconds = statement%real(10)
+      call read_list(11, row%outcome%depth, good(3))
+      call read_list(12, row%outcome%force, good(4))
+      if (all(good) .and. size(angles) == size(row%euler_deg)) then
+         row%euler_deg = angles
+      else
+         call raise_damaged(self%path, 'the numbers of position '//to_text(row%position), error)
+      end if
+
+   contains
+
+      !> The numbers of a JSON list, none of NULL.
+      subroutine read_list(i, values, good)
+         integer, intent(in) :: i
+         real(wp), allocatable, intent(out) :: values(:)
+         logical, intent(out) :: good
+         integer :: j, n, status
+
+         call statement%text(i, word)
+         n = 0
+         if (len(word) > 2) n = 1 + count([(word(j:j) == ',', j=1, len(word))])
+         allocate (values(n))
+         status = 0
+         if (n > 0) read (word(2:len(word) - 1), *, iostat=status) values
+         good = status == 0
+      end subroutine read_list
+   end subroutine read_row
+
+   !> Numbers as the file spells them: a JSON list, every double to its last bit.
+   pure function list_text(values) result(list)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: list
+      integer :: i
+
+      list = '['
+      do i = 1, size(values)
+         if (i > 1) list = list//', '
+         list = list//number_text(values(i))
+      end do
+      list = list//']'
+   end function list_text
+
+end module campaign

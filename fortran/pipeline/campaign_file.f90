@@ -1,0 +1,140 @@
+!> The file of a campaign: its layout, and whether what is there is one.
+module campaign_file
+   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use files, only: folder_of, make_folder
+   use sqlite, only: database_type
+   implicit none
+   private
+   public :: open_campaign_file, name_file, raise_damaged
+
+   !> Marks the file as ours ('bayi'), and the version of its layout.
+   character(len=*), parameter :: application_id = '1650555241', layout_version = '1'
+
+   character, parameter :: newline = achar(10)
+
+   character(len=*), parameter :: layout = &
+      & 'CREATE TABLE physics ('//newline// &
+      & '    id INTEGER PRIMARY KEY,'//newline// &
+      & '    identity TEXT NOT NULL UNIQUE           -- JSON, keys sorted'//newline// &
+      & ');'//newline// &
+      & 'CREATE TABLE simulation ('//newline// &
+      & '    id INTEGER PRIMARY KEY,'//newline// &
+      & '    physics_id INTEGER NOT NULL REFERENCES physics(id),'//newline// &
+      & '    position INTEGER NOT NULL,              -- order of choice within the physics, from 0'//newline// &
+      & '    symmetry TEXT NOT NULL,'//newline// &
+      & '    constants TEXT NOT NULL,                -- JSON list, GPa, in the package''s order'//newline// &
+      & '    euler_deg TEXT NOT NULL,                -- JSON list, Bunge-Euler angles'//newline// &
+      & '    origin TEXT NOT NULL CHECK (origin IN (''simulated'', ''told'')),'//newline// &
+      & '    status TEXT NOT NULL CHECK (status IN (''done'', ''failed'')),'//newline// &
+      & '    message TEXT NOT NULL,                  -- why it failed'//newline// &
+      & '    indentation_modulus_gpa REAL,'//newline// &
+      & '    elements INTEGER,'//newline// &
+      & '    seconds REAL,'//newline// &
+      & '    depth_um TEXT,                          -- JSON list'//newline// &
+      & '    force_mn TEXT,                          -- JSON list'//newline// &
+      & '    created TEXT NOT NULL,                  -- UTC'//newline// &
+      & '    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline// &
+      & ');'//newline// &
+      & 'CREATE INDEX simulation_by_position ON simulation (physics_id, position);'//newline// &
+      & 'CREATE TRIGGER simulation_is_not_changed BEFORE UPDATE ON simulation'//newline// &
+      & '    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never changed''); END;'//newline// &
+      & 'CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation'//newline// &
+      & '    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never deleted''); END;'//newline// &
+      & 'PRAGMA application_id = '//application_id//'; PRAGMA user_version = '//layout_version
+
+contains
+
+   !> Open a campaign; it is made, with its folders, if it is not there.
+   subroutine open_campaign_file(path, file, error)
+      character(len=*), intent(in) :: path
+      type(database_type), intent(inout) :: file
+      type(error_type), allocatable, intent(out) :: error
+
+      if (len(folder_of(path)) > 0) call make_folder(folder_of(path), error)
+      if (allocated(error)) return
+      call file%open(path, error)
+      if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
+      if (.not. allocated(error)) call create(file, error)
+      if (.not. allocated(error)) call verify(path, file, error)
+      call name_file(path, error)
+   end subroutine open_campaign_file
+
+   !> Lay out a file that has nothing yet. Another process may do so at the same time: who comes second finds it done.
+   subroutine create(file, error)
+      type(database_type), intent(in) :: file
+      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable :: aborted
+      logical :: empty
+
+      call look(error)
+      if (.not. empty .or. allocated(error)) return
+      call file%run('BEGIN IMMEDIATE', error)
+      if (allocated(error)) return
+      call look(error)
+      if (empty .and. .not. allocated(error)) call file%run(layout, error)
+      if (.not. allocated(error)) call file%run('COMMIT', error)
+      if (allocated(error)) call file%run('ROLLBACK', aborted)
+
+   contains
+
+      subroutine look(error)
+         type(error_type), allocatable, intent(out) :: error
+         character(len=:), allocatable :: version, tables
+
+         empty = .false.
+         call file%value('PRAGMA schema_version', version, error)
+         if (.not. allocated(error)) call file%value('SELECT COUNT(*) FROM sqlite_master', tables, error)
+         if (.not. allocated(error)) empty = version == '0' .and. tables == '0'
+      end subroutine look
+   end subroutine create
+
+   !> That the file is a whole campaign of a version that is known.
+   subroutine verify(path, file, error)
+      character(len=*), intent(in) :: path
+      type(database_type), intent(in) :: file
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      call file%value('PRAGMA application_id', found, error)
+      if (allocated(error)) return
+      if (found /= application_id) then
+         call raise(error, path//': is a database, but not a campaign of bayesindent; choose another output folder', &
+            & exit_bad_input)
+         return
+      end if
+      call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
+      if (allocated(error)) return
+      if (len(found) > 0) then
+         call raise(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')', &
+            & exit_bad_input)
+         return
+      end if
+      call file%value('PRAGMA quick_check', found, error)
+      if (.not. allocated(error) .and. found /= 'ok') call raise_damaged(path, found, error)
+   end subroutine verify
+
+   !> The error of a file that cannot be read as a campaign: `why`.
+   subroutine raise_damaged(path, why, error)
+      character(len=*), intent(in) :: path, why
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, path//': is not a campaign, or is damaged ('//why &
+         & //'); restore a copy, or move it away to start a new one', exit_bad_input)
+   end subroutine raise_damaged
+
+   !> Let an error of the library say which file it is about, and what to do; one that does so stays.
+   subroutine name_file(path, error)
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: why
+
+      if (.not. allocated(error)) return
+      if (index(error%message, path//': ') == 1) return
+      if (error%status == machine_failure) then
+         error%message = path//': the campaign cannot be used: '//error%message
+      else
+         why = error%message
+         call raise_damaged(path, why, error)
+      end if
+   end subroutine name_file
+end module campaign_file
