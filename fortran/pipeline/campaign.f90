@@ -244,19 +244,21 @@ contains
       end subroutine bind_curve
    end subroutine add
 
-   !> Store rows at once: all or none.
-   subroutine add_rows(self, rows, error)
+   !> Store the `chosen` ones of some rows at once: all or none.
+   subroutine add_rows(self, rows, chosen, error)
       class(campaign_type), intent(inout) :: self
       !> Rows, as `add` takes them.
       type(row_type), intent(in) :: rows(:)
+      !> Numbers of rows.
+      integer, intent(in) :: chosen(:)
       type(error_type), allocatable, intent(out) :: error
       type(error_type), allocatable :: aborted
       integer :: i
 
       call self%file%run('BEGIN IMMEDIATE', error)
       if (.not. allocated(error)) then
-         do i = 1, size(rows)
-            call self%add(rows(i), error)
+         do i = 1, size(chosen)
+            call self%add(rows(chosen(i)), error)
             if (allocated(error)) exit
          end do
          if (.not. allocated(error)) call self%file%run('COMMIT', error)

@@ -146,8 +146,8 @@ contains
       write (output_unit, '(a)') usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
-         & '  &crystals      indents the crystals: simulations.csv', &
-         & '  &design        fits the surrogate to simulations.csv: surrogate.txt (so does &surrogate beside &crystals)', &
+         & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv', &
+         & '  &design        fits the surrogate to campaign.sqlite: surrogate.txt (so does &surrogate beside &crystals)', &
          & '  &measurements  samples the constants: posterior.csv, summary.json', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &

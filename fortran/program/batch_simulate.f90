@@ -1,97 +1,131 @@
-!> The simulations of the batch program: the crystals of a file, kept in `simulations.csv` as they come.
+!> The simulations of the batch program: the crystals of a file, kept in the campaign of the output folder as they come.
 module batch_simulate
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_fortran_env, only: error_unit
-   use errors, only: error_type, exit_bad_input, raise
-   use files, only: file_exists, read_text_file, replace_file
+   use batch_tables, only: write_curves, write_moduli
+   use campaign, only: campaign_name, campaign_type, row_type
+   use errors, only: error_type, machine_failure, raise
    use kinds, only: degree, i8, wp
    use namelist_file, only: place
-   use numbers, only: number_text
    use physics_identity, only: identity_text
-   use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
    use settings_groups, only: simulation_settings_type
-   use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, outcome_waiting, simulation_error, &
-      & simulator_type
-   use tables, only: csv_cell
+   use simulate, only: new_simulator, outcome_failed, outcome_type, outcome_waiting, simulation_error, simulator_type
+   use sorting, only: sort_order
    use text, only: to_text
    use threads, only: thread_count
    implicit none
    private
-   public :: simulate_crystals, simulations_name
-
-   character(len=*), parameter :: simulations_name = 'simulations.csv'
-   character, parameter :: newline = achar(10)
+   public :: simulate_crystals, simulate_into
 
 contains
 
-   !> Simulate every crystal of the file that `simulations.csv` does not have yet.
+   !> Simulate every crystal of the file that the campaign does not have yet.
    subroutine simulate_crystals(self, output, told, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
       !> One line on what was done.
       character(len=:), allocatable, intent(out) :: told
       type(error_type), allocatable, intent(out) :: error
-      type(outcome_type), allocatable :: outcomes(:)
-      type(simulation_settings_type) :: settings
+      type(row_type), allocatable :: rows(:)
+      type(row_type) :: stored
+      type(campaign_type) :: store
       class(simulator_type), allocatable :: simulator
-      character(len=:), allocatable :: path, physics, warning
+      character(len=:), allocatable :: warning
       real(wp) :: largest(self%crystals%n)
-      integer :: new, failed
+      logical :: found
+      integer :: i, new, failed
 
-      path = output//'/'//simulations_name
-      settings = self%settings%simulation
-      physics = identity_text(settings)
-      allocate (outcomes(self%crystals%n))
-      if (file_exists(path)) call recall(self, path, physics, outcomes, error)
-      if (allocated(error)) return
-      new = count(outcomes%status == outcome_waiting)
-      if (new > 0) then
-         call new_simulator(settings, simulator, error)
-         if (.not. allocated(error)) call simulate_waiting(self, simulator, path, physics, outcomes, error)
-         if (allocated(error)) then
-            error%message = place(self%path, 'simulation', '')//error%message
+      associate (settings => self%settings%simulation, points => self%crystals)
+         allocate (rows(points%n))
+         call store%open(output//'/'//campaign_name, identity_text(settings), error)
+         do i = 1, points%n
+            if (allocated(error)) return
+            rows(i)%symmetry = points%class(i)%name
+            rows(i)%constants = points%constants(:points%class(i)%n_constants, i)
+            rows(i)%euler_deg = points%euler_deg(:, i)
+            call store%find(rows(i)%symmetry, rows(i)%constants, rows(i)%euler_deg, stored, found, error)
+            if (found) rows(i) = stored
+         end do
+         if (allocated(error)) return
+         new = 0
+         if (any(rows%outcome%status == outcome_waiting)) then
+            call new_simulator(settings, simulator, error)
+            if (.not. allocated(error)) call simulate_into(store, simulator, points%stiffness, &
+               & thread_count(self%settings%execution%workers), rows, new, error)
+            if (allocated(error)) then
+               error%message = place(self%path, 'simulation', '')//error%message
+               return
+            end if
+         end if
+         call store%close()
+         call write_moduli(self, output//'/moduli.csv', rows, error)
+         if (.not. allocated(error)) call write_curves(output//'/curves.csv', rows, error)
+         if (allocated(error)) return
+         failed = count(rows%outcome%status == outcome_failed)
+         if (failed == points%n) then
+            call raise(error, place(self%path, 'simulation', '')//'all of '//to_text(failed)//' simulations failed, the first: ' &
+               & //rows(1)%outcome%message)
             return
          end if
-      end if
-      failed = count(outcomes%status == outcome_failed)
-      if (failed == size(outcomes)) then
-         call raise(error, place(self%path, 'simulation', '')//'all of '//to_text(failed)//' simulations failed, the first: ' &
-            & //outcomes(1)%message)
-         return
-      end if
-      call simulation_error(settings, self%crystals%stiffness, largest, warning)
-      if (len(warning) > 0) write (error_unit, '(3a)') 'warning: ', place(self%path, 'simulation', ''), warning
-      told = to_text(self%crystals%n)//' crystals, '//to_text(new)//' new, '//to_text(failed)//' failed: '//path
+         do i = 1, points%n
+            if (rows(i)%outcome%status == outcome_failed) write (error_unit, '(4a)') 'warning: crystal ', to_text(i), &
+               & ' could not be simulated: ', rows(i)%outcome%message
+         end do
+         call simulation_error(settings, points%stiffness, largest, warning)
+         if (len(warning) > 0) write (error_unit, '(3a)') 'warning: ', place(self%path, 'simulation', ''), warning
+         told = to_text(points%n)//' crystals, '//to_text(new)//' new, '//to_text(failed)//' failed: '//output//'/moduli.csv'
+      end associate
    end subroutine simulate_crystals
 
-   !> Simulate on threads what waits; each result is kept as soon as it is there. An error starts no more.
-   subroutine simulate_waiting(self, simulator, path, physics, outcomes, error)
-      type(problem_type), intent(in) :: self
+   !> Simulate on threads what waits among `rows`, a point that is there twice once, and store each outcome as soon as it is there. What
+   !> the machine could not do is tried once more, alone. An error starts no more; what is under way is still stored.
+   subroutine simulate_into(store, simulator, stiffness, n_threads, rows, new, error)
+      type(campaign_type), intent(inout) :: store
       class(simulator_type), intent(in) :: simulator
-      character(len=*), intent(in) :: path, physics
-      type(outcome_type), intent(inout) :: outcomes(:)
+      !> Of each row, GPa (6, 6, rows).
+      real(wp), intent(in) :: stiffness(:, :, :)
+      integer, intent(in) :: n_threads
+      !> Points, in the order of their positions.
+      type(row_type), intent(inout) :: rows(:)
+      !> How many were simulated.
+      integer, intent(out) :: new
       type(error_type), allocatable, intent(out) :: error
       type(error_type), allocatable :: unsaved
+      integer :: first(size(rows)), unstored(size(rows)), n_unstored, position
+      logical :: again(size(rows)), stopped
       integer(i8) :: last_told
-      logical :: stopped
       integer :: i
 
+      new = 0
+      n_unstored = 0
+      again = .false.
       stopped = .false.
+      first = first_of_equals(rows)
+      call store%next_position(position, error)
+      if (allocated(error)) return
+      do i = 1, size(rows)
+         if (rows(i)%outcome%status /= outcome_waiting .or. first(i) /= i) cycle
+         rows(i)%position = position
+         position = position + 1
+      end do
       call system_clock(last_told)
-      !$omp parallel do num_threads(thread_count(self%settings%execution%workers)) schedule(dynamic, 1)
-      do i = 1, self%crystals%n
-         if (outcomes(i)%status == outcome_waiting) call simulate_one(i)
+      !$omp parallel do num_threads(n_threads) schedule(dynamic, 1)
+      do i = 1, size(rows)
+         if (rows(i)%outcome%status == outcome_waiting .and. first(i) == i) call simulate_one(i, .false.)
       end do
       !$omp end parallel do
-      if (allocated(unsaved)) return
-      call save_outcomes(self, path, physics, outcomes, unsaved)
+      do i = 1, size(rows)
+         if (again(i)) call simulate_one(i, .true.)
+         if (first(i) /= i) rows(i) = rows(first(i))
+      end do
+      call store_rows(unsaved)
       if (allocated(unsaved) .and. .not. allocated(error)) error = unsaved
 
    contains
 
-      subroutine simulate_one(i)
+      subroutine simulate_one(i, alone)
          integer, intent(in) :: i
+         logical, intent(in) :: alone
          integer, parameter :: interval = 5
          type(outcome_type) :: outcome
          type(error_type), allocatable :: refusal
@@ -101,173 +135,66 @@ contains
          !$omp atomic read
          enough = stopped
          if (enough) return
-         call simulator%run(self%crystals%stiffness(:, :, i), self%crystals%euler_deg(:, i)*degree, outcome, refusal)
+         call simulator%run(stiffness(:, :, i), rows(i)%euler_deg*degree, outcome, refusal)
          !$omp critical (batch_outcomes)
-         outcomes(i) = outcome
          call system_clock(now, rate)
          late = now - last_told > interval*rate
-         ! A finite element result is never lost; the theory's, microseconds each, are saved now and then.
-         if ((late .or. outcome%elements > 0) .and. .not. allocated(error)) then
-            call save_outcomes(self, path, physics, outcomes, unsaved)
-            if (allocated(unsaved)) refusal = unsaved
+         if (.not. allocated(refusal)) then
+            rows(i)%outcome = outcome
+            new = new + 1
+            n_unstored = n_unstored + 1
+            unstored(n_unstored) = i
+            ! A finite element result is never lost; the theory's, microseconds each, are stored now and then.
+            if (late .or. outcome%elements > 0) call store_rows(refusal)
+         else if (refusal%status == machine_failure .and. .not. alone) then
+            again(i) = .true.
+            deallocate (refusal)
          end if
          if (allocated(refusal) .and. .not. allocated(error)) error = refusal
          !$omp atomic write
          stopped = allocated(error)
          if (late) then
             call system_clock(last_told)
-            write (error_unit, '(4a)') 'simulate: ', to_text(count(outcomes%status /= outcome_waiting)), ' of ', &
-               & to_text(self%crystals%n)
+            write (error_unit, '(4a)') 'simulate: ', to_text(count(rows%outcome%status /= outcome_waiting)), ' of ', &
+               & to_text(size(rows))
          end if
          !$omp end critical (batch_outcomes)
       end subroutine simulate_one
-   end subroutine simulate_waiting
 
-   !> Numbers to the last bit, separated by blanks.
-   function number_list(numbers) result(list)
-      real(wp), intent(in) :: numbers(:)
-      character(len=:), allocatable :: list
-      integer :: i
+      subroutine store_rows(error)
+         type(error_type), allocatable, intent(out) :: error
 
-      list = ''
-      do i = 1, size(numbers)
-         if (i > 1) list = list//' '
-         list = list//number_text(numbers(i))
+         call store%add_rows(rows, unstored(:n_unstored), error)
+         n_unstored = 0
+      end subroutine store_rows
+   end subroutine simulate_into
+
+   !> The first row with the same point, for each.
+   function first_of_equals(rows) result(first)
+      type(row_type), intent(in) :: rows(:)
+      integer :: first(size(rows)), order(size(rows)), i, j
+      real(wp) :: key(size(rows))
+
+      do i = 1, size(rows)
+         key(i) = dot_product(rows(i)%constants, [(sqrt(real(j, wp)), j=1, size(rows(i)%constants))]) + norm2(rows(i)%euler_deg)
       end do
-   end function number_list
-
-   !> The numbers of a list; none if it is none.
-   pure function numbers_of(list) result(numbers)
-      character(len=*), intent(in) :: list
-      real(wp), allocatable :: numbers(:)
-      integer :: i, status
-
-      allocate (numbers(count([(list(i:i) == ' ', i=1, len(list))]) + min(1, len(list))))
-      read (list, *, iostat=status) numbers
-      if (status /= 0) numbers = [real(wp) ::]
-   end function numbers_of
-
-   !> Take over the results that an earlier run wrote.
-   subroutine recall(self, path, physics, outcomes, error)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: path, physics
-      type(outcome_type), intent(inout) :: outcomes(:)
-      type(error_type), allocatable, intent(out) :: error
-      type(points_type) :: old
-      character(len=:), allocatable :: content
-      integer :: i, j
-
-      call read_text_file(path, content, error)
-      if (allocated(error)) then
-         error%message = path//': '//error%message
-         return
-      end if
-      if (index(content, '# physics: '//physics//newline) /= 1) then
-         call raise(error, path//': holds results of another physics than '//physics//'; choose another --output, or move ' &
-            & //'the file away', exit_bad_input)
-         return
-      end if
-      call read_crystals(path, path//': ', self%class, old, error)
-      if (allocated(error)) return
-      do i = 1, self%crystals%n
-         do j = 1, old%n
-            if (same_point(self%crystals, i, old, j)) call take(old, j, outcomes(i), error)
-            if (outcomes(i)%status /= outcome_waiting .or. allocated(error)) exit
+      call sort_order(key, order)
+      do i = 1, size(rows)
+         first(order(i)) = order(i)
+         do j = i - 1, 1, -1
+            if (key(order(j)) < key(order(i))) exit
+            if (.not. same_point(rows(order(i)), rows(order(j)))) cycle
+            first(order(i)) = first(order(j))
+            exit
          end do
-         if (allocated(error)) then
-            error%message = path//': '//error%message
-            return
-         end if
       end do
-   end subroutine recall
-
-   !> The outcome in a row of an earlier table; one without modulus waits unless it says that it failed.
-   subroutine take(old, row, outcome, error)
-      type(points_type), intent(in) :: old
-      integer, intent(in) :: row
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: number
-
-      outcome%message = cell('message')
-      outcome%depth = numbers_of(cell('depth_um'))
-      outcome%force = numbers_of(cell('force_mn'))
-      if (cell('status') == 'failed') then
-         outcome%status = outcome_failed
-      else if (ieee_is_finite(old%modulus_gpa(row))) then
-         outcome%status = outcome_done
-         outcome%modulus = old%modulus_gpa(row)
-         if (len(cell('elements')) > 0) then
-            call old%table%number(old%table%find('elements'), row, number, error)
-            if (allocated(error)) return
-            outcome%elements = nint(number)
-         end if
-         if (len(cell('seconds')) > 0) call old%table%number(old%table%find('seconds'), row, outcome%seconds, error)
-      end if
-
-   contains
-
-      function cell(name)
-         character(len=*), intent(in) :: name
-         character(len=:), allocatable :: cell
-         integer :: column
-
-         cell = ''
-         column = old%table%find(name)
-         if (column > 0) cell = old%table%cell(column, row)
-      end function cell
-   end subroutine take
+   end function first_of_equals
 
    !> The same crystal in the same orientation, to the last bit.
-   pure logical function same_point(a, i, b, j)
-      type(points_type), intent(in) :: a, b
-      integer, intent(in) :: i, j
+   pure logical function same_point(a, b)
+      type(row_type), intent(in) :: a, b
 
-      same_point = all(abs(a%stiffness(:, :, i) - b%stiffness(:, :, j)) <= 0.0_wp) &
-         & .and. all(abs(a%euler_deg(:, i) - b%euler_deg(:, j)) <= 0.0_wp)
+      same_point = a%symmetry == b%symmetry .and. all(abs(a%euler_deg - b%euler_deg) <= 0.0_wp)
+      if (same_point) same_point = all(abs(a%constants - b%constants) <= 0.0_wp)
    end function same_point
-
-   !> Write `simulations.csv`: the rows as given, with what became of them; rows that wait are left out.
-   subroutine save_outcomes(self, path, physics, outcomes, error)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: path, physics
-      type(outcome_type), intent(in) :: outcomes(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: names(7) = [character(len=23) :: 'indentation_modulus_gpa', 'elements', 'seconds', &
-         & 'depth_um', 'force_mn', 'status', 'message']
-      logical :: kept(self%crystals%table%columns)
-      character(len=:), allocatable :: page, row
-      integer :: i, j
-
-      associate (table => self%crystals%table)
-         do j = 1, table%columns
-            kept(j) = .not. any(names == table%name(j))
-         end do
-         page = '# physics: '//physics//newline
-         do i = 0, table%rows
-            if (i > 0) then
-               if (outcomes(i)%status == outcome_waiting) cycle
-            end if
-            row = ''
-            do j = 1, table%columns
-               if (kept(j)) row = row//csv_cell(table%cell(j, i))//','
-            end do
-            if (i == 0) then
-               do j = 1, size(names)
-                  row = row//trim(names(j))//','
-               end do
-               row = row(:len(row) - 1)
-            else if (outcomes(i)%status == outcome_done) then
-               row = row//number_text(outcomes(i)%modulus)//','//to_text(outcomes(i)%elements)//',' &
-                  & //to_text(outcomes(i)%seconds, 4)//','//number_list(outcomes(i)%depth)//',' &
-                  & //number_list(outcomes(i)%force)//',done,'
-            else
-               row = row//',,,,,failed,'//csv_cell(outcomes(i)%message)
-            end if
-            page = page//row//newline
-         end do
-      end associate
-      call replace_file(path, page, error)
-   end subroutine save_outcomes
-
 end module batch_simulate

@@ -1,16 +1,17 @@
-!> The fit of the batch program: `simulations.csv` to a surrogate.
+!> The fit of the batch program: the simulations of a campaign to a surrogate.
 module batch_stages
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use build_checks, only: domain_of
-   use batch_simulate, only: simulations_name
+   use campaign, only: campaign_name, campaign_type, row_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists
    use json, only: json_type
+   use kinds, only: wp
    use namelist_file, only: place
-   use point_tables, only: points_type, read_crystals
+   use physics_identity, only: identity_text
    use problem, only: problem_type
+   use simulate, only: outcome_done
    use surrogate_domain, only: domain_type
    use surrogate_file, only: check_replaceable, save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
@@ -31,44 +32,52 @@ contains
       end associate
    end function fits_surrogate
 
-   !> Fit the surrogate to `simulations.csv` of the output folder.
+   !> Fit the surrogate to the simulations of the output folder that are in its domain.
    subroutine fit_simulations(self, output, told, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: told
       type(error_type), allocatable, intent(out) :: error
-      type(points_type) :: points
+      type(campaign_type) :: store
+      type(row_type), allocatable :: rows(:)
       type(learner_type) :: learner
       type(surrogate_type) :: surrogate
       character(len=:), allocatable :: path
-      integer, allocatable :: rows(:)
-      integer :: i, k
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
+      integer :: i, n
 
-      path = output//'/'//simulations_name
+      path = output//'/'//campaign_name
       if (.not. file_exists(path)) then
          call raise(error, path//': the file does not exist; &crystals or the Python program make the simulations that ' &
             & //'&surrogate is fitted to', exit_bad_input)
          return
       end if
-      call read_crystals(path, path//': ', self%class, points, error)
+      call store%open(path, identity_text(self%settings%simulation), error)
+      if (.not. allocated(error)) call store%rows(self%class%name, rows, error)
+      if (.not. allocated(error)) call learner_of(self, learner, error)
       if (allocated(error)) return
-      rows = pack([(i, i=1, points%n)], ieee_is_finite(points%modulus_gpa))
+      allocate (constants(self%class%n_constants, size(rows)), euler_deg(3, size(rows)), modulus(size(rows)))
+      n = 0
       do i = 1, size(rows)
-         if (points%class(rows(i))%name == self%class%name) cycle
-         call raise(error, path//': line '//to_text(points%table%line(rows(i)))//': the crystal is not of the symmetry of ' &
-            & //'&problem', exit_bad_input)
-         return
+         if (rows(i)%outcome%status /= outcome_done) cycle
+         if (.not. learner%basis%covers(self%class%stiffness(rows(i)%constants))) cycle
+         n = n + 1
+         constants(:, n) = rows(i)%constants
+         euler_deg(:, n) = rows(i)%euler_deg
+         modulus(n) = rows(i)%outcome%modulus
       end do
-      call learner_of(self, learner, error)
-      if (allocated(error)) return
-      k = self%class%n_constants
-      call add_simulations(learner, points%constants(:k, rows), points%euler_deg(:, rows), points%modulus_gpa(rows), .true., error)
+      if (n == 0) then
+         call raise(error, path//': there is no simulation of a '//self%class%name//' crystal of this physics in &domain', &
+            & exit_bad_input)
+         return
+      end if
+      call add_simulations(learner, constants(:, :n), euler_deg(:, :n), modulus(:n), .true., error)
       if (.not. allocated(error)) call fit_learner(learner, error)
       if (.not. allocated(error)) call surrogate_of(learner, provenance_of(self), surrogate, error)
       if (allocated(error)) return
       path = output//'/'//surrogate_name(self)
       call save_surrogate(surrogate, path, error)
-      told = to_text(size(rows))//' simulations, '//to_text(surrogate%basis%n_terms)//' terms, alpha ' &
+      told = to_text(n)//' simulations, '//to_text(surrogate%basis%n_terms)//' terms, alpha ' &
          & //to_text(surrogate%alpha)//', beta '//to_text(surrogate%beta)//': '//path
    end subroutine fit_simulations
 

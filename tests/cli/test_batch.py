@@ -3,8 +3,10 @@
 import csv
 import json
 import os
+import sqlite3
 import subprocess
 import time
+from contextlib import closing
 from pathlib import Path
 
 import arviz
@@ -85,28 +87,76 @@ def table(path):
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
 
 
+HEADER = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
+
+
+def stored(folder) -> list:
+    """The rows of the campaign in a folder, in order of position, which Python's own SQLite finds whole; none if there is no file."""
+    path = folder / "campaign.sqlite"
+    if not path.exists():
+        return []
+    with closing(sqlite3.connect(path, timeout=60)) as file:
+        assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        if not file.execute("SELECT * FROM sqlite_master").fetchall():
+            return []
+        return file.execute("SELECT * FROM simulation ORDER BY position").fetchall()
+
+
 def test_kill_costs_no_finished_simulation(batch, tmp_path):
-    points = ["C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", *(f"200,120,90,0,{angle},0" for angle in range(0, 40, 2))]
+    points = [HEADER, *(f"200,120,90,0,{angle},0" for angle in range(0, 40, 2))]
     (tmp_path / "points.csv").write_text("\n".join(points) + "\n")
     (tmp_path / "a.nml").write_text(
         "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
     )
-    simulations = tmp_path / "out" / "simulations.csv"
-
-    def finished():
-        rows = table(simulations) if simulations.exists() else []
-        return [row for row in rows if row["indentation_modulus_gpa"]]
-
     process = subprocess.Popen([PROGRAM, "a.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    while not finished() and process.poll() is None:
+    while not stored(tmp_path / "out") and process.poll() is None:
         time.sleep(0.01)
     process.kill()
     process.wait()
-    before = finished()
+    before = stored(tmp_path / "out")
     assert 0 < len(before) < 20
     done = batch("a.nml", "--output", "out")
     assert (done.returncode, f"{20 - len(before)} new" in done.stdout) == (0, True), done.stdout + done.stderr
-    assert finished()[: len(before)] == before
+    after = stored(tmp_path / "out")
+    assert after[: len(before)] == before
+    assert [row[2] for row in after] == list(range(20))
+
+
+@pytest.mark.parametrize("simulation", ["refine = 0.6", "simulator = 'theory'"], ids=["fe", "theory"])
+def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tmp_path, simulation):
+    rows = ["225,135,124,0,0,0,iron", '168.4,121.4,75.4,10,20,30,"a, b"', "225,135,124,0,0,0,again", "200,100,60,30,45,0,"]
+    (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation {simulation} /\n")
+
+    def points(count):
+        (tmp_path / "p.csv").write_text("\n".join([HEADER + ",note", *rows[:count]]) + "\n")
+
+    def by_batch(output):
+        done = batch("a.nml", "--output", output)
+        assert (done.returncode, done.stderr) == (0, "")
+        return int(done.stdout.split(" new,")[0].split()[-1])
+
+    def by_python(output):
+        done = bayesindent("simulate", "a.nml", "--output", output, "--json")
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)["new_simulations"]
+
+    orders = {"batch first": (by_batch, by_python), "python first": (by_python, by_batch)}
+    for output, (first, second) in orders.items():
+        for count, program, new in ((3, first, 2), (3, second, 0), (4, second, 1), (4, first, 0)):
+            points(count)
+            assert program(output) == new
+    one, other = (stored(tmp_path / output) for output in orders)
+    # All but the wall times and dates, and the order in which threads were done.
+    assert [row[1:11] + row[12:14] for row in one] == [row[1:11] + row[12:14] for row in other]
+    assert all(row[11] > 0 for row in one + other)
+    # The tables of the two programs are the same.
+    for name in ("moduli.csv", "curves.csv"):
+        by_program = [(tmp_path / output / name).read_text() for output in orders]
+        by_python("batch first")
+        by_program.append((tmp_path / "batch first" / name).read_text())
+        assert by_program[0] == by_program[1] == by_program[2]
+    assert [row["note"] for row in table(tmp_path / "python first" / "moduli.csv")] == ["iron", "a, b", "again", ""]
+    assert (len(by_program[0].splitlines()) > 1) == simulation.startswith("refine")
 
 
 SMALL = """
@@ -129,19 +179,15 @@ def built(request, bayesindent, tmp_path):
 
 
 def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
-    simulations = table(built / "simulations.csv")
+    simulated = stored(built)
     # The same crystals, indented by the batch program, have the same moduli to the last bit.
-    names = [name for name in simulations[0] if name != "indentation_modulus_gpa"]
-    lines = [",".join([*names, "note"]), *(",".join([*(row[name] for name in names), '"a, b"']) for row in simulations)]
-    (tmp_path / "points.csv").write_text("\n".join(lines) + "\n")
+    points = [",".join(map(repr, json.loads(row[4]) + json.loads(row[5]))) for row in simulated]
+    (tmp_path / "points.csv").write_text("\n".join([HEADER, *points]) + "\n")
     (tmp_path / "again.nml").write_text((tmp_path / "small.nml").read_text() + "&crystals points = 'points.csv' /\n")
     done = batch("again.nml", "--output", "again")
     assert done.returncode == 0, done.stderr
-    again = table(tmp_path / "again" / "simulations.csv")
-    assert [row["note"] for row in again] == ["a, b"] * len(simulations)
-    assert [row["indentation_modulus_gpa"] for row in again] == [row["indentation_modulus_gpa"] for row in simulations]
-    assert all(len(row["force_mn"].split()) == len(row["depth_um"].split()) for row in again)
-    assert all(bool(row["force_mn"]) == (int(row["elements"]) > 0) for row in again)
+    again = stored(tmp_path / "again")
+    assert [row[1:11] + row[12:14] for row in again] == [row[1:11] + row[12:14] for row in simulated]
     # The same simulations give the same surrogate.
     one, other = (Surrogate.load(folder / "surrogate.txt") for folder in (built, tmp_path / "again"))
     assert other.coefficients == pytest.approx(one.coefficients, abs=1e-10)
@@ -158,28 +204,63 @@ def test_simulates_and_fits_as_python_does(batch, built, tmp_path):
 
 
 def test_goes_on_where_it_was(batch, tmp_path):
-    header = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg"
     rows = ["225,135,124,0,0,0", "168.4,121.4,75.4,10,20,30", "200,100,60,30,45,0"]
     (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation simulator = 'theory' /\n")
-    (tmp_path / "p.csv").write_text("\n".join([header, *rows[:2]]))
-    assert batch("a.nml").stdout == "simulate: 2 crystals, 2 new, 0 failed: runs/a/simulations.csv\n"
-    first = (tmp_path / "runs" / "a" / "simulations.csv").read_text()
-    (tmp_path / "p.csv").write_text("\n".join([header, *rows]))
-    assert batch("a.nml").stdout == "simulate: 3 crystals, 1 new, 0 failed: runs/a/simulations.csv\n"
-    assert (tmp_path / "runs" / "a" / "simulations.csv").read_text().startswith(first)
-    assert sorted(path.name for path in (tmp_path / "runs" / "a").iterdir()) == ["resolved.nml", "simulations.csv"]
-    # Results of another physics are not touched.
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n")
-    done = batch("a.nml")
-    assert done.returncode == 2
-    assert done.stderr.startswith("runs/a/simulations.csv: holds results of another physics")
+    (tmp_path / "p.csv").write_text("\n".join([HEADER, *rows[:2]]))
+    assert batch("a.nml").stdout == "simulate: 2 crystals, 2 new, 0 failed: runs/a/moduli.csv\n"
+    output = tmp_path / "runs" / "a"
+    first, moduli = stored(output), (output / "moduli.csv").read_text()
+    (tmp_path / "p.csv").write_text("\n".join([HEADER, *rows]))
+    assert batch("a.nml").stdout == "simulate: 3 crystals, 1 new, 0 failed: runs/a/moduli.csv\n"
+    assert stored(output)[:2] == first
+    assert (output / "moduli.csv").read_text().startswith(moduli)
+    assert sorted(path.name for path in output.iterdir()) == ["campaign.sqlite", "curves.csv", "moduli.csv", "resolved.nml"]
+    # Results of another physics are not touched, and not used.
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation refine = 0.6 /\n")
+    assert "3 crystals, 3 new" in batch("a.nml").stdout
+    assert [row[1] for row in stored(output)] == [1, 2] * 3
+
+
+def test_a_crystal_that_cannot_be_simulated(batch, bayesindent, tmp_path):
+    # A long contact under a hexagonal crystal near instability.
+    rows = ["100,99.9,50,100,50,0,90,0", "161.1,34.2,38.3,61.1,50.3,0,0,0"]
+    text = "&problem symmetry = 'hexagonal' /\n&crystals points = 'p.csv' /\n&simulation refine = 0.6 /\n"
+    (tmp_path / "a.nml").write_text(text)
+    (tmp_path / "p.csv").write_text("\n".join(["C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg", *rows]))
+    done = batch("a.nml", "--output", "out")
+    assert (done.returncode, done.stdout) == (0, "simulate: 2 crystals, 2 new, 1 failed: out/moduli.csv\n"), done.stderr
+    assert done.stderr.startswith("warning: crystal 1 could not be simulated: ")
+    assert table(tmp_path / "out" / "moduli.csv")[0]["indentation_modulus_gpa"] == ""
+    # It stays failed, with its reason, for both programs.
+    assert "2 crystals, 0 new, 1 failed" in batch("a.nml", "--output", "out").stdout
+    again = bayesindent("simulate", "a.nml", "--output", "out")
+    assert done.stderr.splitlines()[0].removeprefix("warning: ") in again.stderr + again.stdout
+
+
+def test_a_damaged_campaign(batch, bayesindent, tmp_path):
+    (tmp_path / "p.csv").write_text(f"{HEADER}\n225,135,124,0,0,0\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation simulator = 'theory' /\n")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "campaign.sqlite").write_text("no database, but long enough to look like one " * 20)
+    done, other = batch("a.nml", "--output", "out"), bayesindent("simulate", "a.nml", "--output", "out")
+    assert (done.returncode, other.returncode) == (2, 2)
+    assert done.stderr == "out/campaign.sqlite: is not a campaign, or is damaged (file is not a database); restore a copy, or move it " \
+        "away to start a new one\n"  # fmt: skip
+    assert other.stderr.endswith(done.stderr)
 
 
 def test_fit_without_simulations(batch, tmp_path):
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"] + "&design /\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n" + DOMAIN["cubic"] + "&design /\n&simulation simulator = 'theory' /\n")
     done = batch("a.nml", "--output", "out")
     assert done.returncode == 2
-    assert done.stderr.startswith("out/simulations.csv: the file does not exist")
+    assert done.stderr.startswith("out/campaign.sqlite: the file does not exist")
+    # A crystal of another class.
+    (tmp_path / "p.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n161.1,34.2,38.3,61.1,50.3,0,0,0\n")
+    (tmp_path / "b.nml").write_text("&problem symmetry = 'hexagonal' /\n&crystals points = 'p.csv' /\n&simulation simulator = 'theory' /\n")
+    assert batch("b.nml", "--output", "out").returncode == 0
+    done = batch("a.nml", "--output", "out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("out/campaign.sqlite: there is no simulation of a cubic crystal of this physics in &domain")
 
 
 def test_impossible_mesh(batch, bayesindent, tmp_path):

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..common.result_files import write_csv
 from ..core import BayesindentError
-from ..crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
-from ..pipeline.campaign import IMPORTED, Campaign
+from ..crystal.elasticity import halfspace_modulus, stiffness_rows
+from ..pipeline.campaign import Campaign
 from ..pipeline.simulator import Simulator, engine_of, physics_identity, resolution_warnings, simulate_into
 from ..pipeline.validation import validate
 from ..surrogate.basis import Basis
@@ -95,7 +94,7 @@ class Loop:
         """Rows of the campaign that are data from the start, in order of choice."""
         rows = self.campaign.rows(self.symmetry)
         if self.problem.settings.design.reuse == "chosen":
-            rows = [row for row in rows if row.origin == IMPORTED]
+            rows = [row for row in rows if row.imported]
         self.choice.exclude(self.choice.candidates.find(rows))
         self.n_failed = sum(row.modulus_gpa is None for row in rows)
         done = [row for row in rows if row.modulus_gpa is not None]
@@ -166,7 +165,6 @@ class Loop:
         )
         file = self.output / problem.settings.surrogate.file
         surrogate.save(file)
-        self.export(physics)
         self.warnings += resolution_warnings(problem, stiffness_rows(self.symmetry, [point[0] for point in learning.points]))
         document = {
             "simulations": learning.n,
@@ -186,12 +184,6 @@ class Loop:
         if problem.settings.design.validation:
             document["validation"] = validate(self, surrogate, problem.settings.design.validation)
         return document | {"new_simulations": self.n_new, "failed": self.n_failed, "warnings": self.warnings}
-
-    def export(self, physics: str) -> None:
-        """Write simulations.csv, to the last bit: what the surrogate has learnt from, for the batch program and for people."""
-        header = [*constant_names(self.symmetry), "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa"]
-        rows = [[*constants, *euler_deg, modulus] for constants, euler_deg, modulus in self.learning.points]
-        write_csv(self.output / "simulations.csv", header, rows, comment=f"physics: {physics}")
 
 
 def basis_of(problem) -> Basis:
