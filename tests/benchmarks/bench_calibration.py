@@ -119,18 +119,24 @@ class Study:
         table["modulus_gpa"] = modulus + sd * noise
         return table, drawn
 
-    def ranks(self, threads: int, samples: int, seed: int) -> np.ndarray:
-        """Share of the draws below the truth: of each parameter, and of the logarithm of the density."""
+    @property
+    def labels(self) -> list[str]:
+        """What is ranked."""
+        return [*self.names, *(["scale"] if self.inferred else []), "log density"]
+
+    def ranks(self, threads: int, samples: int, seed: int, chains: int = 4) -> np.ndarray:
+        """Share of the draws below the truth, of which half a draw more: of each parameter, and of the logarithm of the density."""
         truth = self.truth()
         table, drawn = self.measure(truth)
         posterior = Posterior.of(table, seed=seed, workers=threads, **self.settings)
-        draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=4000, chains=4, threads=threads, seed=seed)
+        draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=4000, chains=chains, threads=threads, seed=seed)
         flat = draws.reshape(-1, draws.shape[2])
         size = min(DRAWS, int(effective_size(draws)))
         chosen = flat[np.linspace(0, len(flat) - 1, max(9, size)).astype(int)]
         true = np.concatenate([truth, drawn])
         values = np.column_stack([chosen, posterior.evaluate(chosen)[0]])
-        return (values < np.append(true, posterior.evaluate(true[None])[0])).mean(axis=0)
+        below = (values < np.append(true, posterior.evaluate(true[None])[0])).sum(axis=0)
+        return (below + 0.5) / (len(values) + 1)
 
 
 def tilted(euler_deg: np.ndarray, tilt: np.ndarray) -> np.ndarray:
@@ -160,9 +166,8 @@ def main(argv=None) -> int:
     for name in arguments.case or CASES:
         start, study = time.perf_counter(), Study(name, arguments.seed)
         table = np.array([study.ranks(arguments.threads, arguments.samples, k + 1) for k in range(arguments.repeats)])
-        labels = [*study.names, *(["scale"] if study.inferred else []), "log density"]
-        for label, column in zip(labels, table.T, strict=True):
-            p_values[name, label] = stats.chisquare(np.histogram(column, BINS, (0, 1 + 1e-9))[0]).pvalue
+        for label, column in zip(study.labels, table.T, strict=True):
+            p_values[name, label] = stats.chisquare(np.histogram(column, BINS, (0, 1))[0]).pvalue
         print(f"{name}: {arguments.repeats} data sets in {time.perf_counter() - start:.0f} s", flush=True)
     corrected = holm(p_values)
     for (name, label), p in p_values.items():

@@ -13,7 +13,7 @@ from theory_cases import FILES, theory_surrogate
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
-from bayesindent.inference.posterior import PRIOR, Posterior
+from bayesindent.inference.posterior import Posterior
 from bayesindent.inference.quantities import quantity_names
 from bayesindent.pipeline.step_2 import extract_stage, next_stage
 from conftest import REFERENCE
@@ -182,27 +182,6 @@ def test_kinds_of_modulus_agree(surrogates):
         result = bi.extract(table, surrogate=surrogates["cubic"], modulus_kind=kind, samples=5000, **settings)
         means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
     assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
-
-
-def test_simulation_based_calibration(surrogates):
-    """Ranks of truths drawn from the prior among draws of their posteriors are uniform (Talts et al. 2018); a small one."""
-    rng = np.random.default_rng(12)
-    model = surrogates["cubic"]
-    _, settings = reference("cubic")
-    angles, measured, sd = columns("cubic")
-    prior = Posterior.of(table_of(angles, measured, sd), surrogate=model, what=PRIOR, **settings)
-    truths = prior.sample(method="ensemble", samples=2000, burn_in=5000, chains=4, threads=2, seed=1)[0].reshape(-1, 3)[::200]
-    ranks = []
-    for k, truth in enumerate(truths):
-        modulus, _ = model.predict(stiffness_rows("cubic", [truth])[0], angles)
-        posterior = Posterior.of(
-            table_of(angles, modulus + sd * rng.normal(size=len(sd)), sd), surrogate=model, surrogate_variance="none", **settings
-        )
-        draws = posterior.sample(method="ensemble", samples=2000, burn_in=8000, chains=1, threads=1, seed=k)[0][0, ::21]
-        statistics = np.column_stack([draws, posterior.evaluate(draws)[1]])
-        ranks.append((statistics < np.append(truth, posterior.evaluate(truth)[1])).mean(axis=0))
-    for values in np.array(ranks).T:
-        assert stats.kstest(values, "uniform").pvalue > 0.002
 
 
 # Next grain
