@@ -1,5 +1,6 @@
 !> How finely the theory is read in Step 2: the degree of the surface harmonics, chosen by what it changes for the worst grain.
 module field_degree
+   use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
@@ -25,30 +26,31 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> The draws that follow are others.
       real(wp), parameter :: reserve = 0.5_wp
-      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), limit, best_limit, cost, least
+      real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least
       real(wp), allocatable :: exact(:, :)
-      integer :: i, best
+      class(grain_model_type), allocatable :: best
+      integer :: i
 
       anisotropy = [(log_anisotropy(posterior%stiffness(draws(:, i))), i=1, size(draws, 2))]
       call exact_moduli(posterior, draws, exact)
-      posterior%grains%full_above = huge(limit)
       least = huge(least)
-      best = degrees(1)
-      best_limit = huge(limit)
       do i = 1, size(degrees)
          call posterior%set_field_degree(degrees(i), error)
          if (allocated(error)) return
-         errors = field_errors(posterior, draws, exact)
-         limit = huge(limit)
-         if (any(errors > reserve*allowed_error)) limit = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
-         cost = posterior%grains%field_cost + posterior%grains%full_cost*count(anisotropy > limit)/size(anisotropy)
+         associate (grains => posterior%grains)
+            ! What follows costs more than the best so far.
+            if (grains%field_cost >= least) exit
+            grains%full_above = huge(least)
+            errors = field_errors(posterior, draws, exact)
+            if (any(errors > reserve*allowed_error)) &
+               & grains%full_above = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
+            cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
+         end associate
          if (cost >= least) cycle
          least = cost
-         best = degrees(i)
-         best_limit = limit
+         best = posterior%grains
       end do
-      call posterior%set_field_degree(best, error)
-      posterior%grains%full_above = best_limit
+      call move_alloc(best, posterior%grains)
    end subroutine choose_field_degree
 
    !> The largest difference of a grain's modulus from the exact theory's, in sds of its measurement.

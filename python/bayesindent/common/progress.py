@@ -6,10 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bars
-
 __all__ = ["Progress"]
 
 #: Seconds between two lines of one bar where standard error is no terminal.
@@ -28,8 +24,12 @@ class Progress:
         if not self.enabled or total <= 0:
             yield ignore
         elif sys.stderr.isatty():
-            columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
-            with Bars(*columns, console=Console(stderr=True)) as bars:
+            # Not above: most commands show no bar, and importing it is slow.
+            from rich import progress
+            from rich.console import Console
+
+            columns = progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn(), progress.TimeRemainingColumn()
+            with progress.Progress(progress.TextColumn("{task.description}"), *columns, console=Console(stderr=True)) as bars:
                 task = bars.add_task(text, total=total)
                 yield partial(bars.advance, task)
         else:

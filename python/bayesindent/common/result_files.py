@@ -1,4 +1,4 @@
-"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV and JSON hold them."""
+"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them."""
 
 import csv
 import io
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["as_csv", "cell", "plain", "read_json", "whole_file", "write_csv", "write_json", "write_text"]
+__all__ = ["as_csv", "cell", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
 
 
 @contextmanager
@@ -48,6 +48,19 @@ def read_json(path: Path) -> dict:
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = "") -> None:
     """Write a table, under a line of comment."""
     write_text(path, (f"# {comment}\n" if comment else "") + as_csv(header, rows))
+
+
+def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
+    """Write groups of variables (axes, values) and facts as netCDF, without xarray: importing that takes half a second."""
+    import h5netcdf
+
+    with whole_file(path) as beside, h5netcdf.File(beside, "w") as file:
+        for name, (variables, facts) in groups.items():
+            group = file.create_group(name)
+            group.attrs.update(facts)
+            for label, (axes, values) in variables.items():
+                group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
+                group.create_variable(label, axes, data=values)
 
 
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:

@@ -1,7 +1,6 @@
 """Step 2: the constants behind measured moduli. The densities, the chains and what is said of them are the core's."""
 
 import json
-import warnings
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
 from .quantities import quantity_names
 
-__all__ = ["extract", "inference_data", "loaded", "summary"]
+__all__ = ["extract", "groups_of", "inference_data", "loaded", "summary"]
 
 
 def extract(measurements, *, surrogate="halfspace", **settings):
@@ -41,27 +40,32 @@ def inference_data(found: Posterior):
     import arviz as az
     import xarray as xr
 
+    groups: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups_of(found).items()}
+    return az.InferenceData(**groups)
+
+
+def groups_of(found: Posterior) -> dict[str, tuple[dict, dict]]:
+    """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
+    and facts."""
     settings, measured, names = found.problem.settings, found.problem.measurements, found.names
     draws, before, quantities = (found.values(label) for label in ("found_draws", "prior_draws", "quantities"))
     document = found.document("extract")
-    some = ("draw", "chain")
-    _, samples, chains = draws.shape
-    coordinates = {"chain": np.arange(chains), "draw": np.arange(0, samples, int(found.values("stride")[0]))}
-    reported = quantity_names(found.symmetry)
-    derived = {name: (some, quantities[q]) for q, name in enumerate(reported) if name not in names}
+    each = ("chain", "draw")
+
+    def counted(like: np.ndarray, stride: int = 1) -> dict:
+        _, samples, chains = like.shape
+        return {"chain": (("chain",), np.arange(chains)), "draw": (("draw",), np.arange(0, samples, stride))}
+
+    some = counted(draws, int(found.values("stride")[0]))
+    derived = {name: (each, quantities[q].T) for q, name in enumerate(quantity_names(found.symmetry)) if name not in names}
     predictions = {
-        "modulus": (("grain", *some), found.values("predicted")),
-        "calibration_factor": (("group", *some), found.values("factor")),
+        "modulus": ((*each, "grain"), found.values("predicted").T),
+        "calibration_factor": ((*each, "group"), found.values("factor").T),
     }
-    data = {"modulus": ("grain", measured.modulus_gpa), "euler_deg": (("grain", "angle"), measured.euler_deg)}
-    data["sd"] = ("grain", np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa)
-    result = az.from_dict(
-        posterior={name: draws[j].T for j, name in enumerate(document["parameters"])},
-        prior={name: before[j].T for j, name in enumerate(names)},
-        sample_stats={"lp": found.values("found_log_density").T},
-    )
+    data = {"modulus": (("grain",), measured.modulus_gpa), "euler_deg": (("grain", "angle"), measured.euler_deg)}
+    data["sd"] = (("grain",), np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa)
     bounds = zip(found.values("lower").tolist(), found.values("upper").tolist())
-    result.posterior.attrs |= {
+    facts = {
         "symmetry": found.symmetry,
         "summary": json.dumps(document),
         "settings": found.problem.resolved,
@@ -73,20 +77,14 @@ def inference_data(found: Posterior):
         "modulus_kind": settings.measurements.modulus_kind,
         "title": settings.problem.title or "",
     }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        groups: dict[str, tuple[dict, dict]] = {
-            "derived": (derived, coordinates),
-            "predictions": (predictions, coordinates),
-            "observed_data": (data, {}),
-        }
-        result.add_groups(
-            {
-                name: xr.Dataset(variables, places).transpose("chain", "draw", ..., missing_dims="ignore")
-                for name, (variables, places) in groups.items()
-            }
-        )
-    return result
+    return {
+        "posterior": (counted(draws) | {name: (each, draws[j].T) for j, name in enumerate(document["parameters"])}, facts),
+        "prior": (counted(before) | {name: (each, before[j].T) for j, name in enumerate(names)}, {}),
+        "sample_stats": (counted(draws) | {"lp": (each, found.values("found_log_density").T)}, {}),
+        "derived": (some | derived, {}),
+        "predictions": (some | predictions, {}),
+        "observed_data": (data, {}),
+    }
 
 
 def summary(result) -> dict:

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 from ..common.progress import Progress
-from ..common.result_files import whole_file
-from ..inference.extract import inference_data, summary
+from ..common.result_files import write_groups
+from ..inference.extract import groups_of
 from ..inference.next_grain import draws_of
 from ..inference.posterior import EXTRACTION, Posterior
 from ..settings.problem import stages
@@ -26,11 +26,10 @@ def extract_stage(problem, output: Path, progress: Progress | None = None) -> di
     with (progress or Progress()).bar("sampling", 1) as advance:
         found = Posterior(problem, surrogate, EXTRACTION)
         advance(1)
-    result = inference_data(found)
-    result.posterior.attrs["inputs"] = json.dumps(step_2_inputs(problem, output))
-    with whole_file(output / "posterior.nc") as file:
-        result.to_netcdf(str(file), engine="h5netcdf")
-    return summary(result)
+    groups = groups_of(found)
+    groups["posterior"][1]["inputs"] = json.dumps(step_2_inputs(problem, output))
+    write_groups(output / "posterior.nc", groups)
+    return found.document("extract")
 
 
 def stored_posterior(problem, output: Path):
