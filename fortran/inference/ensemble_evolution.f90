@@ -1,17 +1,18 @@
 !> How an ensemble of points finds a posterior: the burn-in of the ensemble sampler.
 !>
-!> Differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in rounds that cool, and warm a little for the tails, in the target's
-!> working coordinates, straightened round after round: principal axes, and a polynomial of the longer ones taken off the shorter ones.
-!> Where the density follows from costly results of a model, a polynomial fitted to these about the points of the round before stands for
-!> them, and many more steps are taken.
+!> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their weights at the next temperature, which
+!> is chosen so that enough of them are left (sequential Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind
+!> goes, and a polynomial need not hold for it. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
+!> target's working coordinates, straightened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
+!> ones. Where the density follows from costly results of a model, a polynomial fitted to these about the points stands for them, and many
+!> more steps are taken.
 module ensemble_evolution
    use abstract_sampler, only: draw_starts
    use kinds, only: i8, wp
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
-   use ridge_straightening, only: fit_straightening, no_straightening, straightening_type
+   use ridge_straightening, only: fit_straightening, straightening_type
    use sampling_target, only: point_type, target_type
-   use sorting, only: sort_order
    implicit none
    private
    public :: view_type, evolve_population, try_step, add_difference
@@ -29,8 +30,7 @@ module ensemble_evolution
 
 contains
 
-   !> Differential evolution of a population from the target's starts, in rounds that cool, and warm a little for
-   !> the tails: each straightens what the one before has found.
+   !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
    !> The archive is what the last one visited, thinned, in straight coordinates.
    subroutine evolve_population(target, evaluations, stream, view, archive, started)
       class(target_type), intent(in) :: target
@@ -42,97 +42,250 @@ contains
       real(wp), allocatable, intent(out) :: archive(:, :)
       !> Whether a point of the support was found.
       logical, intent(out) :: started
-      integer, parameter :: rounds = 10, most = 4000
-      real(wp), parameter :: accepted_share = 0.2_wp, least_reach = 0.02_wp, on_the_way = 0.5_wp, at_the_end = 0.8_wp
-      real(wp), parameter :: temperatures(rounds) = [300.0_wp, 100.0_wp, 30.0_wp, 10.0_wp, 3.0_wp, &
-         & 1.0_wp, 1.0_wp, 1.0_wp, 1.5_wp, 1.5_wp]
-      real(wp), allocatable :: points(:, :), density(:), u(:, :)
-      type(point_type), allocatable :: walkers(:)
-      type(point_type) :: proposal
-      real(wp) :: tried(target%dimension)
-      integer :: n, m, found, generations, generation, round, k, a, b, i, kept, moved, distinct
-      integer(i8) :: visits, stride, effort
-      logical :: accepted
+      !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
+      integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40
+      real(wp), parameter :: last_temperatures(*) = [1.0_wp, 1.0_wp, 1.0_wp, 1.5_wp, 1.5_wp]
+      real(wp), allocatable :: points(:, :), density(:)
+      real(wp) :: inverse, next
+      integer :: m, distinct, round, i
+      integer(i8) :: generations
 
-      n = target%dimension
-      m = max(24, merge(40, 10, n >= many_dimensions)*n)
-      allocate (points(n, 4*m), density(4*m))
-      call draw_starts(target, stream, points, density, found)
-      started = found > 0
+      m = max(24, merge(40, 10, target%dimension >= many_dimensions)*target%dimension)
+      call draw_population(target, 4*m, stream, points, density)
+      started = size(density) > 0
       if (.not. started) return
-      call keep_best(points, density, found, m)
-      do k = 1, found
-         call target%to_working(points(:, k), tried)
-         points(:, k) = tried
+      m = min(m, size(density))
+      inverse = 0.0_wp
+      do round = 1, most_cooling
+         next = 1.0_wp
+         if (round < most_cooling) next = next_inverse(density, inverse)
+         call resample(stream, (next - inverse)*density, points, density, distinct)
+         inverse = next
+         call look_again(target, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view)
+         generations = evaluations*effort(target, view)/(m*rounds)
+         call step_population(target, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
+         if (inverse >= 1.0_wp) exit
       end do
-      m = min(m, found)
-      effort = 1
-      if (target%n_outputs > 0) effort = merge(10, 1, n >= many_dimensions)
-      allocate (walkers(m), u(n, m), archive(n, most + m))
-      do k = 1, m
-         walkers(k)%w = points(:, k)
+      do round = 1, size(last_temperatures)
+         call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
+         generations = evaluations*effort(target, view)/(m*rounds)
+         call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
-      proposal%w = points(:, 1)
-      view%straight = no_straightening(n)
-      call fit_outputs(target, points(:, :found), temperatures(1), on_the_way, stream, view)
-      do round = 1, rounds
-         do k = 1, m
-            call view%straight%to_straight(walkers(k)%w, u(:, k))
-            call target%evaluate_working(walkers(k), accepted, view%polynomial)
-         end do
-         generations = int(max(4_i8, merge(effort, min(effort, 2_i8), is_fitted(view%polynomial))*evaluations/(m*rounds)))
-         ! All walkers are to be in the archive: no common divisor.
-         stride = max(1_i8, (int(generations, i8)*m/2 + most - 1)/most)
-         do while (any([(mod(stride, int(i, i8)) == 0 .and. mod(m, i) == 0, i=2, m)]))
-            stride = stride + 1
-         end do
-         kept = 0
-         visits = 0
-         distinct = 0
-         do generation = 1, generations
-            moved = 0
-            do k = 1, m
-               call pick_pair(stream, m, k, a, b)
-               call add_difference(stream, u(:, a) - u(:, b), view%reach, u(:, k), tried)
-               call try_step(target, view, stream, tried, temperatures(round), proposal, walkers(k), accepted)
-               if (accepted) then
-                  u(:, k) = tried
-                  moved = moved + 1
-               end if
-               if (2*generation <= generations) cycle
-               if (mod(visits, stride) == 0) then
-                  kept = kept + 1
-                  archive(:, kept) = walkers(k)%w
-               end if
-               visits = visits + 1
-            end do
-            view%reach = min(1.0_wp, max(least_reach, view%reach*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
-            if (2*generation > generations) distinct = distinct + moved
-         end do
-         call fit_outputs(target, archive(:, :kept), temperatures(min(round + 1, rounds)), &
-            & merge(on_the_way, at_the_end, round < rounds), stream, view)
-         call drop_astray(target, view, temperatures(round), stream, walkers, archive, kept)
-         if (round < rounds) call fit_straightening(archive(:, :kept), min(kept, distinct, 4*m), view%straight)
-      end do
-      archive = archive(:, :kept)
-      do i = 1, kept
-         call view%straight%to_straight(archive(:, i), tried)
-         archive(:, i) = tried
+      archive = points
+      do i = 1, size(points, 2)
+         call view%straight%to_straight(points(:, i), archive(:, i))
       end do
    end subroutine evolve_population
 
+   !> Points of the support from the target's starts, in working coordinates.
+   subroutine draw_population(target, wanted, stream, points, density)
+      class(target_type), intent(in) :: target
+      integer, intent(in) :: wanted
+      type(random_stream_type), intent(inout) :: stream
+      !> (dimension, point), and their logarithms of the density; there may be fewer than are `wanted`.
+      real(wp), allocatable, intent(out) :: points(:, :), density(:)
+      integer :: found, k
+      type(view_type) :: view
+      real(wp) :: w(target%dimension)
+
+      allocate (points(target%dimension, wanted), density(wanted))
+      call draw_starts(target, stream, points, density, found)
+      points = points(:, :found)
+      do k = 1, found
+         call target%to_working(points(:, k), w)
+         points(:, k) = w
+      end do
+      density = viewed_density(target, view, points)
+   end subroutine draw_population
+
+   !> Logarithm of the density as it is viewed, of points in working coordinates.
+   function viewed_density(target, view, points) result(density)
+      class(target_type), intent(in) :: target
+      type(view_type), intent(in) :: view
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
+      real(wp) :: density(size(points, 2))
+      type(point_type) :: point
+      logical :: admitted
+      integer :: k
+
+      allocate (point%w(target%dimension))
+      do k = 1, size(density)
+         point%w = points(:, k)
+         call target%evaluate_working(point, admitted, view%polynomial)
+         density(k) = -huge(1.0_wp)
+         if (admitted) density(k) = point%log_working
+      end do
+   end function viewed_density
+
+   !> By how much more than one evaluation a step counts: where the density is cheap for its dimension, or made so.
+   pure integer(i8) function effort(target, view)
+      class(target_type), intent(in) :: target
+      type(view_type), intent(in) :: view
+
+      effort = 1
+      if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
+      effort = merge(10, 2, is_fitted(view%polynomial))
+   end function effort
+
+   !> The straight coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
+   !> polynomial was wrong, some have gone astray.
+   subroutine look_again(target, temperature, distinct, stream, points, density, view)
+      class(target_type), intent(in) :: target
+      !> Divides the logarithm of the density.
+      real(wp), intent(in) :: temperature
+      !> How many of the points are not copies.
+      integer, intent(in) :: distinct
+      type(random_stream_type), intent(inout) :: stream
+      !> Working coordinates (dimension, point), and the logarithms of the density as it was viewed, now as it is.
+      real(wp), intent(inout) :: points(:, :), density(:)
+      type(view_type), intent(inout) :: view
+      real(wp) :: before(size(density))
+      integer :: left
+      logical :: changed
+
+      changed = is_fitted(view%polynomial)
+      call fit_straightening(points, min(distinct, size(density)), view%straight)
+      call fit_outputs(target, points, temperature, stream, view)
+      if (.not. (changed .or. is_fitted(view%polynomial))) return
+      before = density
+      density = viewed_density(target, view, points)
+      call resample(stream, (density - before)/temperature, points, density, left)
+   end subroutine look_again
+
+   !> Differential evolution of walkers that begin at some of the points; in the end these are what was visited in the second half.
+   subroutine step_population(target, temperature, m, wanted, stream, view, points, density, distinct)
+      class(target_type), intent(in) :: target
+      real(wp), intent(in) :: temperature
+      !> Number of walkers.
+      integer, intent(in) :: m
+      !> Generations, four at least.
+      integer(i8), intent(in) :: wanted
+      type(random_stream_type), intent(inout) :: stream
+      type(view_type), intent(inout) :: view
+      !> Working coordinates (dimension, point), and their logarithms of the density.
+      real(wp), allocatable, intent(inout) :: points(:, :), density(:)
+      !> How many of the points are not copies, if no walker's are left out.
+      integer, intent(out) :: distinct
+      !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
+      integer, parameter :: most = 4000
+      real(wp), parameter :: accepted_share = 0.2_wp, least_reach = 0.02_wp
+      type(point_type) :: walkers(m), proposal
+      real(wp) :: u(target%dimension, m), tried(target%dimension)
+      integer :: k, a, b, kept, moved
+      integer(i8) :: generations, generation, visits, stride, i
+      logical :: accepted
+
+      do k = 1, m
+         walkers(k)%w = points(:, 1 + int((k - 1)*size(density, kind=i8)/m))
+         call target%evaluate_working(walkers(k), accepted, view%polynomial)
+         call view%straight%to_straight(walkers(k)%w, u(:, k))
+      end do
+      generations = max(4_i8, wanted)
+      ! All walkers are to be among the points: no common divisor.
+      stride = max(1_i8, ((generations - generations/2)*m + most - 1)/most)
+      do while (any([(mod(stride, i) == 0 .and. mod(int(m, i8), i) == 0, i=2, m)]))
+         stride = stride + 1
+      end do
+      visits = (generations - generations/2)*m
+      deallocate (points, density)
+      allocate (points(target%dimension, (visits + stride - 1)/stride), density((visits + stride - 1)/stride))
+      allocate (proposal%w(target%dimension))
+      visits = 0
+      kept = 0
+      distinct = 0
+      do generation = 1, generations
+         moved = 0
+         do k = 1, m
+            call pick_pair(stream, m, k, a, b)
+            call add_difference(stream, u(:, a) - u(:, b), view%reach, u(:, k), tried)
+            call try_step(target, view, stream, tried, temperature, proposal, walkers(k), accepted)
+            if (accepted) then
+               u(:, k) = tried
+               moved = moved + 1
+            end if
+            if (2*generation <= generations) cycle
+            if (mod(visits, stride) == 0) then
+               kept = kept + 1
+               points(:, kept) = walkers(k)%w
+               density(kept) = walkers(k)%log_working
+            end if
+            visits = visits + 1
+         end do
+         view%reach = min(1.0_wp, max(least_reach, view%reach*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
+         if (2*generation > generations) distinct = distinct + moved
+      end do
+   end subroutine step_population
+
+   !> The inverse of a temperature, 1 at most, so low that points drawn with another inverse are still of use when weighted for it.
+   pure real(wp) function next_inverse(density, inverse) result(next)
+      !> Logarithms.
+      real(wp), intent(in) :: density(:)
+      real(wp), intent(in) :: inverse
+      !> Effective share of the points.
+      real(wp), parameter :: share = 0.25_wp
+      real(wp) :: least, step, weights(size(density))
+      integer :: i
+
+      least = log(1.0e-12_wp)
+      step = log(1.0_wp - inverse)
+      next = 1.0_wp
+      do i = 1, 40
+         weights = exp((next - inverse)*(density - maxval(density)))
+         if (sum(weights)**2 >= share*size(weights)*sum(weights**2)) then
+            if (i == 1) return
+            least = log(next - inverse)
+         else
+            step = log(next - inverse)
+         end if
+         next = inverse + exp(0.5_wp*(least + step))
+      end do
+   end function next_inverse
+
+   !> Points drawn anew by their weights, all at even distances of the sum of weights, in place.
+   subroutine resample(stream, log_weights, points, density, distinct)
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(in) :: log_weights(:)
+      !> (dimension, point).
+      real(wp), intent(inout) :: points(:, :)
+      real(wp), intent(inout) :: density(:)
+      !> How many different ones are left.
+      integer, intent(out) :: distinct
+      real(wp) :: summed(size(density)), v
+      integer :: chosen(size(density)), i, k
+
+      summed = exp(log_weights - maxval(log_weights))
+      ! Truncated (Ionides, J. Comput. Graph. Stat. 17, 295, 2008), so that a few points do not take over.
+      summed = min(summed, sum(summed)/sqrt(real(size(summed), wp)))
+      do i = 2, size(summed)
+         summed(i) = summed(i - 1) + summed(i)
+      end do
+      call stream%uniform(v)
+      i = 1
+      distinct = 1
+      do k = 1, size(chosen)
+         do while (i < size(chosen) .and. summed(i) < (k - 1 + v)/size(chosen)*summed(size(summed)))
+            i = i + 1
+         end do
+         chosen(k) = i
+         if (k > 1) distinct = distinct + merge(1, 0, chosen(k) > chosen(max(1, k - 1)))
+      end do
+      points = points(:, chosen)
+      density = density(chosen)
+   end subroutine resample
+
    !> The polynomial for the costly results of a target, if it has such, from some of the points; none if it errs at others.
-   subroutine fit_outputs(target, points, temperature, least_good, stream, view)
+   subroutine fit_outputs(target, points, temperature, stream, view)
       class(target_type), intent(in) :: target
       !> Of the support, working coordinates (dimension, point).
       real(wp), intent(in) :: points(:, :)
       !> Divides the logarithm of the density where the polynomial will be used.
       real(wp), intent(in) :: temperature
-      !> Share of the points of the test at which it must not err by more than two temperatures.
-      real(wp), intent(in) :: least_good
       type(random_stream_type), intent(inout) :: stream
       type(view_type), intent(inout) :: view
       !> Points for each term, points of the test, and terms where it is still hot and then.
+      !> Share of the points of the test at which it must not err by more than two temperatures.
+      real(wp), parameter :: least_good = 0.7_wp
       integer, parameter :: surplus = 4, tests = 50, few_terms = 300, many_terms = 800
       real(wp), allocatable :: outputs(:, :), arguments(:, :)
       type(point_type) :: exact, near
@@ -174,50 +327,6 @@ contains
       end do
       if (good < least_good*tests) call view%polynomial%clear()
    end subroutine fit_outputs
-
-   !> Where an earlier polynomial was wrong, walkers may have gone astray: what is far below the best by the present one is dropped
-   !> from the archive, and walkers that are go back to points of it.
-   subroutine drop_astray(target, view, temperature, stream, walkers, archive, kept)
-      class(target_type), intent(in) :: target
-      type(view_type), intent(in) :: view
-      real(wp), intent(in) :: temperature
-      type(random_stream_type), intent(inout) :: stream
-      type(point_type), intent(inout) :: walkers(:)
-      !> Working coordinates (dimension, point), the first `kept` of them.
-      real(wp), intent(inout) :: archive(:, :)
-      integer, intent(inout) :: kept
-      type(point_type) :: point
-      real(wp) :: density(kept), n, least
-      integer :: order(kept), i, k, last
-      logical :: admitted
-
-      if (.not. is_fitted(view%polynomial)) return
-      allocate (point%w(target%dimension))
-      do i = 1, kept
-         point%w = archive(:, i)
-         call target%evaluate_working(point, admitted, view%polynomial)
-         density(i) = -huge(1.0_wp)
-         if (admitted) density(i) = point%log_working/temperature
-      end do
-      ! With n normal or exponential coordinates the logarithm of the density is about n below its best, or less, give or take a root.
-      ! The very best may be an error of the polynomial. Half of the points stay at least.
-      n = real(target%dimension, wp)
-      call sort_order(density, order)
-      least = min(density(order(1 + kept/2)), density(order(1 + (9*kept)/10)) - (n + 4.0_wp*sqrt(n) + 6.0_wp))
-      last = kept
-      kept = 0
-      do i = 1, last
-         if (density(i) < least) cycle
-         kept = kept + 1
-         archive(:, kept) = archive(:, i)
-      end do
-      do k = 1, size(walkers)
-         call target%evaluate_working(walkers(k), admitted, view%polynomial)
-         if (admitted .and. walkers(k)%log_working/temperature >= least) cycle
-         call stream%pick(kept, i)
-         walkers(k)%w = archive(:, i)
-      end do
-   end subroutine drop_astray
 
    !> A Metropolis step from `current` to straight coordinates u.
    subroutine try_step(target, view, stream, u, temperature, proposal, current, accepted)
@@ -298,22 +407,4 @@ contains
          if (walkers < 3 .or. (a /= b .and. a /= w .and. b /= w)) exit
       end do
    end subroutine pick_pair
-
-   !> Move the `wanted` points of highest density to the front.
-   pure subroutine keep_best(points, density, found, wanted)
-      real(wp), intent(inout) :: points(:, :), density(:)
-      integer, intent(in) :: found, wanted
-      real(wp) :: point(size(points, 1)), value
-      integer :: i, best
-
-      do i = 1, min(wanted, found)
-         best = i - 1 + maxloc(density(i:found), dim=1)
-         point = points(:, best)
-         value = density(best)
-         points(:, best) = points(:, i)
-         density(best) = density(i)
-         points(:, i) = point
-         density(i) = value
-      end do
-   end subroutine keep_best
 end module ensemble_evolution
