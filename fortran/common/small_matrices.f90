@@ -3,7 +3,7 @@ module small_matrices
    use kinds, only: wp
    implicit none
    private
-   public :: factor_semidefinite, factor_definite, fit_columns, weighted_gram, sum_of_logs
+   public :: factor_semidefinite, factor_columns, factor_definite, fit_columns, weighted_gram, sum_of_logs
 
 contains
 
@@ -29,6 +29,28 @@ contains
          end if
       end do
    end subroutine factor_semidefinite
+
+   !> F with F Fᵀ = U Uᵀ and no more columns than rows: U itself, or the lower factor of the product.
+   pure subroutine factor_columns(u, f)
+      !> (m, n); (m, min(m, n)).
+      real(wp), intent(in) :: u(:, :)
+      real(wp), intent(out) :: f(:, :)
+      integer :: i, j, k
+
+      if (size(u, 2) == size(f, 2)) then
+         f = u
+         return
+      end if
+      f = 0.0_wp
+      do k = 1, size(u, 2)
+         do j = 1, size(u, 1)
+            do i = j, size(u, 1)
+               f(i, j) = f(i, j) + u(i, k)*u(j, k)
+            end do
+         end do
+      end do
+      call factor_semidefinite(f)
+   end subroutine factor_columns
 
    !> Minimise sum of w (r - U b)² + b² over b.
    !>

@@ -19,22 +19,20 @@ module crystal_class
       character(len=12) :: generators
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants
-      !> Closed-form coordinates (see `dimensionless_coordinates`), if there are any.
-      character(len=5) :: coordinate_set
    end type row_type
 
    type(row_type), parameter :: table(*) = [ &
-      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12', ''), &
-      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44', 'zener'), &
-      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13', 'axial'), &
-      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66', ''), &
-      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16', ''), &
-      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44', ''), &
-      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15', ''), &
-      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66', ''), &
-      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66', ''), &
+      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12'), &
+      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44'), &
+      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13'), &
+      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66'), &
+      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16'), &
+      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44'), &
+      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15'), &
+      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
+      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
       & row_type('triclinic', '-1', '', &
-      & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66', '')]
+      & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
 
    !> The class without symmetry, whose constants are all 21 entries row by row.
    character(len=*), parameter :: general_class = 'triclinic'
@@ -48,7 +46,6 @@ module crystal_class
       real(wp), allocatable :: generators(:, :, :)
       !> Fold of each generator, 0 for infinite order, (n).
       integer, allocatable :: folds(:)
-      character(len=5) :: coordinate_set = ''
       !> Where the stiffness is not zero: entry (row, column) gains factor times a constant.
       integer, allocatable, private :: row(:), column(:), constant(:)
       real(wp), allocatable, private :: factor(:)
@@ -75,7 +72,6 @@ contains
          return
       end if
       class%name = trim(table(i)%name)
-      class%coordinate_set = table(i)%coordinate_set
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
       allocate (class%constants(class%n_constants))
       do k = 1, class%n_constants

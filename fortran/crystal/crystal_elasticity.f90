@@ -10,7 +10,8 @@ module crystal_elasticity
    implicit none
    private
    public :: rotation_matrix, euler_angles, rotate_stiffness, stiffness_tensor, voigt_index
-   public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy
+   public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
+      & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
 
    !> Voigt index of a pair of Cartesian indices.
@@ -244,19 +245,32 @@ contains
    pure real(wp) function log_anisotropy(c)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
+      real(wp) :: poisson
+
+      call logarithmic_mean(c, poisson, log_anisotropy)
+   end function log_anisotropy
+
+   !> Poisson's ratio of the isotropic part of log K, and the norm of what is left, the log-anisotropy; NaN for an unstable crystal.
+   pure subroutine logarithmic_mean(c, poisson, anisotropy)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> Without unit.
+      real(wp), intent(out) :: poisson, anisotropy
       real(wp) :: values(6), vectors(6, 6), logs(6), bulk, shear
 
       call diagonalise(kelvin_form(c), values, vectors)
       if (.not. minval(values) > 0.0_wp) then
-         log_anisotropy = ieee_value(1.0_wp, ieee_quiet_nan)
+         poisson = ieee_value(1.0_wp, ieee_quiet_nan)
+         anisotropy = poisson
          return
       end if
       logs = log(values)
-      ! The isotropic part of log K has the eigenvalue `bulk` on the dilatation and `shear` on the five deviators.
+      ! The isotropic part of log K has the eigenvalue `bulk` (of 3 K) on the dilatation and `shear` (of 2 G) on the five deviators.
       bulk = sum(logs*sum(vectors(:3, :), 1)**2)/3.0_wp
       shear = (sum(logs) - bulk)/5.0_wp
-      log_anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))
-   end function log_anisotropy
+      anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))
+      poisson = (exp(bulk - shear) - 1.0_wp)/(2.0_wp*exp(bulk - shear) + 1.0_wp)
+   end subroutine logarithmic_mean
 
    !> The stiffness as a tensor of rank two in six dimensions: rows and columns 4 to 6 times sqrt 2.
    pure function kelvin_form(c) result(k)

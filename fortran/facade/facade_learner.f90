@@ -1,8 +1,8 @@
 ! Learning a surrogate for f2py: crystals by the constants of the basis' class (GPa), angles in degrees, candidates by numbers from 0.
 ! status: 0 done, 1 failure, 2 bad input; message: the reason, blank on success.
 
-!> Keep a learner over a basis (a handle) with a prior (a word of `prior_names`), without simulations and candidates.
-subroutine learner_new(basis, prior, handle, status, message)
+!> Keep a learner over a basis (a handle), without simulations and candidates.
+subroutine learner_new(basis, handle, status, message)
    use abstract_basis, only: basis_type
    use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: keep_object
@@ -10,7 +10,6 @@ subroutine learner_new(basis, prior, handle, status, message)
    use surrogate_learner, only: learner_type, new_learner
    implicit none
    integer(c_int64_t), intent(in) :: basis
-   character(len=*), intent(in) :: prior
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
@@ -20,7 +19,7 @@ subroutine learner_new(basis, prior, handle, status, message)
 
    allocate (learner)
    call find_basis(basis, found, error)
-   if (.not. allocated(error)) call new_learner(found, prior, learner, error)
+   if (.not. allocated(error)) call new_learner(found, learner, error)
    call error_to_status(error, status, message)
    call keep_object(learner, 'learner', error, handle)
 end subroutine learner_new

@@ -1,65 +1,58 @@
 ! Domain, basis and surrogate for f2py; angles in degrees. status: 0 done, 1 failure, 2 bad input; message: the reason, blank on
 ! success.
 
-!> inside: 1 for each of n crystals of a class (`symmetry`) that is in the domain of bounds (lower, upper; GPa) and anisotropy_cap,
-!> else 0.
-subroutine domain_admits(symmetry, k, bounds, anisotropy_cap, n, constants, inside, status, message)
-   use interoperation, only: c_double, c_int, error_to_status, error_type
-   use surrogate_domain, only: domain_type, new_domain
-   implicit none
-   character(len=*), intent(in) :: symmetry
-   integer(c_int), intent(in) :: k, n
-   real(c_double), intent(in) :: bounds(k, 2), anisotropy_cap, constants(k, n)
-   integer(c_int), intent(out) :: inside(n)
-   integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
-   type(domain_type) :: domain
-   type(error_type), allocatable :: error
-   integer :: i
-
-   inside = 0
-   call new_domain(symmetry, bounds(:, 1), bounds(:, 2), anisotropy_cap, domain, error)
-   call error_to_status(error, status, message)
-   if (status /= 0) return
-   do i = 1, n
-      inside(i) = merge(1, 0, domain%admits(domain%class%stiffness(constants(:, i))))
-   end do
-end subroutine domain_admits
-
-!> Keep a basis over the domain of a class (`symmetry`) between bounds (lower, upper; GPa) below anisotropy_cap; coordinates and
-!> truncation are words of `paper_basis`, sizes degree and bandlimit.
-subroutine basis_new(symmetry, k, bounds, anisotropy_cap, coordinates, truncation, sizes, handle, status, message)
+!> Keep the basis that &domain and &surrogate of a problem (problem_handle) ask for.
+subroutine basis_new(problem_handle, handle, status, message)
    use abstract_basis, only: basis_type
-   use bases, only: new_basis
-   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use build_checks, only: basis_of_problem
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use object_registry, only: register_object
-   use settings_groups, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
    implicit none
-   character(len=*), intent(in) :: symmetry, coordinates, truncation
-   integer(c_int), intent(in) :: k, sizes(2)
-   real(c_double), intent(in) :: bounds(k, 2), anisotropy_cap
+   integer(c_int64_t), intent(in) :: problem_handle
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
-   type(domain_type) :: domain
-   type(surrogate_settings_type) :: settings
+   type(problem_type), pointer :: problem
    class(basis_type), allocatable :: basis
    class(*), pointer :: object
    type(error_type), allocatable :: error
 
    handle = 0
-   settings%coordinates = coordinates
-   settings%truncation = truncation
-   settings%degree = sizes(1)
-   settings%bandlimit = sizes(2)
-   call new_domain(symmetry, bounds(:, 1), bounds(:, 2), anisotropy_cap, domain, error)
-   if (.not. allocated(error)) call new_basis(domain, settings, basis, error)
+   call problem_of_handle(problem_handle, problem, error)
+   if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    allocate (object, source=basis)
    call register_object(object, 'basis', handle)
 end subroutine basis_new
+
+!> n crystals of a basis' domain, spread by a seed: constants (GPa) of its class, and angles (degrees).
+subroutine basis_crystals(handle, seed, k, n, constants, euler_deg, status, message)
+   use abstract_basis, only: basis_type
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use surrogate_domain, only: spread_crystals
+   use surrogate_handles, only: find_basis
+   implicit none
+   integer(c_int64_t), intent(in) :: handle
+   integer(c_int), intent(in) :: seed, k, n
+   real(c_double), intent(out) :: constants(k, n), euler_deg(3, n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   class(basis_type), pointer :: basis
+   real(c_double), allocatable :: crystals(:, :), angles(:, :)
+   type(error_type), allocatable :: error
+
+   constants = 0
+   euler_deg = 0
+   call find_basis(handle, basis, error)
+   if (.not. allocated(error)) call spread_crystals(basis%domain, n, seed, crystals, angles, error)
+   call error_to_status(error, status, message)
+   if (status /= 0) return
+   constants = crystals
+   euler_deg = angles
+end subroutine basis_crystals
 
 !> The n_terms terms of n crystals in n orientations, and the scale (GPa) of each.
 subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale, status, message)
@@ -141,7 +134,7 @@ subroutine surrogate_basis(surrogate, handle, status, message)
 end subroutine surrogate_basis
 
 !> Keep a surrogate over a basis (a handle): coefficients and covariance of its n_terms terms; precisions are alpha, beta and the
-!> factor on the sds, provenance a JSON object.
+!> fall of the prior, provenance a JSON object.
 subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, provenance, handle, status, message)
    use abstract_basis, only: basis_type
    use errors, only: exit_bad_input, raise
@@ -170,7 +163,7 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
       surrogate%covariance = covariance
       surrogate%alpha = precisions(1)
       surrogate%beta = precisions(2)
-      surrogate%sd_inflation = precisions(3)
+      surrogate%fall = precisions(3)
       surrogate%provenance = provenance
       if (found%n_terms /= n_terms) then
          call raise(error, 'the number of coefficients is not that of the basis', exit_bad_input)

@@ -17,7 +17,7 @@ module constants_posterior
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use sampling_target, only: point_type, target_type
-   use small_matrices, only: sum_of_logs
+   use small_matrices, only: factor_columns, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
    implicit none
    private
@@ -103,8 +103,7 @@ contains
       call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = size(posterior%euler, 2)
-      posterior%scatter = merge(surrogate%sd_inflation**2/surrogate%beta, 0.0_wp, likelihood%surrogate_uncertainty)
-      if (posterior%scatter < none) posterior%scatter = 0.0_wp
+      if (likelihood%surrogate_uncertainty .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
       posterior%n_shared = posterior%grains%n_columns
       if (likelihood%calibration_sd > 0.0_wp) posterior%n_shared = posterior%n_shared + posterior%n_groups
       posterior%dimension = prior%n_constants
@@ -307,7 +306,8 @@ contains
       real(wp), intent(in) :: x(:), c(6, 6)
       real(wp), intent(in), optional :: rows(:)
       real(wp) :: factor, model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
-      real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared)
+      real(wp) :: u(self%n_grains, self%n_shared), fewer(self%n_grains, min(self%n_grains, self%n_shared))
+      real(wp) :: b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2))
 
       factor = scale_factor(self, x)
       call evaluate_grains(self, c, model, slope, own_variance, rows)
@@ -317,7 +317,8 @@ contains
          return
       end if
       call whiten(self, c, factor, model, slope, own_variance, scales, u)
-      call self%errors%integrate((self%measured - model)/scales, u, b, precision, log_likelihood)
+      call factor_columns(u, fewer)
+      call self%errors%integrate((self%measured - model)/scales, fewer, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
    end function likelihood_of_crystal
 
@@ -382,9 +383,8 @@ contains
       real(wp), intent(in) :: x(:)
       !> (shared error), in sds of the prior.
       real(wp), intent(out) :: b(:), precision(:, :)
-      real(wp) :: c(6, 6), value
-      real(wp) :: model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
-      real(wp) :: u(self%n_grains, self%n_shared)
+      real(wp), dimension(self%n_grains) :: model, slope, own_variance, scales
+      real(wp) :: c(6, 6), value, u(self%n_grains, self%n_shared)
 
       if (self%n_shared == 0) return
       c = self%stiffness(x)

@@ -1,7 +1,8 @@
 !> What a build would refuse, or warn of, before its first simulation, as far as the namelist tells.
 module build_checks
-   use bases, only: new_basis
    use abstract_basis, only: basis_type
+   use bases, only: new_basis
+   use crystal_class, only: general_class
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use kinds, only: wp
@@ -9,13 +10,13 @@ module build_checks
    use namelist_file, only: place
    use problem, only: problem_type
    use settings_groups, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain
+   use surrogate_domain, only: domain_type, new_domain, new_wide_domain
    use surrogate_lookup, only: check_new_name
    use text, only: to_text
    use truncation_scan, only: read_scan
    implicit none
    private
-   public :: check_build, question_candidates, domain_of
+   public :: check_build, question_candidates, basis_of_problem
 
 contains
 
@@ -23,26 +24,20 @@ contains
    subroutine check_build(problem, error)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
-      type(domain_type) :: domain
       class(basis_type), allocatable :: basis
 
       call check_new_name(problem%settings%surrogate%file, error)
       if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
-      if (.not. allocated(error)) call domain_of(problem, domain, error)
+      if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
-      call new_basis(domain, problem%settings%surrogate, basis, error)
-      if (allocated(error)) then
-         error%message = place(problem%path, 'surrogate', '')//error%message
-         return
-      end if
       associate (budget => problem%settings%design%budget)
-         if (problem%settings%surrogate%prior == 'zero' .and. budget < basis%n_terms) call raise(error, place(problem%path, &
-            & 'design', 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of ' &
-            & //'the surrogate, which a flat prior cannot make up for; allowed: '//to_text(basis%n_terms)//' or more, or a ' &
-            & //'lower degree or bandlimit, or prior = ''theory''', exit_bad_input)
+         if (.not. allocated(basis%prior_degrees) .and. budget < basis%n_terms) call raise(error, place(problem%path, 'design', &
+            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the ' &
+            & //'surrogate, which a prior of equal coefficients cannot make up for; allowed: '//to_text(basis%n_terms) &
+            & //' or more, or a lower degree or bandlimit, or model = ''correction''', exit_bad_input)
       end associate
       if (.not. allocated(error)) call check_size(problem, basis%n_terms, error)
-      if (.not. allocated(error)) call check_scan(problem, domain, error)
+      if (.not. allocated(error)) call check_scan(problem, basis%domain, error)
    end subroutine check_build
 
    !> The terms of all candidates, twice while they are whitened, and four matrices of the terms.
@@ -76,6 +71,8 @@ contains
 
       settings = problem%settings%surrogate
       call read_scan(settings%scan, pairs, error)
+      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') call raise(error, 'the ' &
+         & //settings%model//' has no bandlimit; allowed with model = ''paper''', exit_bad_input)
       do i = 1, size(pairs, 2)
          if (allocated(error)) exit
          settings%degree = pairs(1, i)
@@ -92,7 +89,6 @@ contains
       type(domain_type) :: domain
       integer :: i, outside
 
-      if (.not. allocated(self%settings%domain%c_min)) return
       call domain_of(self, domain, error)
       if (allocated(error)) return
       outside = 0
@@ -103,20 +99,49 @@ contains
          & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
    end subroutine question_candidates
 
-   !> The crystals that the surrogate of a problem is to cover.
+   !> What &domain and &surrogate ask for.
+   subroutine basis_of_problem(self, basis, error)
+      type(problem_type), intent(in) :: self
+      class(basis_type), allocatable, intent(out) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      type(domain_type) :: domain
+
+      call domain_of(self, domain, error)
+      if (allocated(error)) return
+      call new_basis(domain, self%settings%surrogate, basis, error)
+      if (allocated(error)) error%message = place(self%path, 'surrogate', '')//error%message
+   end subroutine basis_of_problem
+
+   !> The crystals that the surrogate of a problem is to cover: those of its class between bounds, or all.
    subroutine domain_of(self, domain, error)
       type(problem_type), intent(in) :: self
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: members
+      real(wp) :: cap
+      integer :: i
 
       associate (stated => self%settings%domain)
-         if (.not. (allocated(stated%c_min) .and. allocated(stated%c_max) .and. allocated(stated%anisotropy_cap))) then
-            call raise(error, place(self%path, 'domain', '')//'the group is missing; the fit of &surrogate needs it', &
-               & exit_bad_input)
+         if (allocated(stated%c_min) .and. allocated(stated%c_max)) then
+            cap = huge(1.0_wp)
+            if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
+            call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error)
+         else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
+            call raise(error, 'c_min and c_max are needed together, and for an anisotropy_cap', exit_bad_input)
+         else if (self%settings%surrogate%model == 'paper') then
+            call raise(error, 'the paper''s model needs c_min and c_max', exit_bad_input)
          else
-            call new_domain(self%class%name, stated%c_min, stated%c_max, stated%anisotropy_cap, domain, error)
-            if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
+            members = general_class
+            if (allocated(stated%classes)) then
+               members = trim(stated%classes(1))
+               do i = 2, size(stated%classes)
+                  members = members//', '//trim(stated%classes(i))
+               end do
+            end if
+            call new_wide_domain(general_class, members, stated%log_anisotropy_max, [stated%poisson_min, stated%poisson_max], &
+               & domain, error)
          end if
+         if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
       end associate
    end subroutine domain_of
 end module build_checks

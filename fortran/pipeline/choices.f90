@@ -1,11 +1,11 @@
 !> The words that may stand in a namelist for things that vary, from the modules that own them.
 module choices
    use acquisitions, only: acquisition_names
-   use coefficient_prior, only: prior_names
+   use bases, only: basis_names
    use error_models, only: likelihood_names
    use meshes, only: mesh_names
    use modulus_kinds, only: modulus_kind_names
-   use paper_basis, only: coordinate_names, truncation_names
+   use paper_basis, only: truncation_names
    use samplers, only: sampler_names
    use settings_visitor, only: choice_list_type
    implicit none
@@ -18,14 +18,13 @@ contains
    function all_choices() result(lists)
       type(choice_list_type), allocatable :: lists(:)
 
-      allocate (lists(8))
+      allocate (lists(7))
       lists(1) = choice_list_type('mesh', mesh_names)
       lists(2) = choice_list_type('modulus_kind', modulus_kind_names)
       lists(3) = choice_list_type('likelihood', likelihood_names)
       lists(4) = choice_list_type('sampler', sampler_names)
-      lists(5) = choice_list_type('coordinates', coordinate_names)
+      lists(5) = choice_list_type('basis', basis_names)
       lists(6) = choice_list_type('truncation', truncation_names)
-      lists(7) = choice_list_type('coefficient_prior', prior_names)
-      lists(8) = choice_list_type('acquisition', acquisition_names)
+      lists(7) = choice_list_type('acquisition', acquisition_names)
    end function all_choices
 end module choices

@@ -9,10 +9,11 @@ module extraction
    use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
+   use problem_posterior, only: new_problem_posterior, sample_beside, sample_pilot, sample_posterior, sample_prior, &
+      & sample_without_knowledge
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
-   use surrogate_model, only: predict, surrogate_type
+   use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use threads, only: thread_count
    implicit none
    private
@@ -49,6 +50,8 @@ module extraction
       integer :: simulations = 0
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
+      !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd; else of size 0.
+      real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    end type extraction_type
@@ -75,6 +78,7 @@ contains
       if (.not. allocated(error)) call judge_knowledge(problem, self, error)
       if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
       if (.not. allocated(error)) call describe_surrogate(surrogate, self)
+      if (.not. allocated(error)) call compare_theory(problem, self, error)
    end subroutine extract
 
    !> Compare what is known with what the measurements say without it.
@@ -96,7 +100,7 @@ contains
 
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
-      if (self%posterior%grains%has_theory) return
+      if (self%simulations == 0) return
       k = self%posterior%n_constants
       do i = 1, self%posterior%n_grains
          call predict(surrogate, self%posterior%prior%class%stiffness(self%parameters(:k)%mean), self%posterior%euler(:, i), &
@@ -104,6 +108,30 @@ contains
          self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_grains
       end do
    end subroutine describe_surrogate
+
+   !> What theory alone would say, without the correction of the specimen.
+   subroutine compare_theory(problem, self, error)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: rough_degree = 12
+      type(surrogate_type) :: theory
+      type(posterior_type) :: posterior
+      type(chains_type) :: chains
+      integer :: j, n
+
+      allocate (self%theory_mean(0), self%theory_sd(0))
+      if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
+      call new_theory_surrogate(theory, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
+      if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
+      if (.not. allocated(error)) call sample_beside(problem, posterior, chains, error)
+      if (allocated(error)) return
+      n = self%posterior%n_constants
+      self%theory_mean = [(sum(chains%draws(j, :, :))/size(chains%draws(j, :, :)), j=1, n)]
+      self%theory_sd = spreads(chains)
+      self%theory_sd = self%theory_sd(:n)
+   end subroutine compare_theory
 
    !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
    !> draws themselves show whether it was enough.

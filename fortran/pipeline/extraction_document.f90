@@ -47,6 +47,16 @@ contains
       end do
       call document%end_object()
       call document%put('correlation', found%correlation)
+      if (size(found%theory_mean) > 0) then
+         call document%begin_object('theory_alone')
+         do i = 1, size(found%theory_mean)
+            call document%begin_object(trim(found%names(i)))
+            call document%put('mean', found%theory_mean(i))
+            call document%put('sd', found%theory_sd(i))
+            call document%end_object()
+         end do
+         call document%end_object()
+      end if
       call document%begin_array('predicted')
       do i = 1, found%posterior%n_grains
          call document%begin_object()

@@ -4,7 +4,6 @@ module field_degree
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    implicit none
    private
@@ -42,8 +41,9 @@ contains
             if (grains%field_cost >= least) exit
             grains%full_above = huge(least)
             errors = field_errors(posterior, draws, exact)
-            if (any(errors > reserve*allowed_error)) &
-               & grains%full_above = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
+            if (any(errors > reserve*allowed_error)) then
+               grains%full_above = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
+            end if
             cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
          end associate
          if (cost >= least) cycle
@@ -80,25 +80,24 @@ contains
       end do
    end function field_errors
 
-   !> What would be measured by the exact theory, GPa, (grain, draw).
+   !> What would be measured with theory in full, GPa, (grain, draw).
    subroutine exact_moduli(posterior, draws, exact)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :)
       real(wp), allocatable, intent(out) :: exact(:, :)
-      type(error_type), allocatable :: error
-      type(halfspace_type) :: theory
-      real(wp) :: slopes(posterior%n_grains), c(6, 6)
-      integer :: i, g
+      class(grain_model_type), allocatable :: in_full
+      real(wp), dimension(size(posterior%euler, 2)) :: moduli, slopes
+      integer :: i
 
       allocate (exact(posterior%n_grains, size(draws, 2)))
+      allocate (in_full, source=posterior%grains)
+      ! No anisotropy is below.
+      in_full%full_above = -1.0_wp
       do i = 1, size(draws, 2)
-         c = posterior%stiffness(draws(:, i))
-         do g = 1, posterior%n_grains
-            call halfspace_modulus(c, posterior%euler(:, g), theory, error)
-            exact(g, i) = theory%modulus
-         end do
+         call in_full%evaluate_moduli(posterior%stiffness(draws(:, i)), moduli, slopes)
          slopes = 1.0_wp
-         call posterior%kind%apply(exact(:, i), slopes)
+         call posterior%kind%apply(moduli, slopes)
+         exact(:, i) = moduli(:posterior%n_grains)
       end do
    end subroutine exact_moduli
 end module field_degree

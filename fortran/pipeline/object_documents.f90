@@ -1,5 +1,6 @@
 !> What another language is told of the objects that it holds: a JSON document of each, arrays by their lengths, and one array in full.
 module object_documents
+   use build_handles, only: find_build
    use choices, only: all_choices
    use described_values, only: described_values_type
    use errors, only: error_type
@@ -14,6 +15,7 @@ module object_documents
    use problem_handles, only: problem_of_handle
    use settings_groups, only: simulation_settings_type
    use settings_lists, only: new_schema, schema_type, settings_namelist
+   use step_1, only: build_type
    use settings_visitor, only: allowed_in_words, kind_names
    use simulation_handles, only: model_of_handle
    use stages, only: all_stages, run_command, stage_type
@@ -29,12 +31,13 @@ contains
    !> The numbers and texts of an object.
    subroutine describe_object(handle, kind, visitor, error)
       integer(i8), intent(in) :: handle
-      !> 'basis', 'surrogate', 'learner', 'problem', 'indentation'; or 'settings', which has no handle: what namelists may hold.
+      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; or 'settings', which has no handle: what namelists may hold.
       character(len=*), intent(in) :: kind
       type(described_values_type), intent(inout) :: visitor
       type(error_type), allocatable, intent(out) :: error
       type(problem_type), pointer :: problem
       type(indentation_model_type), pointer :: model
+      type(build_type), pointer :: build
 
       select case (kind)
       case ('settings')
@@ -42,6 +45,9 @@ contains
       case ('problem')
          call problem_of_handle(handle, problem, error)
          if (.not. allocated(error)) call describe_problem(problem, visitor)
+      case ('build')
+         call find_build(handle, build, error)
+         if (.not. allocated(error)) call visitor%document%put_json('', build%document)
       case ('indentation')
          call model_of_handle(handle, model, error)
          if (.not. allocated(error)) call describe_model(model, visitor)

@@ -49,14 +49,14 @@ contains
       type(extraction_type), intent(in) :: found
       character(len=:), allocatable :: words
 
-      if (found%field_degree > 0) then
-         words = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
-            & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
-      else
-         words = to_text(found%simulations)//' simulations'
-         if (len_trim(found%checksum) > 0) words = words//', checksum '//found%checksum
-         words = words//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
-            & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
-      end if
+      words = ''
+      if (found%field_degree > 0) words = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      if (found%simulations == 0) return
+      if (len(words) > 0) words = words//'; times what was learnt from '
+      words = words//to_text(found%simulations)//' simulations'
+      if (len_trim(found%checksum) > 0) words = words//', checksum '//found%checksum
+      words = words//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+         & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
    end function surrogate_words
 end module prior_words

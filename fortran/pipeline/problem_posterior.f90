@@ -20,7 +20,7 @@ module problem_posterior
    implicit none
    private
    public :: check_step_2, check_target, new_problem_posterior
-   public :: sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
+   public :: sample_beside, sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
@@ -191,6 +191,17 @@ contains
 
       call sample_aside(problem, posterior, 5000, run_settings_type(400, 1, 1, first_stream=far_stream + 1000000), chains, error)
    end subroutine sample_pilot
+
+   !> Draws of another posterior of the same problem, to set beside its own.
+   subroutine sample_beside(problem, posterior, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+
+      call sample_aside(problem, posterior, 5000, run_settings_type(1500, 4, thread_count(problem%settings%execution%workers), &
+         & first_stream=far_stream + 3000000), chains, error)
+   end subroutine sample_beside
 
    !> A few draws of what the measurements and the limits of the prior say without any knowledge.
    subroutine sample_without_knowledge(problem, posterior, chains, error)

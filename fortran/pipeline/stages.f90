@@ -37,8 +37,8 @@ module stages
       & //'their moduli.'), &
       & stage_type('extract', 'measurements', 'problem surrogate measurements prior knowledge sampler execution', 'summary.json', &
       & 'step 2: the constants behind measured moduli', &
-      & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: a ' &
-      & //'shipped surrogate (''cubic'', ''hexagonal'') or one made by build serves.'), &
+      & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: ' &
+      & //'the exact theory, the correction that comes with the package (''block'') or one made by build serves.'), &
       & stage_type('next', 'next', 'problem surrogate measurements prior knowledge sampler next execution', &
       & 'next.json', &
       & 'the grain orientations worth measuring next', &

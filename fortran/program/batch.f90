@@ -1,9 +1,9 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+   use batch_build, only: build_surrogate, check_new_surrogate
    use batch_sample, only: check_sampling, sample_constants
    use batch_simulate, only: simulate_crystals
-   use batch_stages, only: check_fit, fit_simulations, fits_surrogate
    use errors, only: error_type, exit_bad_input, exit_status
    use files, only: make_folder, replace_file
    use choices, only: all_choices
@@ -72,7 +72,7 @@ contains
       call read_problem(path, 'run', self, error)
       call stop_on(error)
       call tell(self%warnings)
-      if (fits_surrogate(self)) call check_fit(self, output, error)
+      if (self%settings%design%given) call check_new_surrogate(self, output, error)
       call stop_on(error)
       if (check_only) then
          if (self%settings%measurements%given) call check_sampling(self, output, error)
@@ -89,10 +89,11 @@ contains
          call stop_on(error)
          write (output_unit, '(2a)') 'simulate: ', told
       end if
-      if (fits_surrogate(self)) then
-         call fit_simulations(self, output, told, error)
+      if (self%settings%design%given) then
+         call build_surrogate(self, output, told, warnings, error)
          call stop_on(error)
-         write (output_unit, '(2a)') 'fit: ', told
+         call tell(warnings)
+         write (output_unit, '(2a)') 'build: ', told
       end if
       if (self%settings%measurements%given) then
          call sample_constants(self, output, told, prior, warnings, error)
@@ -147,7 +148,7 @@ contains
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv', &
-         & '  &design        fits the surrogate to campaign.sqlite: surrogate.txt (so does &surrogate beside &crystals)', &
+         & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
          & '  &measurements  samples the constants: posterior.csv, summary.json', &
          & '', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &

@@ -1,6 +1,5 @@
 !> The last stage of the batch program: samples of the constants behind the measured moduli.
 module batch_sample
-   use batch_stages, only: fits_surrogate
    use constants_posterior, only: posterior_type
    use errors, only: error_type
    use extraction, only: extract, extraction_type
@@ -45,7 +44,7 @@ contains
          & //'/posterior.csv'
    end subroutine sample_constants
 
-   !> What `sample_constants` would refuse, unless the file's own fit is still to make the surrogate.
+   !> What `sample_constants` would refuse, unless the file's own build is still to make the surrogate.
    subroutine check_sampling(self, output, error)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: output
@@ -53,7 +52,7 @@ contains
       type(surrogate_type) :: surrogate
       type(posterior_type) :: posterior
 
-      if (fits_surrogate(self)) return
+      if (self%settings%design%given) return
       call load_surrogate_of(self, output, surrogate, error)
       if (.not. allocated(error)) call new_problem_posterior(self, surrogate, .false., posterior, error)
    end subroutine check_sampling

@@ -1,6 +1,6 @@
 !> What one variable alone cannot show: checks of the settings against each other.
 module settings_checks
-   use crystal_class, only: crystal_class_type
+   use crystal_class, only: crystal_class_names, crystal_class_type
    use crystal_elasticity, only: is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -20,6 +20,8 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
 
+      call check_symmetry(path, settings, error)
+      if (allocated(error)) return
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
       if (.not. allocated(error)) then
          call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
@@ -36,6 +38,19 @@ contains
          end if
       end associate
    end subroutine check_settings
+
+   !> Only what is learnt for all classes needs no symmetry.
+   subroutine check_symmetry(path, settings, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+      logical :: needed
+
+      needed = settings%measurements%given .or. settings%prior%given
+      if (settings%surrogate%model == 'paper') needed = needed .or. settings%design%given .or. settings%domain%given
+      if (needed .and. .not. allocated(settings%problem%symmetry)) call raise(error, place(path, 'problem', 'symmetry') &
+         & //'the variable is missing; allowed '//crystal_class_names(), exit_bad_input)
+   end subroutine check_symmetry
 
    !> c_min below c_max, and a stable crystal between them; each may be unset.
    subroutine check_bounds(path, group, class, low, high, error)

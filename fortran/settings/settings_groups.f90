@@ -35,14 +35,16 @@ module settings_groups
 
    type :: domain_settings_type
       logical :: given = .false.
+      character(len=longest_quantity), allocatable :: classes(:)
       !> One for each constant of the crystal class, GPa.
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
+      real(wp) :: log_anisotropy_max = 0.0_wp, poisson_min = 0.0_wp, poisson_max = 0.0_wp
    end type domain_settings_type
 
    type :: surrogate_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: file, coordinates, truncation, prior, scan
+      character(len=:), allocatable :: file, model, truncation, scan
       integer :: degree = 0, bandlimit = 0
    end type surrogate_settings_type
 

@@ -20,7 +20,8 @@ contains
       type(settings_type), intent(inout) :: s
 
       call v%group('problem', s%problem%given, 'What the file is about.')
-      call v%choice('symmetry', s%problem%symmetry, '*', crystal_class_names(), 'crystal symmetry of the metal')
+      call v%choice('symmetry', s%problem%symmetry, 'unset', crystal_class_names(), &
+         & 'crystal symmetry of the material; a correction that is learnt from all classes needs none')
       call v%text('title', s%problem%title, '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
       call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', '', &
@@ -55,26 +56,34 @@ contains
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')
 
       call v%group('domain', s%domain%given, 'The crystals that the surrogate covers.')
-      call v%constants('c_min', s%domain%c_min, '*', '[-500, 5000]', 'GPa', 'lower bounds of the constants')
-      call v%constants('c_max', s%domain%c_max, '*', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
-      call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, '*', '(0, 1e6]', '', &
-         & 'largest universal anisotropy index (Eq. 14)')
+      call v%names('classes', s%domain%classes, 'unset', &
+         & 'correction: classes of the crystals to learn from; unset: triclinic ones, which teach all classes')
+      call v%real('log_anisotropy_max', s%domain%log_anisotropy_max, '1.5', '(0, 5]', '', &
+         & 'correction: largest norm of the anisotropic part of the logarithm of the stiffness')
+      call v%real('poisson_min', s%domain%poisson_min, '0.05', '(-1, 0.5)', '', &
+         & 'correction: least Poisson''s ratio of its isotropic part')
+      call v%real('poisson_max', s%domain%poisson_max, '0.45', '(-1, 0.5)', '', &
+         & 'correction: greatest Poisson''s ratio of its isotropic part')
+      call v%constants('c_min', s%domain%c_min, 'unset', '[-500, 5000]', 'GPa', &
+         & 'lower bounds of the constants: with these the crystals are those of &problem symmetry (the paper''s model needs them)')
+      call v%constants('c_max', s%domain%c_max, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
+      call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, 'unset', '(0, 1e6]', '', &
+         & 'largest universal anisotropy index (Eq. 14) within the bounds')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
       call v%text('file', s%surrogate%file, '', &
-         & 'halfspace: the exact theory; else its file; empty: surrogate.txt if there is a &domain, else halfspace')
-      call v%choice('coordinates', s%surrogate%coordinates, 'dimensionless', v%words('coordinates'), &
-         & 'the constants scaled to their bounds (the paper), or dimensionless ratios of them')
-      call v%choice('truncation', s%surrogate%truncation, 'total', v%words('truncation'), &
-         & '`degree` limits each factor of a product (the paper), or their sum')
-      call v%integer('degree', s%surrogate%degree, '4', '[0, 12]', '', &
-         & 'degree of the Legendre products in the constants (Q)')
+         & 'halfspace: the exact theory; a name that comes with the package; else its file; empty: surrogate.txt if there is a ' &
+         & //'&domain, else halfspace')
+      call v%choice('model', s%surrogate%model, 'correction', v%words('basis'), &
+         & 'what the specimen adds to the exact theory, for all classes, or the paper''s polynomial of the constants of one')
+      call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', '', &
+         & 'degree of the polynomials: of log stiffness (1 to 4), or of the constants (the paper''s Q)')
       call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', '', &
-         & 'highest degree of the surface harmonics in the orientation (L)')
-      call v%choice('prior', s%surrogate%prior, 'theory', v%words('coefficient_prior'), &
-         & 'centre of the prior of the coefficients: zero (Eq. 6), or those of the half-space theory')
+         & 'paper: highest degree of the surface harmonics in the orientation (L)')
+      call v%choice('truncation', s%surrogate%truncation, 'tensor', v%words('truncation'), &
+         & 'paper: `degree` limits each factor of a product, or their sum')
       call v%text('scan', s%surrogate%scan, '', &
-         & 'other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
+         & 'paper: other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
 
       call v%group('design', s%design%given, 'Which simulations are made, and how many.')
       call v%source('candidates', s%design%candidates, 'latin', candidate_sources, &
@@ -88,8 +97,8 @@ contains
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
       call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', '', &
          & 'directions of each crystal of factorial candidates')
-      call v%choice('variance_of', s%design%variance_of, 'modulus', v%words('acquisition'), &
-         & 'whose variance chooses the next simulation: that of the modulus, or of its logarithm')
+      call v%choice('variance_of', s%design%variance_of, 'all_moduli', v%words('acquisition'), &
+         & 'what chooses the next simulation: the mean variance of all candidates that it leaves, or its own variance (the paper)')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', '', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', '', 'simulations chosen at a time')
       call v%integer('refit', s%design%refit, '1', '[1, 100000]', '', &

@@ -1,4 +1,5 @@
-!> Which candidate is worth simulating next: the one of largest importance² x variance of y.
+!> Which candidate is worth simulating next: the one of largest importance² x variance of y, or the one that lowers the mean of that over
+!> all candidates most.
 !>
 !> The variance does not depend on moduli to come, and only falls as simulations are added: `sequential_design` relies on both. So a
 !> rule says how much the variance of y matters at a candidate. A new rule is its module and a line in `acquisitions`.
@@ -10,6 +11,8 @@ module abstract_acquisition
    public :: acquisition_type
 
    type, abstract :: acquisition_type
+      !> The mean over all candidates counts, not the largest.
+      logical :: for_all = .false.
    contains
       procedure(importance_interface), deferred :: importance
       procedure(needs_prediction_interface), deferred :: needs_prediction

@@ -20,6 +20,11 @@ module abstract_basis
       logical :: logarithmic = .false.
       !> Least sd of the noise that a regression may believe, in units of y.
       real(wp) :: least_noise = 0.0_wp
+      !> sds of a coefficient and of the noise before they are learnt, in units of y.
+      real(wp) :: first_sds(2) = 1.0_wp
+      !> What the prior of the coefficients knows of each term, (n_terms): 0 free, d that it falls with the degree d. Not allocated: all
+      !> are alike (Eq. 6).
+      integer, allocatable :: prior_degrees(:)
    contains
       procedure(evaluate_terms_interface), deferred :: evaluate_terms
       procedure(reach_interface), deferred :: reach
@@ -128,7 +133,7 @@ module abstract_basis
 
 contains
 
-   !> Whether a surrogate with this basis knows a crystal: of its class, stable, below the cap, no coordinate out of its range.
+   !> Whether a surrogate with this basis knows a crystal: of its class, stable, within the limits, no coordinate out of its range.
    pure logical function covers(self, c)
       class(basis_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
@@ -137,7 +142,7 @@ contains
 
       covers = .false.
       if (.not. self%domain%is_of_class(c)) return
-      if (.not. self%domain%is_within_cap(c)) return
+      if (.not. self%domain%is_within_limits(c)) return
       covers = self%reach(c) <= 1.0_wp + rounding
    end function covers
 

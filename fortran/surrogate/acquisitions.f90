@@ -7,7 +7,7 @@ module acquisitions
    private
    public :: acquisition_names, new_acquisition
 
-   character(len=*), parameter :: acquisition_names = 'modulus, log_modulus'
+   character(len=*), parameter :: acquisition_names = 'all_moduli, modulus, log_modulus'
 
 contains
 
@@ -18,6 +18,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (name)
+      case ('all_moduli')
+         rule = variance_acquisition_type(for_all=.true., relative=.false.)
       case ('modulus')
          rule = variance_acquisition_type(relative=.false.)
       case ('log_modulus')

@@ -1,6 +1,7 @@
 !> The bases that a surrogate may have: a new one is its module and a line in each of these procedures.
 module bases
    use abstract_basis, only: basis_type
+   use correction_basis, only: correction_basis_type, new_correction_basis
    use described_values, only: described_values_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -10,7 +11,10 @@ module bases
    use theory_basis, only: theory_basis_type
    implicit none
    private
-   public :: new_basis, allocate_basis, basis_name, describe_basis
+   public :: basis_names, new_basis, allocate_basis, basis_name, describe_basis
+
+   !> Those that &surrogate may ask for.
+   character(len=*), parameter :: basis_names = 'correction, paper'
 
 contains
 
@@ -20,11 +24,21 @@ contains
       type(surrogate_settings_type), intent(in) :: settings
       class(basis_type), allocatable, intent(out) :: basis
       type(error_type), allocatable, intent(out) :: error
-      type(paper_basis_type), allocatable :: new
+      type(correction_basis_type), allocatable :: correction
+      type(paper_basis_type), allocatable :: paper
 
-      allocate (new)
-      call new_paper_basis(domain, settings%coordinates, settings%truncation, settings%degree, settings%bandlimit, new, error)
-      if (.not. allocated(error)) call move_alloc(new, basis)
+      select case (settings%model)
+      case ('correction')
+         allocate (correction)
+         call new_correction_basis(domain, settings%degree, correction, error)
+         if (.not. allocated(error)) call move_alloc(correction, basis)
+      case ('paper')
+         allocate (paper)
+         call new_paper_basis(domain, settings%truncation, settings%degree, settings%bandlimit, paper, error)
+         if (.not. allocated(error)) call move_alloc(paper, basis)
+      case default
+         call raise(error, 'the model '''//settings%model//''' is unknown; allowed: '//basis_names, exit_bad_input)
+      end select
    end subroutine new_basis
 
    !> A basis of this name without parameters, which `exchange` reads.
@@ -34,12 +48,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (name)
+      case ('correction')
+         allocate (correction_basis_type :: basis)
       case ('paper')
          allocate (paper_basis_type :: basis)
       case ('halfspace')
          allocate (theory_basis_type :: basis)
       case default
-         call raise(error, 'the model '''//name//''' is unknown; allowed: paper, halfspace', exit_bad_input)
+         call raise(error, 'the model '''//name//''' is unknown; allowed: '//basis_names//', halfspace', exit_bad_input)
       end select
    end subroutine allocate_basis
 
@@ -49,6 +65,8 @@ contains
       character(len=:), allocatable :: name
 
       select type (basis)
+      type is (correction_basis_type)
+         name = 'correction'
       type is (paper_basis_type)
          name = 'paper'
       type is (theory_basis_type)

@@ -1,7 +1,8 @@
 !> Bayesian linear regression with maximised evidence (paper's Eq. 3-11).
 !>
-!> y = Φ A + noise of variance 1/beta; A ~ N(m, (alpha W)^-1), W diagonal. With W = 1 and m = 0 the prior is the paper's Eq. 6.
-!> All is done for the whitened coefficients z = W^(1/2) (A - m), whose prior is N(0, 1/alpha).
+!> y = Φ A + noise of variance 1/beta; A ~ N(0, W²/alpha), W diagonal. With W = 1 the prior is the paper's Eq. 6. Where the terms have
+!> degrees, the widths W fall with them: 1 at degree 1, `fall` at degree 2, fall² at degree 3; a term of degree 0 is almost free. Fall, too,
+!> has the largest evidence. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
 module evidence_regression
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
@@ -16,9 +17,12 @@ module evidence_regression
 
    type :: regression_type
       integer :: n_terms = 0, n_data = 0
-      !> m, and W^(-1/2).
-      real(wp), allocatable :: prior_mean(:), prior_width(:)
-      !> Whitened terms (n_terms, capacity), and y - Φ m.
+      !> Degree of each term, (n_terms); all are 1 where these do not matter.
+      integer, allocatable :: degrees(:)
+      !> W, and what it falls by from degree to degree.
+      real(wp), allocatable :: prior_width(:)
+      real(wp) :: fall = 0.4_wp
+      !> Whitened terms (n_terms, capacity), and y.
       real(wp), allocatable :: terms(:, :), targets(:)
       !> Smallest standard deviation of the noise that is believed, in units of y.
       real(wp) :: least_noise = 0.0_wp
@@ -42,31 +46,57 @@ module evidence_regression
 
 contains
 
-   !> A regression without data. `weights` is the diagonal of W, `prior_mean` that of the coefficients (n_terms); `least_noise` is the
-   !> least sd of the noise, in units of y.
-   subroutine new_regression(weights, prior_mean, least_noise, regression, error)
-      real(wp), intent(in) :: weights(:), prior_mean(:), least_noise
+   !> A regression without data.
+   subroutine new_regression(degrees, first_sds, least_noise, regression, error)
+      !> Of each term, (n_terms).
+      integer, intent(in) :: degrees(:)
+      !> sds of a coefficient of degree 1 and of the noise until they are learnt, and the least sd of the noise, in units of y.
+      real(wp), intent(in) :: first_sds(2), least_noise
       type(regression_type), intent(out) :: regression
       type(error_type), allocatable, intent(out) :: error
 
-      if (size(weights) /= size(prior_mean)) then
-         call raise(error, 'the prior has '//to_text(size(weights))//' weights but '//to_text(size(prior_mean))//' means')
-      else if (.not. (all(weights > 0.0_wp) .and. all(weights < huge(1.0_wp)))) then
-         call raise(error, 'a weight of the prior is not positive and finite', exit_bad_input)
+      if (any(degrees < 0)) then
+         call raise(error, 'a degree of a term is negative', exit_bad_input)
       else if (.not. (least_noise > 0.0_wp .and. least_noise < huge(1.0_wp))) then
          call raise(error, 'the least sd of the noise is '//to_text(least_noise)//'; it must be positive', exit_bad_input)
       end if
       if (allocated(error)) return
-      regression%n_terms = size(weights)
-      regression%prior_mean = prior_mean
-      regression%prior_width = 1.0_wp/sqrt(weights)
+      regression%n_terms = size(degrees)
+      regression%degrees = degrees
       regression%least_noise = least_noise
-      allocate (regression%terms(size(weights), 64), regression%targets(64))
-      allocate (regression%mean(size(weights)), regression%moment(size(weights)))
-      allocate (regression%covariance(size(weights), size(weights)))
+      allocate (regression%terms(size(degrees), 64), regression%targets(64), regression%prior_width(size(degrees)))
+      allocate (regression%mean(size(degrees)), regression%moment(size(degrees)))
+      allocate (regression%covariance(size(degrees), size(degrees)))
       regression%moment = 0.0_wp
-      call set_precisions(regression, 1.0_wp, 1.0_wp/least_noise**2, error)
+      regression%prior_width = 1.0_wp
+      call set_fall(regression, regression%fall)
+      call set_precisions(regression, first_sds(1)**(-2), max(first_sds(2), least_noise)**(-2), error)
    end subroutine new_regression
+
+   !> Whether the fall of the widths is one to learn.
+   pure logical function learns_fall(regression)
+      type(regression_type), intent(in) :: regression
+
+      learns_fall = maxval(regression%degrees) > 1
+   end function learns_fall
+
+   !> Let the widths of the prior fall otherwise; the posterior is that of before until it is computed.
+   pure subroutine set_fall(regression, fall)
+      type(regression_type), intent(inout) :: regression
+      real(wp), intent(in) :: fall
+      !> Of a term of degree 0.
+      real(wp), parameter :: free = 100.0_wp
+      real(wp) :: ratio(regression%n_terms)
+      integer :: j
+
+      ratio = merge(fall**max(0, regression%degrees - 1), free, regression%degrees > 0)/regression%prior_width
+      regression%fall = fall
+      regression%prior_width = regression%prior_width*ratio
+      regression%moment = regression%moment*ratio
+      do j = 1, regression%n_data
+         regression%terms(:, j) = regression%terms(:, j)*ratio
+      end do
+   end subroutine set_fall
 
    !> Multiply each column of terms by the prior's width: `whitened`.
    pure subroutine whiten(regression, terms, whitened)
@@ -98,7 +128,7 @@ contains
       end if
       do j = 1, size(y)
          regression%terms(:, n + j) = regression%prior_width*terms(:, j)
-         regression%targets(n + j) = y(j) - dot_product(terms(:, j), regression%prior_mean)
+         regression%targets(n + j) = y(j)
          regression%moment = regression%moment + regression%targets(n + j)*regression%terms(:, n + j)
       end do
       regression%n_data = n + size(y)
@@ -172,22 +202,60 @@ contains
       beta = 1.0_wp/max(variance, least_noise**2)
    end function best_beta
 
-   !> The alpha and beta of largest evidence, 1/beta >= least_noise^2. For a given ratio of the two the best beta is known in
-   !> closed form: one search along ln(alpha/beta), each step O(terms), finds the global maximum.
+   !> alpha, beta and fall of largest evidence, 1/beta >= least_noise^2, the fall being known to a factor from experience.
    subroutine maximise_evidence(regression, error, evidence)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
       !> ln evidence there.
       real(wp), intent(out), optional :: evidence
+      !> Logarithms: the values of the fall that are tried, and what it is thought to be, with its sd.
+      integer, parameter :: n_falls = 14
+      real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
       type(spectrum_type) :: spectrum
+      real(wp) :: log_fall, ratio, value, best, best_value, best_ratio
+      integer :: i
+
+      if (present(evidence)) evidence = 0.0_wp
+      if (regression%n_data == 0) return
+      best_value = -huge(1.0_wp)
+      best_ratio = 1.0_wp
+      best = typical
+      do i = 1, n_falls
+         log_fall = least + step*(i - 1)
+         if (learns_fall(regression)) call set_fall(regression, exp(log_fall))
+         call compute_spectrum(regression, spectrum, error)
+         if (allocated(error)) return
+         call maximise_over_ratio(spectrum, regression%least_noise, ratio, value)
+         if (learns_fall(regression)) value = value - 0.5_wp*((log_fall - typical)/sd)**2
+         if (value > best_value) then
+            best_value = value
+            best_ratio = ratio
+            best = log_fall
+         end if
+         if (.not. learns_fall(regression)) exit
+      end do
+      if (learns_fall(regression)) then
+         call set_fall(regression, exp(best))
+         call compute_spectrum(regression, spectrum, error)
+         if (allocated(error)) return
+      end if
+      ratio = best_beta(spectrum, best_ratio, regression%least_noise)
+      if (present(evidence)) evidence = best_value
+      call set_precisions(regression, best_ratio*ratio, ratio, error)
+   end subroutine maximise_evidence
+
+   !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
+   !> each step O(terms), finds the global maximum.
+   pure subroutine maximise_over_ratio(spectrum, least_noise, ratio, evidence)
+      type(spectrum_type), intent(in) :: spectrum
+      real(wp), intent(in) :: least_noise
+      !> alpha/beta, and ln evidence there.
+      real(wp), intent(out) :: ratio, evidence
       integer, parameter :: n_grid = 240
       real(wp), parameter :: golden = 0.6180339887498949_wp
       real(wp) :: scale, low, high, x(n_grid), value(n_grid), a, b, c, d, fc, fd
       integer :: i, best
 
-      if (present(evidence)) evidence = 0.0_wp
-      call compute_spectrum(regression, spectrum, error)
-      if (allocated(error) .or. spectrum%n_data == 0) return
       scale = max(maxval(spectrum%values), tiny(1.0_wp))
       ! From a prior that only reins in what the data leave open to one that the data cannot move.
       low = log(scale) + log(1.0e-15_wp)
@@ -218,21 +286,19 @@ contains
             fd = profile(d)
          end if
       end do
-      a = exp(0.5_wp*(a + b))
-      b = best_beta(spectrum, a, regression%least_noise)
-      if (present(evidence)) evidence = log_evidence(spectrum, a*b, b)
-      call set_precisions(regression, a*b, b, error)
+      ratio = exp(0.5_wp*(a + b))
+      evidence = profile(log(ratio))
 
    contains
 
-      real(wp) function profile(log_ratio)
+      pure real(wp) function profile(log_ratio)
          real(wp), intent(in) :: log_ratio
          real(wp) :: beta
 
-         beta = best_beta(spectrum, exp(log_ratio), regression%least_noise)
+         beta = best_beta(spectrum, exp(log_ratio), least_noise)
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
-   end subroutine maximise_evidence
+   end subroutine maximise_over_ratio
 
    !> Set alpha and beta, and compute the posterior.
    subroutine set_precisions(regression, alpha, beta, error)
@@ -407,7 +473,7 @@ contains
       type(regression_type), intent(in) :: regression
       real(wp) :: mean(regression%n_terms)
 
-      mean = regression%prior_mean + regression%prior_width*regression%mean
+      mean = regression%prior_width*regression%mean
    end function coefficient_mean
 
    !> Posterior covariance of A.

@@ -2,13 +2,9 @@
 !> the elastic constants of one crystal class.
 !>
 !> Term k = h + (q-1) n_harmonics is K_h P_q. Both families are orthonormal for the mean: of K_h K_h' over the sphere and of
-!> P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1.
-!>
-!> In 'box' coordinates, the constants, M = y. In 'dimensionless' ones, ratios of the constants, M = s exp(y) with s a stiffness:
-!> the modulus is homogeneous of degree one in the constants.
+!> P_q P_q' over the cube [-1, 1]^n, so that K_1 = P_1 = 1. The coordinates are the constants between their bounds, and M = y.
 module paper_basis
    use abstract_basis, only: basis_type, grain_model_type
-   use dimensionless_coordinates, only: has_ratios, ratios_of
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -16,29 +12,26 @@ module paper_basis
    use legendre_products, only: count_products, covariance_polynomial, evaluate_products, legendre_products_type, &
       & new_legendre_products
    use small_matrices, only: factor_semidefinite
-   use surrogate_domain, only: domain_type, spread_crystals
+   use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    use text, only: to_text
-   use vector_math, only: exp_all, transposed_product
+   use vector_math, only: transposed_product
    implicit none
    private
-   public :: paper_basis_type, new_paper_basis, largest_degree, coordinate_names, truncation_names
+   public :: paper_basis_type, new_paper_basis, largest_degree, truncation_names
 
    integer, parameter :: largest_degree = 12
-   character(len=*), parameter :: coordinate_names = 'box, dimensionless', truncation_names = 'tensor, total'
+   character(len=*), parameter :: truncation_names = 'tensor, total'
 
-   !> Least sd of the noise: GPa in a box, relative with dimensionless coordinates.
-   real(wp), parameter :: least_noise_box = 0.05_wp, least_noise_ratios = 5.0e-4_wp
-   !> Points from which the ranges of ratios are taken, and by how much these are widened, relative to the range.
-   integer, parameter :: range_points = 2**15
-   real(wp), parameter :: range_margin = 0.02_wp
+   !> Least sd of the noise, GPa.
+   real(wp), parameter :: least_noise = 0.05_wp
+   !> sds of a coefficient and of the noise before they are learnt, GPa.
+   real(wp), parameter :: first_sds(2) = [100.0_wp, 1.0_wp]
 
    type, extends(basis_type) :: paper_basis_type
-      character(len=:), allocatable :: coordinates, truncation
+      character(len=:), allocatable :: truncation
       !> Highest degree of the polynomials (per coordinate, or in all) and of the harmonics.
       integer :: degree = 0, bandlimit = 0
-      !> Ranges of the coordinates (GPa, or dimensionless) that are mapped to [-1, 1], (n_coordinates).
-      real(wp), allocatable :: lower(:), upper(:)
       !> K_h, a function of the indentation direction in crystal axes.
       type(harmonics_type) :: harmonics
       !> P_q.
@@ -69,28 +62,23 @@ module paper_basis
 
 contains
 
-   !> The basis over a domain; its coordinates range over `lower` .. `upper`, by default over what the domain's do.
-   subroutine new_paper_basis(domain, coordinates, truncation, degree, bandlimit, basis, error, lower, upper)
+   !> The basis over a domain with bounds.
+   subroutine new_paper_basis(domain, truncation, degree, bandlimit, basis, error)
       type(domain_type), intent(in) :: domain
-      !> Words of `coordinate_names` and `truncation_names`.
-      character(len=*), intent(in) :: coordinates, truncation
+      !> A word of `truncation_names`.
+      character(len=*), intent(in) :: truncation
       !> 0 to `largest_degree`; even, 0 to 20.
       integer, intent(in) :: degree, bandlimit
       type(paper_basis_type), intent(out) :: basis
       type(error_type), allocatable, intent(out) :: error
-      real(wp), intent(in), optional :: lower(:), upper(:)
       !> More terms are a mistake: their covariance alone would take 3 GB.
       real(wp), parameter :: most_terms = 20000.0_wp
       integer :: n
       real(wp) :: terms
 
       n = domain%class%n_constants
-      if (coordinates == 'dimensionless') n = n - 1
-      if (coordinates == 'dimensionless' .and. .not. has_ratios(domain%class)) then
-         call raise(error, 'coordinates: a '//domain%class%name//' crystal has no dimensionless ones; allowed: ''box''', &
-            & exit_bad_input)
-      else if (coordinates /= 'box' .and. coordinates /= 'dimensionless') then
-         call raise(error, 'coordinates: '''//coordinates//''' is unknown; allowed: '//coordinate_names, exit_bad_input)
+      if (size(domain%lower) /= n) then
+         call raise(error, 'the paper''s model needs bounds of all constants', exit_bad_input)
       else if (truncation /= 'tensor' .and. truncation /= 'total') then
          call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
       else if (degree < 0 .or. degree > largest_degree) then
@@ -105,91 +93,33 @@ contains
          return
       end if
       basis%domain = domain
-      basis%coordinates = coordinates
       basis%truncation = truncation
       basis%degree = degree
       basis%bandlimit = bandlimit
-      basis%logarithmic = coordinates == 'dimensionless'
-      basis%least_noise = merge(least_noise_ratios, least_noise_box, basis%logarithmic)
+      basis%least_noise = least_noise
+      basis%first_sds = first_sds
       basis%polynomials = new_legendre_products(n, degree, truncation == 'total')
       basis%n_terms = basis%harmonics%n*basis%polynomials%n_products
-      if (present(lower)) then
-         basis%lower = lower
-         basis%upper = upper
-      else
-         call find_ranges(basis, error)
-         if (allocated(error)) return
-      end if
-      if (size(basis%lower) /= n .or. size(basis%upper) /= n) then
-         call raise(error, 'a range is needed for each of '//to_text(n)//' coordinates', exit_bad_input)
-      else if (.not. all(basis%upper - basis%lower > 0.0_wp)) then
-         call raise(error, 'the range of a coordinate is empty', exit_bad_input)
-      end if
    end subroutine new_paper_basis
 
-   !> Ranges of the coordinates: the bounds, or the ranges of the ratios over the domain, slightly widened.
-   subroutine find_ranges(basis, error)
-      type(paper_basis_type), intent(inout) :: basis
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: constants(:, :), euler(:, :), raw(:), margin(:), corner(:)
-      real(wp) :: scale
-      integer :: i, j, k
-
-      associate (domain => basis%domain)
-         if (.not. basis%logarithmic) then
-            basis%lower = domain%lower
-            basis%upper = domain%upper
-            return
-         end if
-         call spread_crystals(domain, range_points, constants, euler, error)
-         if (allocated(error)) return
-         k = domain%class%n_constants
-         allocate (raw(k - 1), corner(k))
-         basis%lower = spread(huge(1.0_wp), 1, k - 1)
-         basis%upper = -basis%lower
-         do i = 1, range_points
-            call ratios_of(domain%class, constants(:, i), raw, scale)
-            basis%lower = min(basis%lower, raw)
-            basis%upper = max(basis%upper, raw)
-         end do
-         do i = 0, 2**k - 1
-            do j = 1, k
-               corner(j) = merge(domain%upper(j), domain%lower(j), btest(i, j - 1))
-            end do
-            if (.not. domain%admits(domain%class%stiffness(corner))) cycle
-            call ratios_of(domain%class, corner, raw, scale)
-            basis%lower = min(basis%lower, raw)
-            basis%upper = max(basis%upper, raw)
-         end do
-         margin = range_margin*(basis%upper - basis%lower)
-         basis%lower = basis%lower - margin
-         basis%upper = basis%upper + margin
-      end associate
-   end subroutine find_ranges
-
-   !> The coordinates of a crystal, mapped to [-1, 1], and its scale (GPa; 1 in a box).
-   pure subroutine coordinates_of(self, c, x, scale)
-      type(paper_basis_type), intent(in) :: self
-      !> GPa, of a Born-stable crystal; the coordinates of others may be NaN.
+   !> The constants of a crystal, mapped from their bounds to [-1, 1].
+   pure function coordinates_of(self, c) result(x)
+      class(paper_basis_type), intent(in) :: self
+      !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> (n_coordinates), GPa.
-      real(wp), intent(out) :: x(:), scale
+      real(wp) :: x(self%polynomials%n_coordinates)
 
-      if (self%logarithmic) then
-         call ratios_of(self%domain%class, self%domain%class%constants_of(c), x, scale)
-      else
-         x = self%domain%class%constants_of(c)
-         scale = 1.0_wp
-      end if
-      x = (2.0_wp*x - self%lower - self%upper)/(self%upper - self%lower)
-   end subroutine coordinates_of
+      associate (lower => self%domain%lower, upper => self%domain%upper)
+         x = (2.0_wp*self%domain%class%constants_of(c) - lower - upper)/(upper - lower)
+      end associate
+   end function coordinates_of
 
    pure real(wp) function reach(self, c)
       class(paper_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: x(self%polynomials%n_coordinates), scale
+      real(wp) :: x(self%polynomials%n_coordinates)
 
-      call coordinates_of(self, c, x, scale)
+      x = coordinates_of(self, c)
       reach = maxval(abs(x))
    end function reach
 
@@ -212,15 +142,11 @@ contains
       type(error_type), allocatable :: error
       type(paper_basis_type) :: new
 
-      call file%text('coordinates', self%coordinates)
       call file%text('truncation', self%truncation)
       call file%integer('degree', self%degree)
       call file%integer('bandlimit', self%bandlimit)
-      call file%reals('lower', self%lower)
-      call file%reals('upper', self%upper)
       if (allocated(file%error) .or. .not. file%reading) return
-      call new_paper_basis(self%domain, self%coordinates, self%truncation, self%degree, self%bandlimit, new, error, &
-         & self%lower, self%upper)
+      call new_paper_basis(self%domain, self%truncation, self%degree, self%bandlimit, new, error)
       if (allocated(error)) then
          call file%fail(error%message)
       else
@@ -245,11 +171,11 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       !> (n_terms), and GPa.
       real(wp), intent(out) :: terms(:), scale
-      real(wp) :: x(self%polynomials%n_coordinates), p(self%polynomials%n_products), k(self%harmonics%n)
+      real(wp) :: p(self%polynomials%n_products), k(self%harmonics%n)
       integer :: q, first
 
-      call coordinates_of(self, c, x, scale)
-      call evaluate_products(self%polynomials, x, p)
+      scale = 1.0_wp
+      call evaluate_products(self%polynomials, coordinates_of(self, c), p)
       call evaluate_harmonics(self%harmonics, direction_of(euler), k)
       do q = 1, size(p)
          first = (q - 1)*size(k)
@@ -304,28 +230,19 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      real(wp) :: x(self%basis%polynomials%n_coordinates), p(self%basis%polynomials%n_products), y(self%basis%harmonics%n)
-      real(wp) :: scale
+      real(wp) :: p(self%basis%polynomials%n_products), y(self%basis%harmonics%n)
       integer :: i, h
 
-      call coordinates_of(self%basis, c, x, scale)
-      call evaluate_products(self%basis%polynomials, x, p)
+      call evaluate_products(self%basis%polynomials, coordinates_of(self%basis, c), p)
       call transposed_product(size(p), size(y), self%coefficients, p, y)
-      slope = 0.0_wp
+      modulus = 0.0_wp
       do h = 1, size(y)
          !$omp simd
-         do i = 1, size(slope)
-            slope(i) = slope(i) + self%k(i, h)*y(h)
+         do i = 1, size(modulus)
+            modulus(i) = modulus(i) + self%k(i, h)*y(h)
          end do
       end do
-      if (self%basis%logarithmic) then
-         call exp_all(slope, modulus)
-         modulus = scale*modulus
-         slope = modulus
-      else
-         modulus = slope
-         slope = 1.0_wp
-      end if
+      slope = 1.0_wp
    end subroutine evaluate_moduli
 
    pure subroutine evaluate_columns(self, c, columns)
@@ -333,12 +250,10 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: x(self%basis%polynomials%n_coordinates), p(self%squares%n_products), pairs(size(self%covariance, 2))
-      real(wp) :: factor(self%n_columns, self%n_columns), scale
+      real(wp) :: p(self%squares%n_products), pairs(size(self%covariance, 2)), factor(self%n_columns, self%n_columns)
       integer :: g, h, first
 
-      call coordinates_of(self%basis, c, x, scale)
-      call evaluate_products(self%squares, x, p)
+      call evaluate_products(self%squares, coordinates_of(self%basis, c), p)
       call transposed_product(size(p), size(pairs), self%covariance, p, pairs)
       factor = 0.0_wp
       first = 1

@@ -9,13 +9,15 @@
 !> brought up to date, and the choice is that of the full computation.
 module sequential_design
    use errors, only: error_type, raise
-   use evidence_regression, only: compute_posterior, new_regression, refresh_interval, regression_type, symmetric_product, whiten
+   use evidence_regression, only: compute_posterior, maximise_evidence, new_regression, &
+      & refresh_interval, regression_type, symmetric_product, whiten
    use kinds, only: wp
    use linear_algebra, only: add_gram, multiply
    use vector_math, only: dot
    implicit none
    private
-   public :: design_type, new_design, set_candidates, compute_variances, choose_candidates, absorb_choices, update_posterior_mean
+   public :: design_type, new_design, set_candidates, refit, compute_variances, choose_candidates, choose_for_all, absorb_choices, &
+      & update_posterior_mean
 
    !> Choices that are deferred before they are absorbed together.
    integer, parameter :: max_deferred = 8
@@ -42,15 +44,18 @@ module sequential_design
 
 contains
 
-   !> A design without candidates and without data; `weights`, `prior_mean` and `least_noise` as of `new_regression`.
-   subroutine new_design(weights, prior_mean, least_noise, design, error)
-      real(wp), intent(in) :: weights(:), prior_mean(:), least_noise
+   !> A design without candidates and without data: the arguments are those of `new_regression`.
+   subroutine new_design(degrees, first_sds, least_noise, design, error)
+      !> (n_terms).
+      integer, intent(in) :: degrees(:)
+      !> In units of y.
+      real(wp), intent(in) :: first_sds(2), least_noise
       type(design_type), intent(out) :: design
       type(error_type), allocatable, intent(out) :: error
 
-      call new_regression(weights, prior_mean, least_noise, design%regression, error)
-      allocate (design%candidates(size(weights), 0), design%variance(0), design%available(0), design%included(0))
-      allocate (design%deferred(size(weights), max_deferred))
+      call new_regression(degrees, first_sds, least_noise, design%regression, error)
+      allocate (design%candidates(size(degrees), 0), design%variance(0), design%available(0), design%included(0))
+      allocate (design%deferred(size(degrees), max_deferred))
    end subroutine new_design
 
    !> Give the candidates' terms (n_terms, n), all of them available.
@@ -67,6 +72,27 @@ contains
       design%available = .true.
       call compute_variances(design)
    end subroutine set_candidates
+
+   !> Precisions and fall of largest evidence, and the variances that follow.
+   subroutine refit(design, evidence, error)
+      type(design_type), intent(inout) :: design
+      !> ln evidence.
+      real(wp), intent(out) :: evidence
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: ratio(design%regression%n_terms)
+      integer :: j
+
+      ratio = 1.0_wp/design%regression%prior_width
+      call maximise_evidence(design%regression, error, evidence)
+      if (allocated(error)) return
+      ratio = ratio*design%regression%prior_width
+      if (any(abs(ratio - 1.0_wp) > 0.0_wp)) then
+         do j = 1, size(design%candidates, 2)
+            design%candidates(:, j) = design%candidates(:, j)*ratio
+         end do
+      end if
+      call compute_variances(design)
+   end subroutine refit
 
    !> Variances of all candidates from the regression's covariance, which must lack no choice.
    subroutine compute_variances(design)
@@ -114,6 +140,53 @@ contains
          call condition_on(design, chosen(k))
       end do
    end subroutine choose_candidates
+
+   !> Choose candidates, each of the one that lowers the mean of importance^2 x (variance of y) over all candidates most, given all
+   !> chosen before; the lowest index of equals. A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta).
+   subroutine choose_for_all(design, importance, chosen, variance, threads, error)
+      type(design_type), intent(inout) :: design
+      !> |dM/dy| of each candidate for the variance of M, 1 for that of y.
+      real(wp), intent(in) :: importance(:)
+      integer, intent(out) :: chosen(:)
+      !> Variance of y at each choice before it was made.
+      real(wp), intent(out) :: variance(:)
+      integer, intent(in) :: threads
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: weighted(:, :), gram(:, :), reach(:, :), spread_reach(:, :), gain(:)
+      integer :: j, k, n, first, last
+
+      n = design%regression%n_terms
+      weighted = design%candidates
+      do j = 1, size(importance)
+         weighted(:, j) = importance(j)*weighted(:, j)
+      end do
+      allocate (gram(n, n), gain(size(importance)))
+      gram = 0.0_wp
+      call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
+      do k = 1, size(chosen)
+         call absorb_choices(design, threads)
+         !$omp parallel do num_threads(threads) private(last, j, reach, spread_reach) schedule(static) if(threads > 1)
+         do first = 1, size(gain), block_size
+            last = min(first + block_size - 1, size(gain))
+            allocate (reach(n, last - first + 1), spread_reach(n, last - first + 1))
+            call multiply(design%regression%covariance, design%candidates(:, first:last), reach)
+            call multiply(gram, reach, spread_reach)
+            do j = first, last
+               gain(j) = dot(reach(:, j - first + 1), spread_reach(:, j - first + 1)) &
+                  & /(design%variance(j) + 1.0_wp/design%regression%beta)
+            end do
+            deallocate (reach, spread_reach)
+         end do
+         !$omp end parallel do
+         if (.not. any(design%available)) then
+            call raise(error, 'no candidate is left to choose')
+            return
+         end if
+         chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
+         variance(k) = design%variance(chosen(k))
+         call condition_on(design, chosen(k))
+      end do
+   end subroutine choose_for_all
 
    !> The available candidate of largest factor x variance, the lowest index of equals; 0 if there is none.
    integer function most_uncertain(design, factor) result(best)

@@ -1,25 +1,31 @@
-!> Which crystals a surrogate is taught, and points spread over them.
+!> Which crystals a surrogate is taught, and crystals spread over them.
 module surrogate_domain
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: anisotropy_index
+   use crystal_elasticity, only: anisotropy_index, is_stable, logarithmic_mean
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use labelled_values, only: labelled_values_type
-   use text, only: to_text
+   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use random, only: new_random_stream, random_stream_type
+   use text, only: split_list, to_text
    implicit none
    private
-   public :: domain_type, new_domain, exchange_domain, spread_crystals
+   public :: domain_type, new_domain, new_wide_domain, exchange_domain, spread_crystals
 
-   !> Born-stable crystals of a class between bounds of its constants whose anisotropy index (Eq. 14) does not exceed a cap.
+   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or limits of the log-anisotropy and of
+   !> Poisson's ratio, the latter that of the isotropic part of log K. What is not stated is no limit.
    type :: domain_type
+      !> Of the constants by which crystals are given, and of all that are in the domain.
       type(crystal_class_type) :: class
-      !> GPa, (n_constants).
+      !> Names of the classes that are spread over the domain, separated by ', '.
+      character(len=:), allocatable :: members
+      !> GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
-      real(wp) :: anisotropy_cap = huge(1.0_wp)
+      real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), poisson(2) = [-1.0_wp, 0.5_wp]
    contains
       procedure :: admits
       procedure :: is_of_class
-      procedure :: is_within_cap
+      procedure :: is_within_limits
    end type domain_type
 
 contains
@@ -55,10 +61,50 @@ contains
          call raise(error, 'anisotropy_cap = '//to_text(anisotropy_cap)//' must be positive', exit_bad_input)
          return
       end if
+      domain%members = domain%class%name
       domain%lower = lower
       domain%upper = upper
       domain%anisotropy_cap = anisotropy_cap
    end subroutine new_domain
+
+   !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios.
+   subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error)
+      !> Name of the crystal class.
+      character(len=*), intent(in) :: class
+      !> Names of the classes that are spread over the domain, separated by ', '.
+      character(len=*), intent(in) :: members
+      !> Above 0.
+      real(wp), intent(in) :: log_anisotropy_max
+      !> The lower and the upper, within -1 .. 0.5.
+      real(wp), intent(in) :: poisson(2)
+      type(domain_type), intent(out) :: domain
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: member
+      character(len=:), allocatable :: names(:)
+      integer :: i
+
+      call new_crystal_class(class, domain%class, error)
+      if (.not. allocated(error)) allocate (names, source=split_list(members))
+      if (allocated(error)) return
+      do i = 1, size(names)
+         call new_crystal_class(trim(names(i)), member, error)
+         if (allocated(error)) return
+         if (domain%class%includes(member)) cycle
+         call raise(error, trim(names(i))//' crystals are no '//domain%class%name//' ones', exit_bad_input)
+         return
+      end do
+      if (.not. (log_anisotropy_max > 0.0_wp)) then
+         call raise(error, 'log_anisotropy_max = '//to_text(log_anisotropy_max)//' must be positive', exit_bad_input)
+      else if (.not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) .and. poisson(2) < 0.5_wp)) then
+         call raise(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
+            & //' are no range within -1 .. 0.5', exit_bad_input)
+      end if
+      if (allocated(error)) return
+      domain%members = members
+      allocate (domain%lower(0), domain%upper(0))
+      domain%log_anisotropy_max = log_anisotropy_max
+      domain%poisson = poisson
+   end subroutine new_wide_domain
 
    !> Write a domain, or read what was written.
    subroutine exchange_domain(domain, file)
@@ -66,22 +112,29 @@ contains
       class(labelled_values_type), intent(inout) :: file
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
-      real(wp), allocatable :: lower(:), upper(:)
-      real(wp) :: anisotropy_cap
+      real(wp), allocatable :: poisson(:)
 
       if (.not. file%reading) then
          name = domain%class%name
-         lower = domain%lower
-         upper = domain%upper
-         anisotropy_cap = domain%anisotropy_cap
+         poisson = domain%poisson
       end if
       call file%text('symmetry', name)
-      call file%reals('c_min', lower)
-      call file%reals('c_max', upper)
-      call file%real('anisotropy_cap', anisotropy_cap)
+      call file%text('classes', domain%members)
+      call file%reals('c_min', domain%lower)
+      call file%reals('c_max', domain%upper)
+      call file%real('anisotropy_cap', domain%anisotropy_cap)
+      call file%real('log_anisotropy_max', domain%log_anisotropy_max)
+      call file%reals('poisson', poisson)
       if (allocated(file%error) .or. .not. file%reading) return
-      call new_domain(name, lower, upper, anisotropy_cap, domain, error)
-      if (allocated(error)) call file%fail(error%message)
+      call new_crystal_class(name, domain%class, error)
+      if (allocated(error)) then
+         call file%fail(error%message)
+      else if (.not. any(size(domain%lower) == [0, domain%class%n_constants]) .or. size(domain%upper) /= size(domain%lower) &
+         & .or. size(poisson) /= 2) then
+         call file%fail('the limits of the domain are not those of a '//name//' crystal')
+      else
+         domain%poisson = poisson
+      end if
    end subroutine exchange_domain
 
    !> Whether a crystal is in the domain.
@@ -89,11 +142,15 @@ contains
       class(domain_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: constants(self%class%n_constants)
 
-      constants = self%class%constants_of(c)
-      admits = all(constants >= self%lower) .and. all(constants <= self%upper) .and. self%is_of_class(c) &
-         & .and. self%is_within_cap(c)
+      admits = .false.
+      if (.not. self%is_of_class(c)) return
+      if (size(self%lower) > 0) then
+         associate (constants => self%class%constants_of(c))
+            if (any(constants < self%lower) .or. any(constants > self%upper)) return
+         end associate
+      end if
+      admits = self%is_within_limits(c)
    end function admits
 
    !> Whether a stiffness has the symmetry of the class in its axes.
@@ -106,62 +163,150 @@ contains
       is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> Whether a crystal is stable and no more anisotropic than the cap.
-   pure logical function is_within_cap(self, c)
+   !> Whether a crystal is stable and its anisotropy and Poisson's ratio are within the limits.
+   pure logical function is_within_limits(self, c)
       class(domain_type), intent(in) :: self
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
+      real(wp) :: poisson, anisotropy
 
       ! The index of an unstable crystal is NaN.
-      is_within_cap = anisotropy_index(c) <= self%anisotropy_cap
-   end function is_within_cap
+      is_within_limits = anisotropy_index(c) <= self%anisotropy_cap
+      if (.not. is_within_limits .or. self%log_anisotropy_max >= huge(1.0_wp)) return
+      call logarithmic_mean(c, poisson, anisotropy)
+      is_within_limits = anisotropy <= self%log_anisotropy_max .and. poisson >= self%poisson(1) &
+         & .and. poisson <= self%poisson(2)
+   end function is_within_limits
 
-   !> The first n crystals of the domain in a Halton sequence, with indentation directions uniform on the sphere.
-   subroutine spread_crystals(domain, n, constants, euler, error)
+   !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.
+   subroutine spread_crystals(domain, n, seed, constants, euler_deg, error)
       type(domain_type), intent(in) :: domain
-      integer, intent(in) :: n
-      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), radians.
-      real(wp), allocatable, intent(out) :: constants(:, :), euler(:, :)
+      integer, intent(in) :: n, seed
+      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), allocatable, intent(out) :: constants(:, :), euler_deg(:, :)
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: primes(24) = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, &
-         & 83, 89]
-      !> An empty domain shows after this many points.
-      integer, parameter :: most_trials = 20000000, least_share = 10000
-      real(wp) :: u(24)
-      integer :: found, trial, k, j
+      real(wp), allocatable :: unit(:, :), angles(:, :)
 
-      k = domain%class%n_constants
-      allocate (constants(k, n), euler(3, n))
-      found = 0
-      do trial = 1, most_trials
-         if (found == n) return
-         if (trial > 1000000 .and. found < trial/least_share) exit
-         do j = 1, k + 3
-            u(j) = radical_inverse(trial, primes(j))
-         end do
-         constants(:, found + 1) = domain%lower + u(:k)*(domain%upper - domain%lower)
-         if (.not. domain%admits(domain%class%stiffness(constants(:, found + 1)))) cycle
-         found = found + 1
-         ! Phi within 0..90 degrees: a direction and its opposite are the same indentation.
-         euler(:, found) = [2.0_wp*pi*u(k + 1), acos(1.0_wp - u(k + 2)), 2.0_wp*pi*u(k + 3)]
-      end do
-      if (found < n) call raise(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of ' &
-         & //to_text(domain%anisotropy_cap), exit_bad_input)
+      allocate (euler_deg(3, n))
+      if (size(domain%lower) > 0) then
+         call spread_in_box(domain, n, seed, constants, angles, error)
+         if (allocated(error)) return
+      else
+         call latin_hypercube(5, n, seed, unit)
+         call spread_logarithms(domain, unit(:2, :), seed, constants, error)
+         angles = unit(3:, :)
+      end if
+      ! Phi within 0..90: a direction and its opposite are the same indentation.
+      euler_deg(1, :) = 360.0_wp*angles(1, :)
+      euler_deg(2, :) = acos(1.0_wp - angles(2, :))*180.0_wp/pi
+      euler_deg(3, :) = 360.0_wp*angles(3, :)
    end subroutine spread_crystals
 
-   !> Van der Corput's sequence: the digits of i in a base, mirrored at the point.
-   pure real(wp) function radical_inverse(i, base) result(u)
-      integer, intent(in) :: i, base
-      integer :: rest
-      real(wp) :: unit
+   !> The first n points of a Latin hypercube of bounds and three numbers of the unit interval, (3, n), whose crystals are admitted.
+   subroutine spread_in_box(domain, n, seed, constants, unit, error)
+      type(domain_type), intent(in) :: domain
+      integer, intent(in) :: n, seed
+      !> Constants (n_constants, n), GPa.
+      real(wp), allocatable, intent(out) :: constants(:, :), unit(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: most_points = 4000000
+      real(wp), allocatable :: points(:, :)
+      integer :: k, i, n_kept, points_needed
 
-      u = 0.0_wp
-      unit = 1.0_wp/base
-      rest = i
-      do while (rest > 0)
-         u = u + unit*mod(rest, base)
-         rest = rest/base
-         unit = unit/base
+      k = domain%class%n_constants
+      points_needed = n
+      allocate (constants(k, 0), unit(3, 0))
+      if (n == 0) return
+      do while (points_needed <= most_points)
+         call latin_hypercube(k + 3, points_needed, seed, points)
+         do i = 1, size(points, 2)
+            points(:k, i) = domain%lower + points(:k, i)*(domain%upper - domain%lower)
+         end do
+         ! No array constructors: they are on the stack, and these are large.
+         n_kept = 0
+         do i = 1, size(points, 2)
+            if (.not. domain%admits(domain%class%stiffness(points(:k, i)))) cycle
+            n_kept = n_kept + 1
+            points(:, n_kept) = points(:, i)
+            if (n_kept < n) cycle
+            constants = points(:k, :n)
+            unit = points(k + 1:, :n)
+            return
+         end do
+         points_needed = ceiling(min(4.0_wp*points_needed, 1.02_wp*points_needed*n/max(1, n_kept) + 8.0_wp))
       end do
-   end function radical_inverse
+      call raise(error, 'the domain holds (almost) no stable crystal below its anisotropy cap of ' &
+         & //to_text(domain%anisotropy_cap), exit_bad_input)
+   end subroutine spread_in_box
+
+   !> Crystals whose log(3K/2G) and log-anisotropy are spread as `unit` (2, n) over the unit square, anisotropic in random ways; the classes
+   !> of the domain take turns. The mean of log K is that of 100 GPa.
+   subroutine spread_logarithms(domain, unit, seed, constants, error)
+      type(domain_type), intent(in) :: domain
+      real(wp), intent(in) :: unit(:, :)
+      integer, intent(in) :: seed
+      !> Constants (n_constants, n), GPa.
+      real(wp), allocatable, intent(out) :: constants(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: typical = 100.0_wp
+      type(crystal_class_type) :: member
+      type(log_coordinates_type), allocatable :: coordinates(:)
+      type(random_stream_type) :: stream
+      type(log_frame_type) :: frame
+      character(len=:), allocatable :: names(:)
+      real(wp) :: contrast(2), between, mean, c(6, 6), w(21)
+      integer :: i, j, k
+
+      allocate (names, source=split_list(domain%members))
+      allocate (coordinates(size(names)), constants(domain%class%n_constants, size(unit, 2)))
+      do i = 1, size(names)
+         call new_crystal_class(trim(names(i)), member, error)
+         if (allocated(error)) return
+         coordinates(i) = new_log_coordinates(member)
+      end do
+      contrast = log((1.0_wp + domain%poisson)/(1.0_wp - 2.0_wp*domain%poisson))
+      stream = new_random_stream(seed, 1)
+      do i = 1, size(unit, 2)
+         associate (space => coordinates(1 + mod(i - 1, size(names))))
+            between = contrast(1) + unit(1, i)*(contrast(2) - contrast(1))
+            mean = log(typical)
+            w(1) = mean + 5.0_wp/6.0_wp*between
+            w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
+            k = space%n
+            do j = 3, k
+               call stream%normal(w(j))
+            end do
+            if (k > 2) w(3:k) = domain%log_anisotropy_max*unit(2, i)*w(3:k)/norm2(w(3:k))
+            call space%from_logarithms(w(:k), c, frame)
+            constants(:, i) = domain%class%constants_of(c)
+         end associate
+      end do
+   end subroutine spread_logarithms
+
+   !> n points of m coordinates in the unit interval: each has one point in each of n equal parts.
+   subroutine latin_hypercube(m, n, seed, points)
+      integer, intent(in) :: m, n, seed
+      !> (m, n).
+      real(wp), allocatable, intent(out) :: points(:, :)
+      type(random_stream_type) :: stream
+      integer, allocatable :: order(:)
+      real(wp) :: u
+      integer :: i, j, k
+
+      allocate (points(m, n), order(n))
+      stream = new_random_stream(seed, 0)
+      do j = 1, m
+         do i = 1, n
+            order(i) = i
+         end do
+         do i = n, 2, -1
+            call stream%pick(i, k)
+            order([k, i]) = order([i, k])
+         end do
+         do i = 1, n
+            call stream%uniform(u)
+            points(j, i) = (order(i) - u)/n
+         end do
+      end do
+   end subroutine latin_hypercube
 end module surrogate_domain

@@ -16,7 +16,7 @@ module surrogate_file
    public :: save_surrogate, load_surrogate, check_replaceable, check_values, exchange_surrogate
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   integer, parameter :: version = 1
+   integer, parameter :: version = 2
 
 contains
 
@@ -119,7 +119,7 @@ contains
       call surrogate%basis%exchange(file)
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
-      call file%real('sd_inflation', surrogate%sd_inflation)
+      call file%real('fall', surrogate%fall)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance(surrogate, file)
       call exchange_simulations(surrogate, file)
@@ -199,9 +199,9 @@ contains
       integer :: i, j, n
 
       n = surrogate%basis%n_terms
-      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%sd_inflation > 0.0_wp)) then
-         call raise(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and sd_inflation = ' &
-            & //to_text(surrogate%sd_inflation)//' must be positive', exit_bad_input)
+      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%fall > 0.0_wp)) then
+         call raise(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and fall = ' &
+            & //to_text(surrogate%fall)//' must be positive', exit_bad_input)
          return
       end if
       sd = [(surrogate%covariance(i, i), i=1, n)]

@@ -3,13 +3,13 @@ module surrogate_learner
    use abstract_acquisition, only: acquisition_type
    use acquisitions, only: new_acquisition
    use abstract_basis, only: basis_type
-   use coefficient_prior, only: inflation_of, new_coefficient_prior
    use errors, only: error_type, exit_bad_input, raise
    use described_values, only: described_values_type
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
-      & log_evidence, maximise_evidence, set_precisions, spectrum_type, update_posterior
+      & log_evidence, set_precisions, spectrum_type, update_posterior
    use kinds, only: degree, wp
-   use sequential_design, only: absorb_choices, choose_candidates, compute_variances, design_type, new_design, set_candidates
+   use sequential_design, only: absorb_choices, choose_candidates, choose_for_all, compute_variances, design_type, new_design, &
+      & refit, set_candidates
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
@@ -19,9 +19,6 @@ module surrogate_learner
 
    type :: learner_type
       class(basis_type), allocatable :: basis
-      !> A word of `prior_names`, and the prior's weights and mean, (n_terms).
-      character(len=:), allocatable :: prior
-      real(wp), allocatable :: weights(:), prior_mean(:)
       type(design_type) :: design
       class(acquisition_type), allocatable :: rule
       !> Scale of each candidate, GPa.
@@ -35,19 +32,18 @@ module surrogate_learner
 
 contains
 
-   !> A learner without simulations and candidates; alpha and beta are 1 and the least noise's until they are set or learnt.
-   subroutine new_learner(basis, prior, learner, error)
+   !> A learner without simulations and candidates.
+   subroutine new_learner(basis, learner, error)
       class(basis_type), intent(in) :: basis
-      !> A word of `prior_names`.
-      character(len=*), intent(in) :: prior
       type(learner_type), intent(out) :: learner
       type(error_type), allocatable, intent(out) :: error
+      integer :: degrees(basis%n_terms)
 
-      call new_coefficient_prior(basis, prior, learner%weights, learner%prior_mean, error)
+      degrees = 1
+      if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
+      call new_design(degrees, basis%first_sds, basis%least_noise, learner%design, error)
       if (allocated(error)) return
       allocate (learner%basis, source=basis)
-      learner%prior = prior
-      call new_design(learner%weights, learner%prior_mean, basis%least_noise, learner%design, error)
       allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
          & learner%simulations%modulus(0), learner%scale(0), learner%candidate_scale(0))
    end subroutine new_learner
@@ -144,10 +140,10 @@ contains
       call absorb_choices(learner%design)
       if (present(precisions)) then
          call set_precisions(learner%design%regression, precisions(1), precisions(2), error)
+         if (.not. allocated(error)) call compute_variances(learner%design)
       else
-         call maximise_evidence(learner%design%regression, error, learner%log_evidence)
+         call refit(learner%design, learner%log_evidence, error)
       end if
-      if (.not. allocated(error)) call compute_variances(learner%design)
    end subroutine fit_learner
 
    !> ln evidence of all simulations at pairs of alpha and beta.
@@ -178,17 +174,20 @@ contains
       !> Variance of y at each before it was chosen.
       real(wp), intent(out) :: variance(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: y(:)
+      real(wp), allocatable :: y(:), importance(:)
 
       if (.not. allocated(learner%rule)) then
          call raise(error, 'there are no candidates to choose from')
          return
       end if
       allocate (y(size(learner%candidate_scale)), source=0.0_wp)
-      if (learner%rule%needs_prediction(learner%basis)) y = matmul( &
-         & coefficient_mean(learner%design%regression)/learner%design%regression%prior_width, learner%design%candidates)
-      call choose_candidates(learner%design, learner%rule%importance(learner%basis, y, learner%candidate_scale), chosen, &
-         & variance, threads, error)
+      if (learner%rule%needs_prediction(learner%basis)) y = matmul(learner%design%regression%mean, learner%design%candidates)
+      importance = learner%rule%importance(learner%basis, y, learner%candidate_scale)
+      if (learner%rule%for_all) then
+         call choose_for_all(learner%design, importance, chosen, variance, threads, error)
+      else
+         call choose_candidates(learner%design, importance, chosen, variance, threads, error)
+      end if
    end subroutine choose_next
 
    !> Moduli (GPa) of crystals by the posterior mean.
@@ -228,28 +227,6 @@ contains
       z = residual/sd
    end subroutine leave_out
 
-   !> The same number for equal crystals.
-   pure function number_crystals(constants) result(groups)
-      !> Constants (n_constants, n).
-      real(wp), intent(in) :: constants(:, :)
-      integer :: groups(size(constants, 2))
-      integer :: i, j, last
-
-      last = 0
-      do i = 1, size(constants, 2)
-         groups(i) = 0
-         do j = 1, i - 1
-            if (all(abs(constants(:, j) - constants(:, i)) <= 0.0_wp)) then
-               groups(i) = groups(j)
-               exit
-            end if
-         end do
-         if (groups(i) > 0) cycle
-         last = last + 1
-         groups(i) = last
-      end do
-   end function number_crystals
-
    !> The surrogate of what was learnt.
    subroutine surrogate_of(learner, provenance, surrogate, error)
       type(learner_type), intent(inout) :: learner
@@ -257,7 +234,6 @@ contains
       character(len=*), intent(in) :: provenance
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: modulus(:), z(:)
       integer :: n
 
       n = size(learner%simulations%modulus)
@@ -265,19 +241,18 @@ contains
          call raise(error, 'there are '//to_text(n)//' simulations to learn from; at least 2 are needed', exit_bad_input)
          return
       end if
-      allocate (modulus(n), z(n))
-      call leave_out(learner, number_crystals(learner%simulations%constants), modulus, z, error)
-      if (allocated(error)) return
+      call absorb_choices(learner%design)
       allocate (surrogate%basis, source=learner%basis)
-      surrogate%alpha = learner%design%regression%alpha
-      surrogate%beta = learner%design%regression%beta
-      surrogate%coefficients = coefficient_mean(learner%design%regression)
-      allocate (surrogate%covariance(size(surrogate%coefficients), size(surrogate%coefficients)))
-      call coefficient_covariance(learner%design%regression, surrogate%covariance)
+      associate (regression => learner%design%regression)
+         surrogate%alpha = regression%alpha
+         surrogate%beta = regression%beta
+         surrogate%fall = regression%fall
+         surrogate%coefficients = coefficient_mean(regression)
+         allocate (surrogate%covariance(regression%n_terms, regression%n_terms))
+         call coefficient_covariance(regression, surrogate%covariance)
+      end associate
       surrogate%simulations = learner%simulations
       surrogate%provenance = provenance
-      call inflation_of(surrogate%basis, learner%prior, learner%prior_mean, surrogate%covariance, surrogate%beta, z, &
-         & surrogate%sd_inflation, error)
    end subroutine surrogate_of
 
    !> Name the numbers of a learner; its arrays are not listed but given if wanted.
@@ -290,8 +265,8 @@ contains
          call visitor%real('alpha', regression%alpha)
          call visitor%real('beta', regression%beta)
          call visitor%real('log_evidence', learner%log_evidence)
-         if (visitor%wants('weights')) call visitor%reals('weights', learner%weights)
-         if (visitor%wants('prior_mean')) call visitor%reals('prior_mean', learner%prior_mean)
+         call visitor%real('fall', regression%fall)
+         if (visitor%wants('prior_width')) call visitor%reals('prior_width', regression%prior_width)
          if (visitor%wants('mean')) visitor%values = coefficient_mean(regression)
          if (visitor%wants('variances')) then
             call absorb_choices(learner%design)

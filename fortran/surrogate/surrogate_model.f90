@@ -24,10 +24,10 @@ module surrogate_model
       class(basis_type), allocatable :: basis
       !> Posterior mean (n_terms) and covariance (n_terms, n_terms) of the coefficients, in units of y.
       real(wp), allocatable :: coefficients(:), covariance(:, :)
-      !> Precision of the prior (of a term of weight 1) and of the noise, in units of y.
+      !> Precision of the prior (of a term of degree 1) and of the noise, in units of y.
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> Factor on every predicted sd, learnt from crystals left out.
-      real(wp) :: sd_inflation = 1.0_wp
+      !> What the prior's sd of a coefficient falls by from degree to degree.
+      real(wp) :: fall = 1.0_wp
       type(simulations_type) :: simulations
       !> Where it comes from: a JSON object.
       character(len=:), allocatable :: provenance
@@ -91,8 +91,7 @@ contains
          variance = variance + terms(j)*(terms(j)*surrogate%covariance(j, j) &
             & + 2.0_wp*dot_product(surrogate%covariance(j + 1:, j), terms(j + 1:)))
       end do
-      sd = merge(modulus, scale, surrogate%basis%logarithmic)*surrogate%sd_inflation &
-          & *sqrt(max(0.0_wp, variance) + 1.0_wp/surrogate%beta)
+      sd = merge(modulus, scale, surrogate%basis%logarithmic)*sqrt(max(0.0_wp, variance) + 1.0_wp/surrogate%beta)
    end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.
@@ -109,7 +108,7 @@ contains
       real(wp), allocatable :: covariance(:, :)
 
       allocate (covariance(0, 0))
-      if (with_covariance) covariance = surrogate%sd_inflation**2*surrogate%covariance
+      if (with_covariance) covariance = surrogate%covariance
       call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, model, error)
       if (.not. allocated(error)) call model%set_grains(euler, error)
    end subroutine new_grain_model

@@ -9,10 +9,10 @@ module theory_basis
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
-   use surrogate_domain, only: new_domain
+   use surrogate_domain, only: new_wide_domain
    implicit none
    private
-   public :: theory_basis_type, new_theory_basis
+   public :: theory_basis_type, new_theory_basis, theory_grain_model_type
 
    type, extends(basis_type) :: theory_basis_type
    contains
@@ -25,11 +25,10 @@ module theory_basis
    end type theory_basis_type
 
    type, extends(grain_model_type) :: theory_grain_model_type
-      private
       type(crystal_class_type) :: class
-      type(field_type) :: field
+      type(field_type), private :: field
       !> Bunge-Euler angles (3, n), radians.
-      real(wp), allocatable :: euler(:, :)
+      real(wp), allocatable, private :: euler(:, :)
    contains
       procedure :: set_grains
       procedure :: evaluate_moduli
@@ -41,12 +40,9 @@ contains
    subroutine new_theory_basis(basis, error)
       type(theory_basis_type), intent(out) :: basis
       type(error_type), allocatable, intent(out) :: error
-      !> GPa; no crystal is near.
-      real(wp), parameter :: far = 1.0e6_wp
-      integer :: i
 
       basis%logarithmic = .true.
-      call new_domain(general_class, [(-far, i=1, 21)], [(far, i=1, 21)], huge(far), basis%domain, error)
+      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], basis%domain, error)
    end subroutine new_theory_basis
 
    subroutine evaluate_terms(self, c, euler, terms, scale)

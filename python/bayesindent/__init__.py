@@ -8,12 +8,10 @@ from .inference.extract import extract, summary
 from .inference.next_grain import next_grain
 from .inference.quantities import quantities
 from .settings.problem import Problem
-from .surrogate.domain import Domain
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError",
-    "Domain",
     "Indentation",
     "IndentationResult",
     "InputError",

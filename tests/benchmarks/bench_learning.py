@@ -1,211 +1,183 @@
-"""Learning curves of Step 1 with real simulations: error on unseen crystals against the number of simulations.
+"""How many simulations a correction needs: error on unseen crystals of four kinds against the number of simulations, and whether its sd is honest.
 
-Random crystals of the paper's domain are simulated once and kept in campaign.sqlite (run again to go on). For each seed some of them
-are unseen, and the design chooses among the others. Compared are the four combinations of coordinates and prior; other ways to choose,
-and the baselines: theory alone, and theory times one ratio that the same number of
-random simulations fits.
+The unseen crystals (of the literature in random directions; of the paper's two domains; random orthorhombic ones) are simulated on the paper's
+block once and kept in campaign.sqlite (run again to go on). For each seed a correction is built with its defaults, step by step; beside it
+theory alone, and theory times the one ratio of the correction's simulations. One and the same correction for all kinds of crystals.
 """
 
 import argparse
 import csv
-import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from paper_domains import DOMAINS
+from scipy.linalg import expm
 
 from bayesindent.common.progress import Progress
-from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, stiffness_rows
+from bayesindent.pipeline.build import build
 from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.engines import LocalEngine
 from bayesindent.pipeline.simulator import Simulator, physics_identity, simulate_into
 from bayesindent.settings.problem import Problem
-from bayesindent.surrogate.basis import Basis
-from bayesindent.surrogate.domain import Domain
-from bayesindent.surrogate.learner import Learner
-from bayesindent.surrogate.learning import FIRST_SD
+from bayesindent.surrogate.surrogate import Surrogate
 
-
-@dataclass(frozen=True)
-class Model:
-    """A way to learn: coordinates, prior, what decides the next simulation."""
-
-    coordinates: str
-    prior: str
-    choice: str = "modulus"
-
-    @property
-    def label(self) -> str:
-        return f"{self.coordinates}, {self.prior}{'' if self.choice == 'modulus' else f', {self.choice}'}"
-
-    def bases(self, domain: Domain) -> list[Basis]:
-        """Total truncations (degree, bandlimit); a flat prior needs one that grows with the data."""
-        sizes = [(4, 8)] if self.prior == "theory" else [(1, 4), (2, 4), (3, 4), (3, 6), (4, 8)]
-        return [Basis(domain, self.coordinates, "total", *size) for size in sizes]
-
-
-OURS = Model("dimensionless", "theory")
-COMBINATIONS = (OURS, Model("dimensionless", "zero"), Model("box", "theory"), Model("box", "zero"))
-VARIANTS = tuple(Model("dimensionless", "theory", choice) for choice in ("log_modulus", "random"))
-COLORS = {"dimensionless": "tab:blue", "box": "tab:orange"}
+CRYSTALS = Path(__file__).parents[1] / "reference" / "crystals.csv"
+#: Random crystals of one class: greatest log-anisotropy, and the range of log(3K/2G).
+ORTHORHOMBIC = (1.3, 0.2, 1.6)
+SETS = ("literature", "cubic", "hexagonal", "orthorhombic")
 
 
 def main(argv=None) -> int:
-    """Simulate, learn, tabulate, draw."""
+    """Simulate, build, tabulate, draw."""
     parser = argparse.ArgumentParser(prog="bench learning", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--symmetry", choices=("cubic", "hexagonal"), default="cubic")
-    parser.add_argument("--mesh", choices=("paper", "halfspace"), default="paper")
     parser.add_argument("--simulator", choices=("fe", "theory"), default="fe", help="theory: no simulation, only to try the command")
-    parser.add_argument("--points", type=int, default=700, help="random crystals (700)")
-    parser.add_argument("--unseen", type=int, default=500, help="of them unseen (500, at most half of a smaller number)")
-    parser.add_argument("--seeds", type=int, default=10, help="partitions over which all is averaged (10)")
-    parser.add_argument("--sizes", default="0,8,12,16,20,30,40,60,80,100,150,200", help="numbers of simulations")
+    parser.add_argument("--unseen", type=int, default=320, help="unseen crystals of each kind (320)")
+    parser.add_argument("--seeds", type=int, default=5, help="corrections, each from other candidates (5)")
+    parser.add_argument("--sizes", default="8,12,20,30,40,60,100,150", help="numbers of simulations")
+    parser.add_argument("--variance-of", default="all_moduli", help="what chooses, see &design (all_moduli)")
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
-    parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/learning_SYMMETRY_MESH)")
+    parser.add_argument("--output", type=Path, default=Path("runs/learning"), help="folder (runs/learning)")
     arguments = parser.parse_args(argv)
-    output = arguments.output or Path("runs") / f"learning_{arguments.symmetry}_{arguments.mesh}"
-    output.mkdir(parents=True, exist_ok=True)
-    domain = DOMAINS[arguments.symmetry]
-    constants, angles, modulus, failed = simulated(arguments, domain, output)
-    theory = halfspace_modulus(stiffness_rows(arguments.symmetry, constants), angles)
-    ratio = modulus / theory
-    n_unseen = arguments.unseen if len(modulus) > arguments.unseen + 20 else len(modulus) // 2
-    print(f"{len(modulus)} simulations, {failed} failed, {n_unseen} unseen; simulation over theory {ratio.mean():.4f}, "
-          f"sd {ratio.std():.4f}, {ratio.min():.4f} .. {ratio.max():.4f}")  # fmt: skip
-    sizes = sorted({int(word) for word in arguments.sizes.split(",") if int(word) <= len(modulus) - n_unseen})
-    rows = []
-    with Progress(True).bar("learning", arguments.seeds * len(COMBINATIONS + VARIANTS)) as advance:
-        for seed in range(1, arguments.seeds + 1):
-            order = np.random.default_rng(seed).permutation(len(modulus))
-            unseen, pool = order[:n_unseen], order[n_unseen:]
-            rows += baselines(theory, modulus, unseen, pool, sizes, seed)
-            for model in COMBINATIONS + VARIANTS:
-                rows += curve(domain, model, constants, angles, modulus, unseen, pool, sizes, seed)
-                advance(1)
-    columns = ["model", "simulations", "seed", "degree", "bandlimit", "error_gpa", "within_1_sd", "within_2_sd", "z_99"]
-    with open(output / "learning.csv", "w", newline="") as stream:
-        writer = csv.DictWriter(stream, columns)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    unseen = {name: simulated(arguments, name, points) for name, points in unseen_crystals(arguments.unseen).items()}
+    for name, (matrices, angles, modulus) in unseen.items():
+        ratio = modulus / halfspace_modulus(matrices, angles)
+        print(
+            f"{name}: {len(modulus)} unseen, simulation over theory {ratio.mean():.4f}, sd {ratio.std():.4f}, {ratio.min():.4f} .. {ratio.max():.4f}"
+        )
+    rows = [row for seed in range(1, arguments.seeds + 1) for row in curve(arguments, seed, unseen)]
+    with open(arguments.output / "learning.csv", "w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    print_table(rows, sizes)
-    draw(rows, sizes, arguments, output)
-    print(f"{output / 'learning.csv'}, {output / 'learning.svg'}")
+    print_tables(rows)
+    draw(rows, arguments)
+    print(f"{arguments.output / 'learning.csv'}, {arguments.output / 'learning.svg'}")
     return 0
 
 
-def simulated(arguments, domain: Domain, output: Path):
-    """The moduli of the random crystals, from the campaign or simulated now."""
-    problem = Problem.from_keywords("learning", simulation={"simulator": arguments.simulator, "mesh": arguments.mesh})
-    # A larger number later adds to the crystals of a smaller one.
-    constants, angles = (part[: arguments.points] for part in domain.crystals(max(2000, arguments.points), seed=1000))
-    with Campaign(output / "campaign.sqlite", physics_identity(problem)) as campaign:
-        points = [(domain.symmetry, tuple(c), tuple(e)) for c, e in zip(constants.tolist(), angles.tolist(), strict=True)]
+def unseen_crystals(n: int) -> dict[str, list[tuple]]:
+    """n crystals of each kind, those of the literature in n // 16 directions, as (class, constants in GPa, angles in degrees)."""
+    rng = np.random.default_rng(12345)
+    with open(CRYSTALS) as stream:
+        table = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    known = [(row["symmetry"], tuple(float(row[name]) for name in constant_names(row["symmetry"]))) for row in table]
+    found = {"literature": in_directions([point for point in known for _ in range(n // 16)], rng)}
+    for symmetry, domain in DOMAINS.items():
+        points: list[tuple] = []
+        while len(points) < n:
+            constants = rng.uniform(domain["c_min"], domain["c_max"])
+            matrix = stiffness_rows(symmetry, [constants])[0]
+            if np.linalg.eigvalsh(matrix)[0] > 0 and anisotropy_index(matrix) <= domain["anisotropy_cap"]:
+                points.append((symmetry, tuple(constants.tolist())))
+        found[symmetry] = in_directions(points, rng)
+    found["orthorhombic"] = in_directions([random_orthorhombic(rng) for _ in range(n)], rng)
+    return found
+
+
+def in_directions(points: list[tuple], rng) -> list[tuple]:
+    """The crystals with random orientations."""
+    n = len(points)
+    angles = np.column_stack([rng.uniform(0, 360, n), np.degrees(np.arccos(rng.uniform(-1, 1, n))), rng.uniform(0, 360, n)])
+    return [(*point, tuple(row)) for point, row in zip(points, angles.tolist(), strict=True)]
+
+
+def random_orthorhombic(rng) -> tuple:
+    """A crystal whose log K has a random direction in the space of its class."""
+    names, roots = constant_names("orthorhombic"), np.sqrt([1, 1, 1, 2, 2, 2])
+    dilatation = np.zeros((6, 6))
+    dilatation[:3, :3] = 1 / 3
+    space = [dilatation, (np.eye(6) - dilatation) / np.sqrt(5)]
+    for name in names:
+        matrix = np.zeros((6, 6))
+        row, column = (int(digit) - 1 for digit in name[1:])
+        matrix[row, column] = matrix[column, row] = roots[row] * roots[column]
+        for _ in range(2):
+            matrix = matrix - sum(np.sum(matrix * other) * other for other in space)
+        if np.linalg.norm(matrix) > 1e-8:
+            space.append(matrix / np.linalg.norm(matrix))
+    greatest, low, high = ORTHORHOMBIC
+    contrast, direction = rng.uniform(low, high), rng.normal(size=len(space) - 2)
+    direction *= greatest * rng.uniform() / np.linalg.norm(direction)
+    logarithm = np.log(100) * np.eye(6) + contrast * dilatation + np.tensordot(direction, space[2:], axes=1)
+    matrix = expm(logarithm) / np.outer(roots, roots)
+    return "orthorhombic", tuple(float(matrix[int(name[1]) - 1, int(name[2]) - 1]) for name in names)
+
+
+def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or simulated now."""
+    problem = Problem.from_keywords("learning", simulation={"simulator": arguments.simulator, "mesh": "paper"})
+    matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
+    with Campaign(arguments.output / f"unseen_{name}" / "campaign.sqlite", physics_identity(problem)) as campaign:
         missing = [point for point in points if campaign.find(*point) is None]
         if missing:
-            with Progress(True).bar("simulations", len(missing)) as advance:
+            with Progress(True).bar(name, len(missing)) as advance:
                 simulate_into(campaign, Simulator(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
-        rows = [campaign.find(*point) for point in points]
-    done = np.array([row.modulus_gpa is not None for row in rows])
-    return constants[done], angles[done], np.array([row.modulus_gpa for row in rows if row.modulus_gpa is not None]), int((~done).sum())
+        moduli = [campaign.find(*point).modulus_gpa for point in points]
+    done = np.array([modulus is not None for modulus in moduli])
+    return matrices[done], np.array([point[2] for point in points])[done], np.array([m for m in moduli if m is not None])
 
 
-def baselines(theory, modulus, unseen, pool, sizes, seed: int) -> list[dict]:
-    """Theory alone, and times the geometric mean ratio of the first points of the pool."""
-    rows = []
-    for n in sizes:
-        ratio = np.exp(np.mean(np.log(modulus[pool[:n]] / theory[pool[:n]]))) if n else 1.0
-        for model, factor in (("theory", 1.0), ("theory x ratio", ratio)):
-            error = np.mean(np.abs(factor * theory[unseen] - modulus[unseen]))
-            rows.append({"model": model, "simulations": n, "seed": seed, "error_gpa": error})
+def curve(arguments, seed: int, unseen: dict) -> list[dict]:
+    """Errors and shares on the unseen crystals, by the number of simulations."""
+    rows, folder = [], arguments.output / f"seed_{seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    for size in map(int, arguments.sizes.split(",")):
+        path = folder / f"build_{size}.nml"
+        path.write_text(
+            f"&problem title = 'The paper''s block', seed = {seed} /\n"
+            f"&simulation simulator = '{arguments.simulator}', mesh = 'paper' /\n"
+            f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution workers = {arguments.workers} /\n"
+        )
+        document = build(Problem(path, "build"), folder, Progress(True))
+        surrogate = Surrogate.load(document["file"])
+        for name, (matrices, angles, modulus) in unseen.items():
+            mean, sd = surrogate.predict(matrices, angles)
+            theory, z = halfspace_modulus(matrices, angles), np.abs(mean - modulus) / sd
+            errors = [np.mean(np.abs(value - modulus)) for value in (theory, document["baselines"]["ratio"] * theory, mean)]
+            shares = (np.mean(z <= 1), np.mean(z <= 2), np.quantile(z, 0.99))
+            columns = ("theory_gpa", "ratio_gpa", "correction_gpa", "within_1_sd", "within_2_sd", "z_99")
+            rows.append({"seed": seed, "set": name, "simulations": size} | dict(zip(columns, (*errors, *shares), strict=True)))
     return rows
 
 
-def curve(domain, model: Model, constants, angles, modulus, unseen, pool, sizes, seed: int) -> list[dict]:
-    """Errors of a model on the unseen points, learning from those of the pool that it chooses."""
-    bases = model.bases(domain)
-    rows, stages = [], {}
-    for n in sizes:
-        # The largest basis with an informative prior; under a flat one the largest that has no more terms than points.
-        fit = [basis for basis in bases if model.prior == "theory" or basis.n_terms <= n]
-        if fit and n != 1:
-            stages.setdefault(fit[-1], []).append(n)
-    stiffness = stiffness_rows(domain.symmetry, constants)
-    for basis, stops in stages.items():
-        learner, data = Learner(basis, model.prior), 0
-        learner.set_candidates(constants[pool], angles[pool], "modulus" if model.choice == "random" else model.choice)
-        learner.fit(*(sd**-2 for sd in FIRST_SD[model.prior, model.coordinates]))
-        for stop in stops:
-            while data < stop:
-                count = min(8, stop) if data == 0 else 1
-                random = model.choice == "random"
-                chosen = pool[np.arange(data, data + count) if random else learner.choose(count)[0]]
-                learner.add(constants[chosen], angles[chosen], modulus[chosen], chosen=not random)
-                data += count
-                if basis.n_terms <= 100 or data % 10 == 0 or data == stop:
-                    learner.fit()
-                else:
-                    learner.update()
-            error = np.abs(learner.predict(constants[unseen], angles[unseen]) - modulus[unseen])
-            row = {"model": model.label, "simulations": stop, "seed": seed, "degree": basis.degree, "bandlimit": basis.bandlimit,
-                   "error_gpa": error.mean()}  # fmt: skip
-            if stop > 1:
-                z = error / learner.surrogate().predict(stiffness[unseen], angles[unseen])[1]
-                row |= {"within_1_sd": np.mean(z <= 1), "within_2_sd": np.mean(z <= 2), "z_99": np.quantile(z, 0.99)}
-            rows.append(row)
-    return rows
+def means(rows: list[dict], name: str, size: int, column: str) -> float:
+    """The mean over the seeds."""
+    return float(np.mean([row[column] for row in rows if row["set"] == name and row["simulations"] == size]))
 
 
-def summary(rows, name: str) -> dict:
-    """Mean over seeds of a column: {model: {size: value}}."""
-    groups = {}
-    for row in rows:
-        if row.get(name) is not None:
-            groups.setdefault(row["model"], {}).setdefault(row["simulations"], []).append(row[name])
-    return {model: {n: float(np.mean(values)) for n, values in sizes.items()} for model, sizes in groups.items()}
+def print_tables(rows: list[dict]) -> None:
+    """A table for each kind of crystal."""
+    sizes = sorted({row["simulations"] for row in rows})
+    labels = {
+        "theory_gpa": "theory alone, GPa",
+        "ratio_gpa": "theory x one ratio, GPa",
+        "correction_gpa": "correction, GPa",
+        "within_1_sd": "within 1 sd",
+        "within_2_sd": "within 2 sd",
+        "z_99": "99 % of |z|",
+    }
+    for name in SETS:
+        print(f"\n| {name} | " + " | ".join(map(str, sizes)) + " |\n|" + "---|" * (len(sizes) + 1))
+        for column, label in labels.items():
+            print(f"| {label} | " + " | ".join(f"{means(rows, name, size, column):.2f}" for size in sizes) + " |")
 
 
-def print_table(rows, sizes) -> None:
-    """Mean errors in GPa, and the coverage of our model."""
-    errors = summary(rows, "error_gpa")
-    print(f"{'mean absolute error, GPa':42}" + "".join(f"{n:>8}" for n in sizes))
-    for model, values in errors.items():
-        print(f"{model:42}" + "".join(f"{values[n]:8.3f}" if n in values else f"{'':8}" for n in sizes))
-    for name in ("within_1_sd", "within_2_sd", "z_99"):
-        values = summary(rows, name)[OURS.label]
-        print(f"{'ours: ' + name:42}" + "".join(f"{values[n]:8.2f}" if n in values else f"{'':8}" for n in sizes))
-
-
-def draw(rows, sizes, arguments, output: Path) -> None:
-    """The learning curves."""
+def draw(rows: list[dict], arguments) -> None:
+    """The error of each kind against the number of simulations."""
     import matplotlib
 
     matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib import pyplot
 
-    figure, axes = plt.subplots(figsize=(8.4, 4.2), layout="constrained")
-    errors = summary(rows, "error_gpa")
-    for model in COMBINATIONS:
-        values = errors[model.label]
-        n, flat = [size for size in sizes if size in values], model.prior == "zero"
-        axes.plot(n, [values[size] for size in n], marker="o", ms=4, color=COLORS[model.coordinates], mfc="w" if flat else None,
-                  ls="-." if flat else "-", label=f"{model.coordinates} coordinates, {'flat' if flat else model.prior} prior")  # fmt: skip
-    for label, dashes in (("theory", "--"), ("theory x ratio", ":")):
-        axes.plot(sizes, [errors[label][size] for size in sizes], color="0.4", ls=dashes, label=label)
-    axes.set(xlabel="simulations", ylabel="mean absolute error on unseen crystals, GPa", yscale="log",
-             title=f"{arguments.symmetry}, {arguments.mesh} mesh, {arguments.seeds} partitions")  # fmt: skip
-    axes.set_xscale("symlog", linthresh=10, linscale=0.5)
-    axes.set_xlim(-0.3, max(sizes))
-    axes.set_xticks([n for n in sizes if n != 15], [str(n) for n in sizes if n != 15])
+    sizes = sorted({row["simulations"] for row in rows})
+    figure, axes = pyplot.subplots(figsize=(5.5, 3.6), layout="constrained")
+    for name, marker in zip(SETS, "os^D", strict=True):
+        line = axes.plot(sizes, [means(rows, name, size, "correction_gpa") for size in sizes], marker=marker, ms=4, label=name)[0]
+        axes.axhline(means(rows, name, sizes[-1], "ratio_gpa"), color=line.get_color(), lw=0.8, ls="--")
+    axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)", xscale="log", yscale="log")
+    axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.minorticks_off()
-    figure.legend(loc="outside right upper", fontsize=8)
-    axes.grid(alpha=0.3)
-    figure.savefig(output / "learning.svg", metadata={"Date": None, "Creator": None})
-    plt.close(figure)
-    (output / "summary.json").write_text(
-        json.dumps({name: summary(rows, name) for name in ("error_gpa", "within_1_sd", "within_2_sd", "z_99")}, indent=1)
-    )
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    axes.legend(title="unseen crystals; dashed: one ratio")
+    figure.savefig(arguments.output / "learning.svg")

@@ -1,10 +1,8 @@
-"""The domains of the paper's two studies: bounds of the constants (GPa), and the largest anisotropy index that it met."""
-
-from bayesindent.surrogate.domain import Domain
+"""The domains of the paper's two studies as variables of &domain: bounds of the constants (GPa), the largest anisotropy index that it met."""
 
 __all__ = ["DOMAINS"]
 
 DOMAINS = {
-    "cubic": Domain("cubic", (50, 40, 15), (250, 150, 120), 7.2),
-    "hexagonal": Domain("hexagonal", (80, 40, 30, 70, 40), (240, 120, 90, 210, 90), 66.2),
+    "cubic": {"c_min": (50, 40, 15), "c_max": (250, 150, 120), "anisotropy_cap": 7.2},
+    "hexagonal": {"c_min": (80, 40, 30, 70, 40), "c_max": (240, 120, 90, 210, 90), "anisotropy_cap": 66.2},
 }

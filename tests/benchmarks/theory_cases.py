@@ -1,4 +1,4 @@
-"""The two reference data sets, and surrogates fitted to the half-space theory they were made with."""
+"""The two reference data sets, and the paper's model fitted to the half-space theory that they were made with."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from paper_domains import DOMAINS
 
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
@@ -17,7 +17,8 @@ SYMMETRIES = ("cubic", "hexagonal")
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 FILES = {"cubic": "cubic_fe3si", "hexagonal": "hex_titanium"}
-SIZES = {"cubic": (6, 10), "hexagonal": (5, 8)}
+#: Degree and bandlimit of the paper.
+SIZES = {"cubic": (2, 10), "hexagonal": (2, 4)}
 
 
 class Case:
@@ -34,27 +35,21 @@ class Case:
         }
         self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv")
         self.euler_deg, self.modulus_gpa, self.sd_gpa = self.table.euler_deg, self.table.modulus_gpa, self.table.sd_gpa
-        self.surrogate = theory_surrogate(symmetry, *SIZES[symmetry], points=6000, sd_inflation=1.0)
+        self.surrogate = theory_surrogate(symmetry, *SIZES[symmetry], points=6000)
 
     def theory(self, constants, euler_deg) -> np.ndarray:
         """Half-space moduli of one crystal in many orientations."""
         return halfspace_modulus(stiffness(self.symmetry, **dict(zip(self.names, constants, strict=True))), euler_deg)
 
 
-def theory_surrogate(
-    symmetry: str, degree: int, bandlimit: int, coordinates: str = "dimensionless", truncation: str = "total", points: int = 4000,
-    sd_inflation: float = 1.3,
-) -> Surrogate:  # fmt: skip
-    """Least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
-    domain = DOMAINS[symmetry]
-    constants, angles = domain.crystals(points, seed=2)
-    basis = Basis(domain, coordinates, truncation, degree, bandlimit)
-    modulus = halfspace_modulus(stiffness(symmetry, **dict(zip(constant_names(symmetry), constants.T, strict=True))), angles)
-    terms, scale = basis.terms(constants, angles)
+def theory_surrogate(symmetry: str, degree: int, bandlimit: int, truncation: str = "tensor", points: int = 4000) -> Surrogate:
+    """The paper's model by least squares on half-space theory over the paper's domain; the covariance is that of the regression."""
+    basis = Basis.from_keywords(symmetry, DOMAINS[symmetry], model="paper", truncation=truncation, degree=degree, bandlimit=bandlimit)
+    constants, angles = basis.crystals(points, 2)
+    y = halfspace_modulus(stiffness_rows(symmetry, constants), angles)
+    terms, _ = basis.terms(constants, angles)
     values, vectors = np.linalg.eigh(terms @ terms.T)
     inverse = (vectors / np.maximum(values, 1e-8)) @ vectors.T
-    y = basis.to_y(modulus, scale)
     coefficients = inverse @ (terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
-    covariance = variance * inverse
-    return Surrogate(basis, coefficients, covariance, alpha=1.0, beta=1 / variance, sd_inflation=sd_inflation)
+    return Surrogate(basis, coefficients, variance * inverse, alpha=1.0, beta=1 / variance)

@@ -21,7 +21,7 @@ def test_version(bayesindent):
     assert done.stdout.startswith("bayesindent 0.")
 
 
-@pytest.mark.parametrize("arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "cubic")])
+@pytest.mark.parametrize("arguments", [(), ("unknown",), ("run",), ("predict", "--surrogate", "halfspace")])
 def test_wrong_usage_exits_2(bayesindent, arguments):
     done = bayesindent(*arguments)
     assert done.returncode == 2

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from importlib import resources
 
 import pytest
 
@@ -47,8 +46,8 @@ def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):
 
 
 SURROGATES = {
-    "nowhere.txt": "'nowhere.txt': there is no such surrogate; allowed: a file in the output folder or beside the namelist, cubic, hexagonal",
-    "hexagonal": f"{resources.files('bayesindent') / 'data' / 'hexagonal.txt'} is for hexagonal crystals, not cubic ones",
+    "nowhere.txt": "'nowhere.txt': there is no such surrogate; allowed: a file in the output folder or beside the namelist, block",
+    "hexagonal": "'hexagonal': there is no such surrogate; allowed: a file in the output folder or beside the namelist, block",
 }
 
 
@@ -64,7 +63,7 @@ def test_check_looks_at_the_surrogate(bayesindent, tmp_path, file):
 
 def test_predictions_outside_the_domain_are_told_of(bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,118,0,0,0\n225,220,3,0,45,0\n")
-    done = bayesindent("predict", "--surrogate", "cubic", "--points", "points.csv", "--json")
+    done = bayesindent("predict", "--surrogate", "block", "--symmetry", "cubic", "--points", "points.csv", "--json")
     warning = "points.csv: 1 of 2 rows are outside the surrogate's domain: 2"
     assert (done.returncode, done.stderr) == (0, f"warning: {warning}\n")
     assert json.loads(done.stdout)["warnings"] == [warning]

@@ -1,23 +1,25 @@
-"""What the tests of Step 2 share: the reference data sets, and surrogates fitted to the half-space theory."""
+"""What the tests of Step 2 share: the reference data sets, the exact theory, and surrogates of which little is known."""
 
+import csv
 import json
 
 import numpy as np
 import pytest
-from theory_cases import FILES, SIZES, theory_surrogate
+from theory_cases import FILES, SYMMETRIES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.settings.problem import read_measurements
+from bayesindent.surrogate.basis import Basis
 from conftest import REFERENCE
 
-__all__ = ["columns", "reference", "table_of"]
+__all__ = ["columns", "crystal", "reference", "rough_correction", "table_of"]
 
 
 def reference(symmetry):
     case = json.loads((REFERENCE / f"{FILES[symmetry]}.json").read_text())
     bounds = dict(zip(constant_names(symmetry), zip(*case["bounds"], strict=True), strict=True))
-    return case, {"bounds": bounds, "anisotropy_cap": case["anisotropy_cap"]}
+    return case, {"symmetry": symmetry, "bounds": bounds, "anisotropy_cap": case["anisotropy_cap"]}
 
 
 @pytest.fixture(scope="session", params=["cubic", "hexagonal"])
@@ -27,21 +29,31 @@ def symmetry(request):
 
 @pytest.fixture(scope="session")
 def surrogates():
-    return {symmetry: theory_surrogate(symmetry, *SIZES[symmetry]) for symmetry in SIZES}
+    """The theory that the reference data sets were made with."""
+    return dict.fromkeys(SYMMETRIES, bi.Surrogate.load("halfspace"))
+
+
+def rough_correction(degree=2, directions=6, sd=0.01, beta=1e5):
+    """A correction of random coefficients, with an sd of y that comes from a few directions of these, which matter alike."""
+    basis = Basis.from_keywords(model="correction", degree=degree)
+    rng = np.random.default_rng(1)
+    terms = basis.terms(*basis.crystals(1000, 3))[0]
+    values, vectors = np.linalg.eigh(terms @ terms.T / 1000)
+    root = (vectors / np.sqrt(values)) @ vectors.T @ np.linalg.qr(rng.normal(size=(basis.n_terms, directions)))[0]
+    covariance = sd**2 / directions * root @ root.T + 1e-14 * np.diag(1 / np.mean(terms**2, axis=1))
+    coefficients = rng.normal(size=basis.n_terms) * np.array([0.1, 0.05, 0.01, 0.003])[basis.polynomial_degrees.astype(int)]
+    return bi.Surrogate(basis, coefficients, covariance, alpha=1.0, beta=beta, fall=0.3)
 
 
 @pytest.fixture(scope="session")
 def rough():
     """Surrogates with few terms and large uncertainties, where these matter."""
-    models = {}
-    for symmetry, coordinates, truncation in (
-        ("cubic", "dimensionless", "total"), ("hexagonal", "dimensionless", "total"), ("cubic", "box", "tensor"), ("hexagonal", "box", "tensor"),
-    ):  # fmt: skip
-        model = theory_surrogate(symmetry, 2, 4, coordinates, truncation, 1500)
+    models = dict.fromkeys([(symmetry, "correction") for symmetry in SYMMETRIES], rough_correction())
+    for symmetry in SYMMETRIES:
+        model = theory_surrogate(symmetry, 2, 4, points=1500)
         root = np.random.default_rng(1).normal(size=(model.basis.n_terms, 6))
-        size = (0.005 if coordinates == "dimensionless" else 0.5) / np.sqrt(model.basis.n_terms)
-        model = bi.Surrogate(model.basis, model.coefficients, size**2 * root @ root.T, alpha=1.0, beta=model.beta, sd_inflation=1.3)
-        models[symmetry, coordinates] = model
+        covariance = 0.65**2 / model.basis.n_terms * root @ root.T
+        models[symmetry, "paper"] = bi.Surrogate(model.basis, model.coefficients, covariance, alpha=1.0, beta=model.beta)
     return models
 
 
@@ -56,13 +68,20 @@ def results(surrogates):
             samples=20000,
             **reference(symmetry)[1],
         )
-        for symmetry in SIZES
+        for symmetry in SYMMETRIES
     }
 
 
 @pytest.fixture(scope="session")
 def documents(results):
     return {symmetry: bi.summary(result) for symmetry, result in results.items()}
+
+
+def crystal(name):
+    """Class and constants of a real crystal."""
+    with (REFERENCE / "crystals.csv").open() as file:
+        row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == name)
+    return row["symmetry"], np.array([float(row[constant]) for constant in constant_names(row["symmetry"])])
 
 
 def columns(symmetry):

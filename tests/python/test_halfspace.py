@@ -1,11 +1,10 @@
 """Step 2 with the exact theory: every class, the reference posteriors, the prior where nothing is stated, and further errors."""
 
-import csv
 import json
 
 import numpy as np
 import pytest
-from step_2_cases import reference, table_of
+from step_2_cases import crystal, reference, table_of
 from theory_cases import FILES
 
 import bayesindent as bi
@@ -14,12 +13,6 @@ from bayesindent.inference.posterior import PRIOR, Posterior
 from conftest import REFERENCE
 
 THEORY = bi.Surrogate.load("halfspace")
-
-
-def crystal(name):
-    with (REFERENCE / "crystals.csv").open() as file:
-        row = next(row for row in csv.DictReader(line for line in file if not line.startswith("#")) if row["name"] == name)
-    return row["symmetry"], np.array([float(row[constant]) for constant in constant_names(row["symmetry"])])
 
 
 def measured(symmetry, constants, n, seed, share=0.02):
@@ -33,7 +26,7 @@ def measured(symmetry, constants, n, seed, share=0.02):
 @pytest.mark.parametrize("symmetry", ["cubic", "hexagonal"])
 def test_reference_posteriors(symmetry):
     case, settings = reference(symmetry)
-    result = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", symmetry=symmetry, **settings)
+    result = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", **settings)
     found = bi.summary(result)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(symmetry)])
     assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.05)

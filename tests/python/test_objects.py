@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.core import NativeObject
@@ -24,10 +25,6 @@ def problem_file(tmp_path_factory):
 
 #: How each public class is made, and what must be the same of a copy.
 MAKERS = {
-    "Domain": (
-        lambda file: bi.Domain("cubic", (50.0, 40.0, 15.0), (250.0, 150.0, 120.0), 7.2),
-        lambda domain: domain.contains([[168.4, 121.4, 75.4]]),
-    ),
     "Indentation": (
         lambda file: bi.Indentation(refine=0.7, depths=5),
         lambda indentation: (indentation.depths, indentation.run(CRYSTAL, ANGLES).indentation_modulus_gpa),
@@ -38,7 +35,7 @@ MAKERS = {
     ),
     "Problem": (lambda file: bi.Problem(file), lambda problem: (problem.resolved, problem.settings.problem.symmetry)),
     "Surrogate": (
-        lambda file: bi.Surrogate.load("cubic"),
+        lambda file: theory_surrogate("cubic", 1, 4, points=100),
         lambda surrogate: [values.tolist() for values in surrogate.predict(CRYSTAL[None], ANGLES[None])],
     ),
     "BayesindentError": (lambda file: bi.BayesindentError("why"), str),

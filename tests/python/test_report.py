@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.inference.quantities import quantity_names
@@ -12,7 +13,6 @@ from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
 from bayesindent.report.sections import SECTIONS
 from bayesindent.report.words import quantity_in_words
-from bayesindent.surrogate.surrogate import Surrogate
 from conftest import SOURCE
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
@@ -27,7 +27,7 @@ def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus",
     (folder / "grains.csv").write_text("\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]) + "\n")
     file = folder / "case.nml"
     file.write_text(
-        f"&problem symmetry = 'cubic' /\n&surrogate file = 'cubic' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
+        f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
         f"&prior {BOUNDS} /\n&sampler samples = 600, burn_in = 500 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
     )
     return file
@@ -88,8 +88,8 @@ def test_every_kind_of_modulus_has_its_orientation_figure(tmp_path, kind, capsys
 def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys):
     (tmp_path / "case").mkdir()
     file = write_case(tmp_path / "case", COPPER)
-    Surrogate.load("cubic").save(tmp_path / "case" / "mine.nc")
-    file.write_text(file.read_text().replace("'cubic' /\n&measurements", "'mine.nc' /\n&measurements"))
+    theory_surrogate("cubic", 2, 4, points=400).save(tmp_path / "case" / "mine.nc")
+    file.write_text(file.read_text().replace("'halfspace'", "'mine.nc'"))
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     assert main(["extract", str(file), "--output", "out"]) == 0

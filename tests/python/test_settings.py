@@ -33,7 +33,7 @@ def test_every_variable_is_read(variable):
 
 
 def test_a_variable_that_nobody_reads_is_found():
-    assert not is_read("simulation", "budget")
+    assert not is_read("measurements", "patience")
     assert not is_read("design", "nonsense")
 
 

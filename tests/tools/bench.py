@@ -1,4 +1,4 @@
-"""Benchmarks against peers (simulate, build, extract), rates (theory), and studies of accuracy (learning, coverage, paper, shipped, studies)."""
+"""Benchmarks against peers (simulate, build, extract), rates (theory), and studies of accuracy (learning, paper, studies)."""
 
 import argparse
 import importlib

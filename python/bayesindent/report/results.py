@@ -83,7 +83,9 @@ class Results:
     def as_measured(self, modulus) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""
         stated = {name: value for name, value in self.group("measurements").items() if name != "file"}
-        return as_measured(Problem.from_keywords("report", measurements=stated).settings.measurements, modulus)
+        return as_measured(
+            Problem.from_keywords("report", problem={"symmetry": self.symmetry}, measurements=stated).settings.measurements, modulus
+        )
 
     @cached_property
     def surrogate(self) -> Surrogate | None:

@@ -66,10 +66,17 @@ def surrogate(results: Results) -> Section | None:
         ["mean error of a crystal left out (GPa)", number(build.get("leave_crystal_out_gpa"), 3)],
         ["precision of the coefficients, α", f"{build['alpha']:.4g}"],
         ["precision of the simulations, β", f"{build['beta']:.4g}"],
-        ["factor on every sd, learnt from crystals left out", number(build.get("sd_inflation"), 2)],
+        ["sd of a modulus in the domain, mean (%)", number(percent(build, "mean_relative_sd"), 2)],
+        ["the same at its largest (%)", number(percent(build, "largest_relative_sd"), 2)],
         ["stopped because", build.get("stopped", "–")],
     ]
     return Section("Step 1: the surrogate", before=[Table("The surrogate of the indentation modulus", ["", "value"], facts)])
+
+
+def percent(build: dict, name: str) -> float | None:
+    """A share of the domain's document as a percentage."""
+    share = build.get("domain", {}).get(name)
+    return None if share is None else 100 * share
 
 
 def posterior(results: Results) -> Section | None:
@@ -80,8 +87,15 @@ def posterior(results: Results) -> Section | None:
     rows = [
         [name, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)] for name, item, _ in best_first(document)
     ]
+    beside = [
+        [name, *(number(document["parameters"][name][key], 1) for key in ("mean", "sd")), *(number(item[key], 1) for key in ("mean", "sd"))]
+        for name, item in document.get("theory_alone", {}).items()
+    ]
+    title = "Constants (GPa) with the correction of the specimen, and as theory of the half-space alone would have them"
+    compared = [Table(title, ["constant", "mean", "sd", "theory alone, mean", "sd"], beside)] if beside else []
     caption = f"Convergence of {document['chains']} chains of {document['samples']} samples; R-hat should be below 1.01"
-    return Section("Step 2: the elastic constants", after=[Table(caption, ["constant", "R-hat", "effective samples, bulk", "tail"], rows)])
+    mixing = Table(caption, ["constant", "R-hat", "effective samples, bulk", "tail"], rows)
+    return Section("Step 2: the elastic constants", after=[*compared, mixing])
 
 
 def identifiability(results: Results) -> Section | None:

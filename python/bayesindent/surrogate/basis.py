@@ -4,26 +4,28 @@ import numpy as np
 
 from ..core import InputError, NativeObject, check, native
 from ..crystal.elasticity import constant_names
-from ..surrogate.domain import Domain
+from ..settings.problem import Problem
 
 __all__ = ["Basis", "columns"]
 
 
 class Basis(NativeObject):
-    """Terms of a crystal and its orientation over a domain; see docs/surrogate.md.
+    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say; see docs/surrogate.md.
 
-    coordinates: 'box', 'dimensionless'. truncation: 'tensor', 'total'. degree 0..12 of the polynomials, even bandlimit 0..20 of the
-    harmonics.
+    `symmetry`: the class by whose constants crystals are given. Of each term `directional_degrees` and `polynomial_degrees`.
     """
 
     kind = "basis"
+    symmetry: str
+    model: str
+    n_terms: int
+    logarithmic: bool
+    _problem: Problem | None
 
-    def __init__(self, domain: Domain, coordinates: str, truncation: str, degree: int, bandlimit: int):
-        handle, status, message = native.basis_new(
-            domain.symmetry, domain.bounds, domain.anisotropy_cap, coordinates, truncation, [degree, bandlimit]
-        )
+    def __init__(self, problem: Problem):
+        handle, status, message = native.basis_new(problem.handle)
         check(status, message)
-        self._describe(handle, domain)
+        self._describe(handle, problem)
 
     @classmethod
     def of(cls, surrogate: int) -> "Basis":
@@ -34,27 +36,32 @@ class Basis(NativeObject):
         self._describe(handle, None)
         return self
 
-    def _describe(self, handle: int, domain: Domain | None) -> None:
+    @classmethod
+    def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate) -> "Basis":
+        """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`, `bandlimit`, `truncation`."""
+        return cls(Problem.from_keywords("Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate))
+
+    def _describe(self, handle: int, problem: Problem | None) -> None:
         self._hold(handle)
         facts = self._document()
-
-        def array(name: str) -> np.ndarray:
-            return self._array(name, facts.get(name, 0))
-
-        own = domain or Domain(facts["symmetry"], array("c_min"), array("c_max"), facts["anisotropy_cap"])
-        #: Degree of each term's harmonic, and of its polynomial in all coordinates together, (n_terms,).
-        degrees = {name: array(name).astype(int) for name in ("directional_degrees", "polynomial_degrees")}
-        #: Ranges of the coordinates, (m,).
-        ranges = {name: array(name) for name in ("lower", "upper")}
-        names = ("coordinates", "truncation", "degree", "bandlimit", "n_terms", "logarithmic", "least_noise")
-        self.__dict__.update({"domain": own} | {name: facts.get(name) for name in names} | degrees | ranges)
+        arrays = ("c_min", "c_max", "poisson", "directional_degrees", "polynomial_degrees")
+        values = {name: self._array(name, facts.get(name, 0)) for name in arrays}
+        self.__dict__.update({"_problem": problem} | {name: value for name, value in facts.items() if name not in arrays} | values)
 
     def __reduce__(self):
-        return Basis, (self.domain, self.coordinates, self.truncation, self.degree, self.bandlimit)
+        if self._problem is None:
+            return super().__reduce__()
+        return Basis, (self._problem,)
+
+    def crystals(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
+        constants, euler_deg, status, message = native.basis_crystals(self._handle, seed, len(constant_names(self.symmetry)), n)
+        check(status, message)
+        return constants.T.copy(), euler_deg.T.copy()
 
     def terms(self, constants, euler_deg) -> tuple[np.ndarray, np.ndarray]:
         """Terms (n_terms, n) and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
-        terms, scale, status, message = native.basis_terms(self._handle, self.n_terms, *columns(constants, euler_deg, self.domain.symmetry))
+        terms, scale, status, message = native.basis_terms(self._handle, self.n_terms, *columns(constants, euler_deg, self.symmetry))
         check(status, message)
         return terms, scale
 

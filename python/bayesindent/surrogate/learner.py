@@ -12,21 +12,18 @@ __all__ = ["Learner"]
 
 
 class Learner(NativeObject):
-    """Evidence regression over a basis, and the choice of the next candidates by variance. Crystals are constants (n, k) in GPa.
-
-    The prior of the coefficients is centred on zero ('zero', Eq. 6) or on the half-space theory ('theory').
-    """
+    """Evidence regression over a basis, and the choice of the next candidates by variance. Crystals are constants (n, k) in GPa."""
 
     kind = "learner"
 
-    def __init__(self, basis: Basis, prior: str):
-        self.basis, self.prior = basis, prior
-        handle, status, message = native.learner_new(basis.handle, prior)
+    def __init__(self, basis: Basis):
+        self.basis = basis
+        handle, status, message = native.learner_new(basis.handle)
         check(status, message)
         self._hold(handle)
 
-    def set_candidates(self, constants, euler_deg, variance_of: str = "modulus") -> None:
-        """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice: 'modulus', 'log_modulus'."""
+    def set_candidates(self, constants, euler_deg, variance_of: str = "all_moduli") -> None:
+        """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice, see &design."""
         check(*native.learner_candidates(self._handle, variance_of, *self._columns(constants, euler_deg)))
 
     def exclude(self, numbers) -> None:
@@ -71,11 +68,11 @@ class Learner(NativeObject):
         return modulus, z
 
     def precisions(self) -> dict[str, float]:
-        """alpha, beta, and log_evidence of the last `fit`, in units of y."""
+        """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""
         return self._document()
 
     def values(self, name: str) -> np.ndarray:
-        """'mean', 'prior_mean' or 'weights' of the coefficients (n_terms,)."""
+        """'mean' or 'prior_width' of the coefficients (n_terms,)."""
         return self._array(name, self.basis.n_terms)
 
     def covariance(self) -> np.ndarray:
@@ -94,4 +91,4 @@ class Learner(NativeObject):
         return Surrogate.of(handle)
 
     def _columns(self, constants, euler_deg) -> tuple[np.ndarray, np.ndarray]:
-        return columns(constants, euler_deg, self.basis.domain.symmetry)
+        return columns(constants, euler_deg, self.basis.symmetry)

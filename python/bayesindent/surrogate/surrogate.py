@@ -11,19 +11,17 @@ import numpy as np
 
 from ..core import InputError, NativeObject, check, native
 from ..crystal.elasticity import crystal_columns
-from ..settings.problem import Problem
 from ..surrogate.basis import Basis
-from ..surrogate.domain import Domain
 from ..surrogate.lookup import places
 
 __all__ = ["Surrogate", "surrogate_of"]
 
 
 class Surrogate(NativeObject):
-    """Indentation modulus of every crystal of a class, with its uncertainty.
+    """Indentation modulus of the crystals of a domain, with its uncertainty.
 
     Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, a factor `sd_inflation` on every predicted sd, and the
+    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, by which the prior's sd falls from degree to degree, and the
     `provenance`, where it comes from (title, physics, namelist, ..).
     """
 
@@ -31,9 +29,9 @@ class Surrogate(NativeObject):
     basis: Basis
     symmetry: str
 
-    def __init__(self, basis: Basis, coefficients, covariance, *, alpha: float, beta: float, sd_inflation: float = 1.0, provenance=None):
+    def __init__(self, basis: Basis, coefficients, covariance, *, alpha: float, beta: float, fall: float = 1.0, provenance=None):
         handle, status, message = native.surrogate_new(
-            basis.handle, coefficients, covariance, [alpha, beta, sd_inflation], json.dumps(provenance or {}, indent=1)
+            basis.handle, coefficients, covariance, [alpha, beta, fall], json.dumps(provenance or {}, indent=1)
         )
         check(status, message)
         self._describe(handle)
@@ -49,28 +47,28 @@ class Surrogate(NativeObject):
         self._hold(handle)
         facts, basis = self._document(), Basis.of(handle)
         self.__dict__.update(
-            {"basis": basis, "symmetry": basis.domain.symmetry, "provenance": json.loads(facts["provenance"])}
-            | {name: facts[name] for name in ("alpha", "beta", "sd_inflation")}
+            {"basis": basis, "symmetry": basis.symmetry, "provenance": json.loads(facts["provenance"])}
+            | {name: facts[name] for name in ("alpha", "beta", "fall")}
             | {"coefficients": self._array("coefficients", basis.n_terms)}
         )
 
     @classmethod
-    def fit(cls, domain: Domain, constants, euler_deg, modulus_gpa, **settings) -> "Surrogate":
+    def fit(cls, constants, euler_deg, modulus_gpa, *, symmetry=None, domain: dict | None = None, **settings) -> "Surrogate":
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
-        `settings` are the variables of &surrogate: `coordinates`, `truncation`, `degree`, `bandlimit`, `prior`.
+        `symmetry` and `domain`: of &problem and the variables of &domain; `settings`: those of &surrogate. Without bounds in the domain
+        the crystals are given by the constants of a triclinic one.
         """
         from ..surrogate.learner import Learner
 
-        chosen = Problem.from_keywords("Surrogate.fit", surrogate=settings).settings.surrogate
-        learner = Learner(Basis(domain, chosen.coordinates, chosen.truncation, chosen.degree, chosen.bandlimit), chosen.prior)
+        learner = Learner(Basis.from_keywords(symmetry, domain, **settings))
         learner.add(constants, euler_deg, modulus_gpa, chosen=True)
         learner.fit()
-        return learner.surrogate(prior=chosen.prior)
+        return learner.surrogate()
 
     @classmethod
     def load(cls, name, *, symmetry: str = "", output="", folder="") -> "Surrogate":
-        """A surrogate that comes with the package ('cubic', 'hexagonal'), or the file `name` that `save` wrote.
+        """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the file `name` that `save` wrote.
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
         """
@@ -130,7 +128,7 @@ def _from_text(text: str) -> Surrogate:
 
 def surrogate_of(problem, output) -> Surrogate:
     """The surrogate that a problem names: in the output folder, beside the namelist, or one that comes with the package."""
-    name, symmetry = problem.settings.surrogate.file, problem.settings.problem.symmetry
+    name, symmetry = problem.settings.surrogate.file, problem.settings.problem.symmetry or ""
     try:
         return Surrogate.load(name, symmetry=symmetry, output=output, folder=problem.folder)
     except InputError as error:

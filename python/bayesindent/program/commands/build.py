@@ -8,6 +8,7 @@ from ...common.result_files import as_csv
 from ...pipeline.build import build
 from ...pipeline.import_export import ask, tell
 from ...settings.problem import read_crystals
+from ...surrogate.basis import Basis
 from ..command import namelist_command, perform, prepare, with_warnings
 
 __all__ = ["COMMAND"]
@@ -20,7 +21,7 @@ def action(arguments: argparse.Namespace) -> dict:
         arguments.results = None
         return with_warnings(problem, ask(problem, output, arguments.ask))
     if arguments.tell is not None:
-        points = read_crystals(arguments.tell, problem.settings.problem.symmetry)
+        points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
         return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
     return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
 
@@ -35,7 +36,7 @@ def show(document: dict) -> None:
     else:
         print(
             f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "
-            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa"
+            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; {document['domain']['words']}"
         )
 
 

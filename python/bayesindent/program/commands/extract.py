@@ -17,6 +17,9 @@ def show(document: dict) -> None:
         rows.append([name, *values, number(item["r_hat"], 3), number(item["ess_bulk"], 0), number(item["ess_tail"], 0)])
     header = ["constant", "mean", "sd", "most probable", "95 %", "contraction", "R-hat", "ESS bulk", "ESS tail"]
     show_table("Elastic constants (GPa), the best known first", header, rows)
+    if beside := document.get("theory_alone"):
+        said = ", ".join(f"{name} {number(item['mean'])} ± {number(item['sd'])}" for name, item in beside.items())
+        print(f"Theory of the half-space alone would have said: {said}")
     print("The prior that was in effect:", *document["prior"]["words"], sep="\n  ")
 
 

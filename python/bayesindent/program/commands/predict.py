@@ -18,7 +18,7 @@ __all__ = ["COMMAND"]
 def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
-    points = read_crystals(table, model.symmetry)
+    points = read_crystals(table, arguments.symmetry or model.symmetry)
     mean, sd = model.predict(points.stiffness, points.euler_deg)
     file = output_folder(arguments, table) / "predictions.csv"
     write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
@@ -36,8 +36,9 @@ def show(document: dict) -> None:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
-    parser.add_argument("--surrogate", required=True, help="'cubic', 'hexagonal', or a surrogate.txt")
+    parser.add_argument("--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt")
     columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
+    parser.add_argument("--symmetry", default="", help="class of the rows that do not say theirs (default: that of the surrogate)")
     parser.add_argument("--points", required=True, type=Path, metavar="points.csv", help=columns)
 
 

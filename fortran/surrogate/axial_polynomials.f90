@@ -1,0 +1,119 @@
+!> Polynomials of the coordinates of a stiffness about the indenter's axis that do not change when the crystal is turned about that axis
+!> or mirrored: what a specimen with axial symmetry may depend on.
+!>
+!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves whose orders cancel. There are 1, 5,
+!> 29, 141 of them up to degree 0, 1, 2, 3. Each has a factor such that for two points the sum of the products of those of degree d is
+!> the mean of (x x')^d over all turns and mirrors of one of them: equal coefficients prefer no basis of the coordinates.
+module axial_polynomials
+   use axial_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
+   use kinds, only: wp
+   implicit none
+   private
+   public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
+
+   integer, parameter :: greatest_degree = 4
+   !> Factors: numbers of order 0, waves, conjugate waves.
+   integer, parameter :: n_factors = n_axial + 2*n_waves
+
+   type :: axial_polynomials_type
+      integer :: n = 0
+      !> Degree of each, (n), ascending.
+      integer, allocatable :: degrees(:)
+      !> The factors of each, 0 for the number 1, (greatest_degree, n).
+      integer, allocatable, private :: factors(:, :)
+      !> Before the product, (n).
+      real(wp), allocatable, private :: weights(:)
+   end type axial_polynomials_type
+
+contains
+
+   !> All up to a degree.
+   pure function new_axial_polynomials(degree) result(self)
+      !> 0 to `greatest_degree`.
+      integer, intent(in) :: degree
+      type(axial_polynomials_type) :: self
+      integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders]
+      integer :: chosen(greatest_degree), d, k
+
+      allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
+      self%degrees = 0
+      self%factors = 0
+      self%weights = 1.0_wp
+      do d = 1, degree
+         ! Every product of d factors in ascending order.
+         chosen = 0
+         chosen(:d) = 1
+         do
+            if (sum(orders(chosen(:d))) == 0) call append_if_first(chosen, d)
+            k = d
+            do while (k > 0)
+               if (chosen(k) < n_factors) exit
+               k = k - 1
+            end do
+            if (k == 0) exit
+            chosen(k:d) = chosen(k) + 1
+         end do
+      end do
+      self%n = size(self%degrees)
+
+   contains
+
+      !> A product and its conjugate have the same real part: the first of the two counts.
+      pure subroutine append_if_first(product, d)
+         integer, intent(in) :: product(greatest_degree), d
+         integer :: conjugate(d), i, j, swap
+         real(wp) :: square
+
+         do i = 1, d
+            conjugate(i) = product(i)
+            if (product(i) > n_axial + n_waves) conjugate(i) = product(i) - n_waves
+            if (product(i) > n_axial .and. product(i) <= n_axial + n_waves) conjugate(i) = product(i) + n_waves
+         end do
+         do i = 1, d - 1
+            do j = 1, d - i
+               if (conjugate(j) <= conjugate(j + 1)) cycle
+               swap = conjugate(j)
+               conjugate(j) = conjugate(j + 1)
+               conjugate(j + 1) = swap
+            end do
+         end do
+         do i = 1, d
+            if (conjugate(i) < product(i)) return
+            if (conjugate(i) > product(i)) exit
+         end do
+         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not its own conjugate.
+         square = 1.0_wp
+         do i = 1, d
+            square = square*i/count(product(:i) == product(i))
+            if (product(i) > n_axial) square = 0.5_wp*square
+         end do
+         if (any(conjugate /= product(:d))) square = 2.0_wp*square
+         self%weights = [self%weights, sqrt(square)]
+         self%degrees = [self%degrees, d]
+         self%factors = reshape([self%factors, product], [greatest_degree, size(self%degrees)])
+      end subroutine append_if_first
+   end function new_axial_polynomials
+
+   !> All at a point.
+   pure subroutine evaluate_polynomials(self, x, values)
+      type(axial_polynomials_type), intent(in) :: self
+      !> Coordinates about the axis.
+      real(wp), intent(in) :: x(n_coordinates)
+      !> (n).
+      real(wp), intent(out) :: values(:)
+      complex(wp) :: z(0:n_factors), product
+      integer :: i, k
+
+      z(0) = 1.0_wp
+      z(1:n_axial) = x(:n_axial)
+      z(n_axial + 1:n_axial + n_waves) = cmplx(x(n_axial + 1:n_axial + n_waves), x(n_axial + n_waves + 1:), wp)
+      z(n_axial + n_waves + 1:) = conjg(z(n_axial + 1:n_axial + n_waves))
+      do k = 1, self%n
+         product = z(self%factors(1, k))
+         do i = 2, self%degrees(k)
+            product = product*z(self%factors(i, k))
+         end do
+         values(k) = self%weights(k)*real(product, wp)
+      end do
+   end subroutine evaluate_polynomials
+end module axial_polynomials

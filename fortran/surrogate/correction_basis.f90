@@ -1,0 +1,264 @@
+!> What a specimen adds to the exact theory of the half-space, for crystals of every class: M = M_theory exp(y).
+!>
+!> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
+!> does not change when the crystal is turned about the axis (see `axial_polynomials`); its coefficients are the less likely to be large
+!> the higher their degree. Terms of the highest degree that the simulations have not decided are the misfit of the others: a function of
+!> the crystal, which grains of like orientation share.
+module correction_basis
+   use abstract_basis, only: basis_type, grain_model_type
+   use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
+   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: logarithmic_mean, rotation_matrix
+   use errors, only: error_type, exit_bad_input, raise
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: degree_unit => degree, wp
+   use labelled_values, only: labelled_values_type
+   use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
+   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
+   use surrogate_domain, only: domain_type, spread_crystals
+   use text, only: to_text
+   use theory_basis, only: theory_grain_model_type
+   use vector_math, only: dot
+   implicit none
+   private
+   public :: correction_basis_type, new_correction_basis
+
+   !> Relative: least sd of the noise that is believed, and sds of a coefficient of degree 1 and of the noise before they are learnt.
+   real(wp), parameter :: least_noise = 7.0e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
+
+   type, extends(basis_type) :: correction_basis_type
+      integer :: degree = 0
+      type(axial_polynomials_type) :: polynomials
+      !> Of the domain's class.
+      type(log_coordinates_type) :: logarithms
+   contains
+      procedure :: evaluate_terms
+      procedure :: reach
+      procedure :: term_degrees
+      procedure :: exchange
+      procedure :: new_grain_model
+   end type correction_basis_type
+
+   type, extends(theory_grain_model_type) :: correction_grain_model_type
+      private
+      type(axial_polynomials_type) :: polynomials
+      type(log_coordinates_type) :: logarithms
+      !> From coordinates of log K to those about the axis of each grain, (n_coordinates, n_constants, n_grains).
+      real(wp), allocatable :: maps(:, :, :)
+      !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
+      real(wp), allocatable :: coefficients(:), factor(:, :)
+   contains
+      procedure :: set_grains
+      procedure :: evaluate_moduli
+      procedure :: evaluate_columns
+   end type correction_grain_model_type
+
+contains
+
+   !> The correction of a degree over a domain.
+   subroutine new_correction_basis(domain, degree, basis, error)
+      type(domain_type), intent(in) :: domain
+      !> 1 to `greatest_degree`.
+      integer, intent(in) :: degree
+      type(correction_basis_type), intent(out) :: basis
+      type(error_type), allocatable, intent(out) :: error
+
+      if (degree < 1 .or. degree > greatest_degree) then
+         call raise(error, 'degree = '//to_text(degree)//' is outside 1 .. '//to_text(greatest_degree), exit_bad_input)
+         return
+      end if
+      basis%domain = domain
+      basis%degree = degree
+      basis%polynomials = new_axial_polynomials(degree)
+      basis%logarithms = new_log_coordinates(domain%class)
+      basis%n_terms = basis%polynomials%n
+      basis%prior_degrees = basis%polynomials%degrees
+      basis%logarithmic = .true.
+      basis%least_noise = least_noise
+      basis%first_sds = first_sds
+   end subroutine new_correction_basis
+
+   subroutine evaluate_terms(self, c, euler, terms, scale)
+      class(correction_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      !> (n_terms), and GPa.
+      real(wp), intent(out) :: terms(:), scale
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+
+      call halfspace_modulus(c, euler, theory, error)
+      scale = theory%modulus
+      call evaluate_polynomials(self%polynomials, matmul(axial_map(self%logarithms, euler), self%logarithms%to_logarithms(c)), &
+         & terms)
+   end subroutine evaluate_terms
+
+   !> The map from coordinates of log K in crystal axes to those about the indenter's axis.
+   pure function axial_map(logarithms, euler) result(map)
+      type(log_coordinates_type), intent(in) :: logarithms
+      !> Bunge-Euler angles, radians.
+      real(wp), intent(in) :: euler(3)
+      real(wp) :: map(n_coordinates, logarithms%n)
+      real(wp) :: turn(6, 6)
+      integer :: k
+
+      turn = kelvin_rotation(transpose(rotation_matrix(euler)))
+      do k = 1, logarithms%n
+         map(:, k) = axial_coordinates_of(matmul(turn, matmul(logarithms%basis(:, :, k), transpose(turn))))
+      end do
+   end function axial_map
+
+   pure real(wp) function reach(self, c)
+      class(correction_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: poisson, anisotropy
+
+      call logarithmic_mean(c, poisson, anisotropy)
+      associate (domain => self%domain)
+         reach = max(anisotropy/domain%log_anisotropy_max, &
+            & abs(2.0_wp*poisson - sum(domain%poisson))/(domain%poisson(2) - domain%poisson(1)))
+         if (size(domain%lower) > 0) reach = max(reach, maxval(abs(2.0_wp*domain%class%constants_of(c) - domain%lower &
+            & - domain%upper)/(domain%upper - domain%lower)))
+      end associate
+   end function reach
+
+   pure subroutine term_degrees(self, directional, polynomial)
+      class(correction_basis_type), intent(in) :: self
+      !> (n_terms); the direction has none of its own.
+      integer, intent(out) :: directional(:), polynomial(:)
+
+      directional = 0
+      polynomial = self%polynomials%degrees
+   end subroutine term_degrees
+
+   subroutine exchange(self, file)
+      class(correction_basis_type), intent(inout) :: self
+      class(labelled_values_type), intent(inout) :: file
+      type(error_type), allocatable :: error
+      type(correction_basis_type) :: new
+
+      call file%integer('degree', self%degree)
+      if (allocated(file%error) .or. .not. file%reading) return
+      call new_correction_basis(self%domain, self%degree, new, error)
+      if (allocated(error)) then
+         call file%fail(error%message)
+      else
+         select type (self)
+         type is (correction_basis_type)
+            self = new
+         end select
+      end if
+   end subroutine exchange
+
+   subroutine new_grain_model(self, class, coefficients, covariance, model, error)
+      class(correction_basis_type), intent(in) :: self
+      type(crystal_class_type), intent(in) :: class
+      !> (n_terms); (n_terms, n_terms), or of size 0.
+      real(wp), intent(in) :: coefficients(:), covariance(:, :)
+      class(grain_model_type), allocatable, intent(out) :: model
+      type(error_type), allocatable, intent(out) :: error
+      type(correction_grain_model_type), allocatable :: new
+
+      allocate (new)
+      new%class = class
+      new%has_theory = .true.
+      new%polynomials = self%polynomials
+      new%logarithms = new_log_coordinates(class)
+      new%coefficients = coefficients
+      if (size(covariance) > 0) then
+         call factor_where_it_matters(self, covariance, new%factor, error)
+         if (allocated(error)) return
+         new%n_columns = size(new%factor, 2)
+      end if
+      call move_alloc(new, model)
+   end subroutine new_grain_model
+
+   !> F with F Fᵀ the covariance but for 0.2 % of the variance of y, the mean over crystals of the domain: most directions of the
+   !> coefficients hardly matter to any crystal.
+   subroutine factor_where_it_matters(self, covariance, factor, error)
+      class(correction_basis_type), intent(in) :: self
+      real(wp), intent(in) :: covariance(:, :)
+      real(wp), allocatable, intent(out) :: factor(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: n_crystals = 500, seed = 1
+      real(wp), parameter :: share = 2.0e-3_wp
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :), terms(:, :), root(:, :), projected(:, :), gram(:, :), values(:)
+      real(wp) :: scale
+      integer :: i, j, n
+
+      call spread_crystals(self%domain, n_crystals, seed, constants, euler_deg, error)
+      if (allocated(error)) return
+      n = self%n_terms
+      allocate (terms(n, n_crystals), projected(n, n_crystals), gram(n, n), values(n))
+      do i = 1, n_crystals
+         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree_unit*euler_deg(:, i), terms(:, i), scale)
+      end do
+      root = covariance
+      call cholesky_factor(root, error)
+      if (allocated(error)) return
+      do j = 2, n
+         root(:j - 1, j) = 0.0_wp
+      end do
+      call multiply(transpose(root), terms, projected)
+      gram = 0.0_wp
+      call add_gram(projected, 1.0_wp, gram, transposed=.false.)
+      call symmetric_eigen(gram, values, error)
+      if (allocated(error)) return
+      ! Ascending.
+      i = 1
+      do while (i < n .and. sum(values(:i)) <= share*sum(values))
+         i = i + 1
+      end do
+      factor = matmul(root, gram(:, i:))
+   end subroutine factor_where_it_matters
+
+   subroutine set_grains(self, euler, error)
+      class(correction_grain_model_type), intent(inout) :: self
+      !> Bunge-Euler angles (3, n), radians.
+      real(wp), intent(in) :: euler(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      call self%theory_grain_model_type%set_grains(euler, error)
+      if (allocated(error)) return
+      if (allocated(self%maps)) deallocate (self%maps)
+      allocate (self%maps(n_coordinates, self%logarithms%n, size(euler, 2)))
+      do i = 1, size(euler, 2)
+         self%maps(:, :, i) = axial_map(self%logarithms, euler(:, i))
+      end do
+   end subroutine set_grains
+
+   pure subroutine evaluate_moduli(self, c, modulus, slope)
+      class(correction_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (n).
+      real(wp), intent(out), contiguous :: modulus(:), slope(:)
+      real(wp) :: w(self%logarithms%n), terms(self%polynomials%n)
+      integer :: i
+
+      call self%theory_grain_model_type%evaluate_moduli(c, modulus, slope)
+      w = self%logarithms%to_logarithms(c)
+      do i = 1, size(modulus)
+         call evaluate_polynomials(self%polynomials, matmul(self%maps(:, :, i), w), terms)
+         modulus(i) = modulus(i)*exp(dot(self%coefficients, terms))
+      end do
+      slope = modulus
+   end subroutine evaluate_moduli
+
+   pure subroutine evaluate_columns(self, c, columns)
+      class(correction_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      !> (n, n_columns).
+      real(wp), intent(out), contiguous :: columns(:, :)
+      real(wp) :: w(self%logarithms%n), terms(self%polynomials%n)
+      integer :: i, j
+
+      w = self%logarithms%to_logarithms(c)
+      do i = 1, size(columns, 1)
+         call evaluate_polynomials(self%polynomials, matmul(self%maps(:, :, i), w), terms)
+         do j = 1, size(columns, 2)
+            columns(i, j) = dot(terms, self%factor(:, j))
+         end do
+      end do
+   end subroutine evaluate_columns
+end module correction_basis

@@ -1,0 +1,446 @@
+!> What a specimen adds to the theory: coordinates about the indenter's axis, the polynomials of them, the domain of all classes, the basis
+!> and its model of grains.
+program test_correction
+   use abstract_basis, only: basis_type, grain_model_type
+   use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_axial, n_coordinates, n_waves, wave_orders
+   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
+   use bases, only: new_basis
+   use correction_basis, only: correction_basis_type, new_correction_basis
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: kelvin_form, logarithmic_mean, rotate_stiffness, rotation_matrix
+   use errors, only: error_type
+   use kinds, only: degree, pi, wp
+   use linear_algebra, only: symmetric_eigen
+   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use random, only: new_random_stream, random_stream_type
+   use settings_groups, only: surrogate_settings_type
+   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
+   use surrogate_file, only: load_surrogate, save_surrogate
+   use surrogate_model, only: new_grain_model, predict, surrogate_type
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish
+   implicit none
+
+   !> One of each stiffness.
+   character(len=*), parameter :: classes(10) = [character(len=12) :: 'isotropic', 'cubic', 'hexagonal', 'tetragonal', '4/m', &
+      & 'trigonal', '-3', 'orthorhombic', 'monoclinic', 'triclinic']
+   type(random_stream_type) :: stream
+
+   stream = new_random_stream(11, 1)
+   call test_coordinates()
+   call test_counts()
+   call test_polynomials()
+   call test_invariance()
+   call test_reach()
+   call test_basis()
+   call test_grain_models()
+   call test_covariance()
+   call test_file()
+   call finish()
+
+contains
+
+   !> Numbers of a normal distribution.
+   subroutine draw(x)
+      real(wp), intent(out) :: x(:)
+      integer :: i
+
+      do i = 1, size(x)
+         call stream%normal(x(i))
+      end do
+   end subroutine draw
+
+   !> A symmetric matrix of them.
+   function random_matrix() result(a)
+      real(wp) :: a(6, 6)
+      integer :: j
+
+      do j = 1, 6
+         call draw(a(:, j))
+      end do
+      a = 0.5_wp*(a + transpose(a))
+   end function random_matrix
+
+   !> A stable crystal of a class, GPa; its log-anisotropy is of order 0.5.
+   function random_crystal(name) result(c)
+      character(len=*), intent(in) :: name
+      real(wp) :: c(6, 6)
+      type(log_coordinates_type) :: space
+      type(log_frame_type) :: frame
+      real(wp) :: w(21)
+
+      space = new_log_coordinates(class_of(trim(name)))
+      call draw(w)
+      w = 0.5_wp*w/sqrt(1.0_wp + space%n)
+      w(1) = w(1) + 5.8_wp
+      w(2) = w(2) + 4.7_wp*sqrt(5.0_wp)
+      call space%from_logarithms(w(:space%n), c, frame)
+   end function random_crystal
+
+   !> The domain of all crystals of the classes.
+   function wide(members, anisotropy, poisson) result(domain)
+      character(len=*), intent(in) :: members
+      real(wp), intent(in) :: anisotropy, poisson(2)
+      type(domain_type) :: domain
+      type(error_type), allocatable :: error
+
+      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error)
+      if (allocated(error)) call check_success('new_wide_domain', error)
+   end function wide
+
+   function basis_of(degree_of_polynomials) result(basis)
+      integer, intent(in) :: degree_of_polynomials
+      type(correction_basis_type) :: basis
+      type(error_type), allocatable :: error
+
+      call new_correction_basis(wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp]), degree_of_polynomials, basis, error)
+      if (allocated(error)) call check_success('new_correction_basis', error)
+   end function basis_of
+
+   !> Coordinates turned by an angle about the axis, as waves are, and mirrored before.
+   pure function turned(x, angle, mirrored) result(y)
+      real(wp), intent(in) :: x(n_coordinates), angle
+      logical, intent(in) :: mirrored
+      real(wp) :: y(n_coordinates)
+      complex(wp) :: waves(n_waves)
+
+      waves = cmplx(x(n_axial + 1:n_axial + n_waves), x(n_axial + n_waves + 1:), wp)
+      if (mirrored) waves = conjg(waves)
+      waves = waves*exp(cmplx(0.0_wp, wave_orders*angle, wp))
+      y = [x(:n_axial), real(waves, wp), aimag(waves)]
+   end function turned
+
+   subroutine test_coordinates()
+      real(wp) :: a(6, 6), c(6, 6), q(6, 6), r(3, 3), x(n_coordinates), angle
+      integer :: i
+      logical :: mirrored(6)
+
+      c = random_crystal('triclinic')
+      r = rotation_matrix([0.4_wp, 1.1_wp, -0.7_wp])
+      q = kelvin_rotation(r)
+      a = matmul(q, transpose(q))
+      do i = 1, 6
+         a(i, i) = a(i, i) - 1.0_wp
+      end do
+      call check_close('the rotation of Kelvin''s form is orthogonal', maxval(abs(a)), 0.0_wp, 1.0e-14_wp)
+      a = kelvin_form(rotate_stiffness(c, transpose(r))) - matmul(q, matmul(kelvin_form(c), transpose(q)))
+      call check_close('and turns a stiffness as Bond does', maxval(abs(a)), 0.0_wp, 1.0e-11_wp*maxval(c))
+      a = random_matrix()
+      x = axial_coordinates_of(a)
+      call check_close('orthonormal but for the trace', sum(x**2), sum(a**2) - sum([(a(i, i), i=1, 6)])**2/6.0_wp, 1.0e-13_wp)
+      c = 0.0_wp
+      do i = 1, 6
+         c(i, i) = 2.0_wp
+      end do
+      call check_close('the trace has no part in them', maxval(abs(axial_coordinates_of(a + c) - x)), 0.0_wp, 1.0e-14_wp)
+      angle = 0.83_wp
+      q = kelvin_rotation(reshape([cos(angle), sin(angle), 0.0_wp, -sin(angle), cos(angle), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], &
+         & [3, 3]))
+      c = matmul(q, matmul(a, transpose(q)))
+      call check('a turn about the axis turns each wave by its order', min(maxval(abs(axial_coordinates_of(c) - turned(x, angle, &
+         & .false.))), maxval(abs(axial_coordinates_of(c) - turned(x, -angle, .false.)))) < 1.0e-13_wp)
+      ! yz and xy change sign under y -> -y.
+      mirrored = [.false., .false., .false., .true., .false., .true.]
+      do i = 1, 6
+         c(:, i) = merge(-a(:, i), a(:, i), mirrored .neqv. mirrored(i))
+      end do
+      call check_close('the mirror conjugates the waves', maxval(abs(axial_coordinates_of(c) - turned(x, 0.0_wp, .true.))), &
+         & 0.0_wp, 1.0e-14_wp)
+   end subroutine test_coordinates
+
+   !> As many as invariants of the group of turns and mirrors, by Molien's formula.
+   subroutine test_counts()
+      integer, parameter :: counts(0:3) = [1, 5, 29, 141], n_angles = 64
+      type(axial_polynomials_type) :: polynomials
+      real(wp) :: powers(greatest_degree), invariants(0:greatest_degree), turns(0:greatest_degree), mirrors(0:greatest_degree)
+      integer :: d, i, k
+
+      do d = 0, 3
+         polynomials = new_axial_polynomials(d)
+         call check('polynomials up to degree '//achar(48 + d), polynomials%n == counts(d) &
+            & .and. size(polynomials%degrees) == counts(d))
+      end do
+      ! The traces of powers of a turn and of a mirror, and from them those of the symmetric products.
+      invariants = 0.0_wp
+      do i = 0, n_angles - 1
+         powers = [(n_axial + 2.0_wp*sum(cos(2.0_wp*pi*i*k*wave_orders/n_angles)), k=1, greatest_degree)]
+         turns = symmetric_products(powers)
+         invariants = invariants + 0.5_wp*turns/n_angles
+      end do
+      powers = [(merge(n_coordinates, n_axial, mod(k, 2) == 0), k=1, greatest_degree)]
+      mirrors = symmetric_products(powers)
+      invariants = invariants + 0.5_wp*mirrors
+      polynomials = new_axial_polynomials(greatest_degree)
+      do d = 0, greatest_degree
+         call check_close('invariants of degree '//achar(48 + d), real(count(polynomials%degrees == d), wp), invariants(d), &
+            & 1.0e-6_wp)
+      end do
+   end subroutine test_counts
+
+   !> Traces on the symmetric products of degree 0, 1, .. from the traces of the powers (Newton).
+   pure function symmetric_products(powers) result(traces)
+      real(wp), intent(in) :: powers(greatest_degree)
+      real(wp) :: traces(0:greatest_degree)
+      integer :: d, k
+
+      traces(0) = 1.0_wp
+      do d = 1, greatest_degree
+         traces(d) = sum([(powers(k)*traces(d - k), k=1, d)])/d
+      end do
+   end function symmetric_products
+
+   !> Those of one degree are an orthonormal basis: their kernel is the mean of the power of the product of two points over all turns and
+   !> mirrors. They are independent, too.
+   subroutine test_polynomials()
+      integer, parameter :: n_angles = 64, n_points = 300
+      type(axial_polynomials_type) :: polynomials
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: p(:), q(:), gram(:, :), values(:)
+      real(wp) :: x(n_coordinates), y(n_coordinates), kernel(0:greatest_degree)
+      integer :: d, i, k
+
+      polynomials = new_axial_polynomials(greatest_degree)
+      allocate (p(polynomials%n), q(polynomials%n))
+      call draw(x)
+      call draw(y)
+      kernel = 0.0_wp
+      do i = 0, n_angles - 1
+         do d = 0, greatest_degree
+            kernel(d) = kernel(d) + (dot_product(x, turned(y, 2.0_wp*pi*i/n_angles, .false.))**d &
+               & + dot_product(x, turned(y, 2.0_wp*pi*i/n_angles, .true.))**d)/(2*n_angles)
+         end do
+      end do
+      call evaluate_polynomials(polynomials, x, p)
+      call evaluate_polynomials(polynomials, y, q)
+      do d = 0, greatest_degree
+         call check_close('the kernel of degree '//achar(48 + d), sum(p*q, mask=polynomials%degrees == d), kernel(d), &
+            & 1.0e-11_wp*max(1.0_wp, abs(kernel(d))))
+      end do
+      polynomials = new_axial_polynomials(3)
+      deallocate (p)
+      allocate (p(141), gram(141, 141), values(141))
+      gram = 0.0_wp
+      do i = 1, n_points
+         call draw(x)
+         call evaluate_polynomials(polynomials, x, p)
+         do k = 1, 141
+            gram(:, k) = gram(:, k) + p*p(k)
+         end do
+      end do
+      p = [(1.0_wp/sqrt(gram(k, k)), k=1, 141)]
+      do k = 1, 141
+         gram(:, k) = p*p(k)*gram(:, k)
+      end do
+      call symmetric_eigen(gram, values, error)
+      call check('no polynomial is a sum of others', minval(values) > 1.0e-6_wp)
+   end subroutine test_polynomials
+
+   !> Terms of a crystal in an orientation do not change when it is turned about the axis or mirrored, nor with its scale.
+   subroutine test_invariance()
+      type(correction_basis_type) :: basis
+      real(wp), allocatable :: terms(:), others(:)
+      real(wp) :: c(6, 6), seen(6, 6), scale, other, euler(3), origin(3)
+      logical :: mirrored(6)
+      integer :: i
+
+      basis = basis_of(3)
+      allocate (terms(basis%n_terms), others(basis%n_terms))
+      origin = 0.0_wp
+      euler = [0.3_wp, 0.9_wp, 2.1_wp]
+      c = random_crystal('triclinic')
+      call basis%evaluate_terms(c, euler, terms, scale)
+      call basis%evaluate_terms(c, [1.9_wp, euler(2:)], others, other)
+      call check_close('phi1 does not matter', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
+      call check_close('nor to the theory', other/scale, 1.0_wp, 1.0e-10_wp)
+      call basis%evaluate_terms(c, [euler(1), euler(2) + 0.1_wp, euler(3)], others, other)
+      call check('Phi does', maxval(abs(terms - others)) > 1.0e-3_wp)
+      seen = rotate_stiffness(c, rotation_matrix(euler))
+      call basis%evaluate_terms(seen, origin, others, other)
+      call check_close('a crystal in the frame of the sample', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
+      mirrored = [.false., .false., .false., .true., .false., .true.]
+      do i = 1, 6
+         seen(:, i) = merge(-seen(:, i), seen(:, i), mirrored .neqv. mirrored(i))
+      end do
+      call basis%evaluate_terms(seen, origin, others, other)
+      call check_close('a mirrored one', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
+      call check_close('is as stiff', other/scale, 1.0_wp, 1.0e-10_wp)
+      call basis%evaluate_terms(7.0_wp*c, euler, others, other)
+      call check_close('the scale does not matter', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
+      call check_close('but to the theory', other/scale, 7.0_wp, 1.0e-9_wp)
+      ! An isotropic crystal has no waves.
+      c = random_crystal('isotropic')
+      call basis%evaluate_terms(c, origin, terms, scale)
+      call basis%evaluate_terms(c, euler, others, other)
+      call check_close('an isotropic crystal has no orientation', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
+   end subroutine test_invariance
+
+   subroutine test_reach()
+      type(correction_basis_type) :: basis
+      type(domain_type) :: box
+      type(error_type), allocatable :: error
+      type(crystal_class_type) :: class
+      real(wp) :: c(6, 6), poisson, anisotropy
+
+      basis = basis_of(2)
+      class = class_of('cubic')
+      c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
+      call logarithmic_mean(c, poisson, anisotropy)
+      call check_close('copper''s log-anisotropy', anisotropy, 1.28_wp, 5.0e-3_wp)
+      call check_close('is how far out it is', basis%reach(c), anisotropy/1.5_wp, 1.0e-12_wp)
+      call check('it is covered', basis%covers(c))
+      ! Isotropic, nu = 0.45: at the end of the range.
+      c = class%stiffness([0.55_wp, 0.45_wp, 0.05_wp])
+      call check_close('an end of the range', basis%reach(c), 1.0_wp, 1.0e-10_wp)
+      c = class%stiffness([0.54_wp, 0.46_wp, 0.04_wp])
+      call check('beyond it', basis%reach(c) > 1.0_wp .and. .not. basis%covers(c))
+      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error)
+      call new_correction_basis(box, 3, basis, error)
+      call check_success('a correction of one class between bounds', error)
+      c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
+      call check('covers what is between them', basis%covers(c) .and. .not. basis%covers(2.0_wp*c))
+      call check_close('a bound', basis%reach(class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])), 1.0_wp, 1.0e-12_wp)
+   end subroutine test_reach
+
+   subroutine test_basis()
+      type(correction_basis_type) :: basis
+      class(basis_type), allocatable :: other
+      type(error_type), allocatable :: error
+      integer :: directional(141), polynomial(141)
+
+      basis = basis_of(3)
+      call basis%term_degrees(directional, polynomial)
+      call check('degrees of the terms', all(directional == 0) .and. count(polynomial == 0) == 1 .and. count(polynomial == 1) == 4 &
+         & .and. count(polynomial == 2) == 24 .and. count(polynomial == 3) == 112 .and. all(basis%prior_degrees == polynomial))
+      call check_close('y and modulus', basis%to_modulus(basis%to_y(123.0_wp, 98.0_wp), 98.0_wp), 123.0_wp, 1.0e-10_wp)
+      call new_correction_basis(basis%domain, 0, basis, error)
+      call check_refused('no degree', error, 'degree = 0 is outside 1 .. 4')
+      call new_correction_basis(basis_domain(), 5, basis, error)
+      call check_refused('too high a degree', error, 'degree = 5 is outside 1 .. 4')
+      call new_basis(basis_domain(), surrogate_settings_type(model='correction', degree=2, file='', truncation='', scan=''), &
+         & other, error)
+      call check('as the settings ask for', other%n_terms == 29 .and. other%logarithmic)
+   end subroutine test_basis
+
+   function basis_domain() result(domain)
+      type(domain_type) :: domain
+
+      domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp])
+   end function basis_domain
+
+   !> A surrogate of random coefficients that fall with the degree.
+   function random_surrogate() result(surrogate)
+      type(surrogate_type) :: surrogate
+      real(wp), allocatable :: factor(:, :), width(:)
+      integer :: j, n
+
+      allocate (surrogate%basis, source=basis_of(3))
+      n = surrogate%basis%n_terms
+      allocate (surrogate%coefficients(n), factor(n, n))
+      width = 0.05_wp*0.3_wp**surrogate%basis%prior_degrees
+      call draw(surrogate%coefficients)
+      surrogate%coefficients = width*surrogate%coefficients
+      do j = 1, n
+         call draw(factor(:, j))
+         factor(:, j) = 0.1_wp*width*factor(:, j)
+      end do
+      surrogate%covariance = matmul(factor, transpose(factor))/n
+      surrogate%covariance = 0.5_wp*(surrogate%covariance + transpose(surrogate%covariance))
+      surrogate%beta = 1.0e6_wp
+   end function random_surrogate
+
+   !> The model of grains of each class gives what the surrogate predicts, and the same covariance as that of all crystals.
+   subroutine test_grain_models()
+      integer, parameter :: n = 4
+      type(surrogate_type) :: surrogate
+      class(grain_model_type), allocatable :: model, general
+      type(error_type), allocatable :: error
+      real(wp) :: euler(3, n), c(6, 6), moduli(n), slopes(n), modulus(n), sd
+      real(wp), allocatable :: columns(:, :), others(:, :)
+      logical :: right
+      integer :: i, j
+
+      surrogate = random_surrogate()
+      euler = reshape([0.1_wp, 0.2_wp, 0.3_wp, 1.0_wp, 1.5_wp, 2.0_wp, 4.0_wp, 0.9_wp, 0.2_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, n])
+      call new_grain_model(surrogate, class_of('triclinic'), euler, .true., general, error)
+      call check_success('a model of triclinic grains', error)
+      do j = 1, size(classes)
+         call new_grain_model(surrogate, class_of(trim(classes(j))), euler(:, :2), .true., model, error)
+         call model%set_grains(euler, error)
+         call check_success('a model of '//trim(classes(j))//' grains', error)
+         c = random_crystal(classes(j))
+         do i = 1, n
+            call predict(surrogate, c, euler(:, i), modulus(i), sd)
+         end do
+         call model%evaluate_moduli(c, moduli, slopes)
+         call check(trim(classes(j))//': its moduli, read from the field of the theory', maxval(abs(moduli/modulus - 1.0_wp)) &
+            & < 1.0e-3_wp)
+         model%full_above = -1.0_wp
+         call model%evaluate_moduli(c, moduli, slopes)
+         right = maxval(abs(moduli/modulus - 1.0_wp)) < 1.0e-10_wp .and. maxval(abs(slopes/moduli - 1.0_wp)) < 1.0e-14_wp
+         call check(trim(classes(j))//': in full', right)
+         allocate (columns(n, model%n_columns), others(n, general%n_columns))
+         call model%evaluate_columns(c, columns)
+         call general%evaluate_columns(c, others)
+         call check(trim(classes(j))//': its covariance is that of a triclinic crystal', maxval(abs(matmul(columns, &
+            & transpose(columns)) - matmul(others, transpose(others)))) < 1.0e-10_wp*maxval(matmul(others, transpose(others))))
+         deallocate (columns, others)
+      end do
+      call new_grain_model(surrogate, class_of('cubic'), euler, .false., model, error)
+      call check('no columns without covariance', model%n_columns == 0)
+   end subroutine test_grain_models
+
+   !> The columns leave out a hundredth of the variance at most, on crystals that they were not made with, and never add to it.
+   subroutine test_covariance()
+      integer, parameter :: n = 300
+      type(surrogate_type) :: surrogate
+      class(grain_model_type), allocatable :: model
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :), columns(:, :), terms(:)
+      real(wp) :: c(6, 6), scale, whole(n), kept(n)
+      integer :: i
+
+      surrogate = random_surrogate()
+      call spread_crystals(surrogate%basis%domain, n, 77, constants, euler_deg, error)
+      call new_grain_model(surrogate, class_of('triclinic'), degree*euler_deg, .true., model, error)
+      call check_success('many grains', error)
+      allocate (columns(n, model%n_columns), terms(surrogate%basis%n_terms))
+      do i = 1, n
+         c = surrogate%basis%domain%class%stiffness(constants(:, i))
+         call model%set_grains(degree*euler_deg(:, i:i), error)
+         call model%evaluate_columns(c, columns(:1, :))
+         kept(i) = sum(columns(1, :)**2)
+         call surrogate%basis%evaluate_terms(c, degree*euler_deg(:, i), terms, scale)
+         whole(i) = sum(terms*matmul(surrogate%covariance, terms))
+      end do
+      call check('nothing is added', maxval(kept/whole) < 1.0_wp + 1.0e-10_wp)
+      call check_close('a hundredth is left out at most', sum(kept)/sum(whole), 1.0_wp, 0.015_wp)
+      call check('most columns, too', model%n_columns < surrogate%basis%n_terms/2)
+   end subroutine test_covariance
+
+   !> What was written is read to the last bit.
+   subroutine test_file()
+      type(surrogate_type) :: surrogate, copy
+      type(error_type), allocatable :: error
+      character(len=*), parameter :: path = 'test_correction.txt'
+      integer :: unit
+
+      surrogate = random_surrogate()
+      surrogate%provenance = '{}'
+      surrogate%fall = 1.0_wp/3.0_wp
+      call save_surrogate(surrogate, path, error)
+      call check_success('a correction is written', error)
+      call load_surrogate(path, copy, error)
+      call check_success('and read', error)
+      open (newunit=unit, file=path, status='old')
+      close (unit, status='delete')
+      if (allocated(error)) return
+      associate (domain => surrogate%basis%domain, other => copy%basis%domain)
+         call check('with its domain', other%class%name == domain%class%name .and. other%members == domain%members &
+            & .and. all(abs([other%anisotropy_cap - domain%anisotropy_cap, other%log_anisotropy_max - domain%log_anisotropy_max, &
+            & other%poisson - domain%poisson]) <= 0.0_wp) .and. size(other%lower) == 0 .and. size(other%upper) == 0)
+      end associate
+      call check('and its posterior', all(abs(copy%coefficients - surrogate%coefficients) <= 0.0_wp) &
+         & .and. all(abs(copy%covariance - surrogate%covariance) <= 0.0_wp) &
+         & .and. all(abs([copy%alpha - surrogate%alpha, copy%beta - surrogate%beta, copy%fall - surrogate%fall]) <= 0.0_wp) &
+         & .and. copy%basis%n_terms == 141 .and. all(copy%basis%prior_degrees == surrogate%basis%prior_degrees))
+   end subroutine test_file
+end program test_correction
