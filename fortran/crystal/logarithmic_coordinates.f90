@@ -10,7 +10,7 @@ module logarithmic_coordinates
    use kinds, only: wp
    implicit none
    private
-   public :: log_coordinates_type, new_log_coordinates, log_frame_type
+   public :: log_coordinates_type, new_log_coordinates, log_frame_type, logarithm_of
 
    !> Eigenvalues of log K, and its eigenvectors, one a column.
    type :: log_frame_type
@@ -99,7 +99,19 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: w(self%n)
-      real(wp) :: values(6), vectors(6, 6), logarithm(6, 6)
+      real(wp) :: logarithm(6, 6)
+      integer :: j
+
+      logarithm = logarithm_of(c)
+      w = [(sum(self%basis(:, :, j)*logarithm), j=1, self%n)]
+   end function to_logarithms
+
+   !> log K of a stable crystal.
+   pure function logarithm_of(c) result(logarithm)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: logarithm(6, 6)
+      real(wp) :: values(6), vectors(6, 6)
       integer :: j
 
       call diagonalise(kelvin_form(c), values, vectors)
@@ -107,8 +119,7 @@ contains
       do j = 1, 6
          logarithm = logarithm + log(values(j))*spread(vectors(:, j), 2, 6)*spread(vectors(:, j), 1, 6)
       end do
-      w = [(sum(self%basis(:, :, j)*logarithm), j=1, self%n)]
-   end function to_logarithms
+   end function logarithm_of
 
    !> The crystal at coordinates w.
    pure subroutine from_logarithms(self, w, c, frame)

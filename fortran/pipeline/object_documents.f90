@@ -47,7 +47,7 @@ contains
          if (.not. allocated(error)) call describe_problem(problem, visitor)
       case ('build')
          call find_build(handle, build, error)
-         if (.not. allocated(error)) call visitor%document%put_json('', build%document)
+         if (.not. allocated(error)) call describe_build(build, visitor%document)
       case ('indentation')
          call model_of_handle(handle, model, error)
          if (.not. allocated(error)) call describe_model(model, visitor)
@@ -55,6 +55,20 @@ contains
          call describe_surrogate_object(handle, kind, visitor, error)
       end select
    end subroutine describe_object
+
+   !> The document of a build that was concluded, else what is to be said of it so far.
+   subroutine describe_build(build, document)
+      type(build_type), intent(in) :: build
+      type(json_type), intent(inout) :: document
+
+      if (allocated(build%document)) then
+         call document%put_json('', build%document)
+      else
+         call document%begin_object()
+         call document%put('warnings', build%warnings)
+         call document%end_object()
+      end if
+   end subroutine describe_build
 
    !> `schema`, the variables: group, its meaning, name, type, number of values, unit, default, allowed, meaning; and `stages`, the
    !> commands: name, groups, file of its document, summary, description; and `modulus_kinds`, the names.

@@ -15,7 +15,7 @@ module correction_basis
    use kinds, only: degree_unit => degree, wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
-   use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
+   use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text
    use theory_basis, only: theory_grain_model_type
@@ -30,8 +30,6 @@ module correction_basis
    type, extends(basis_type) :: correction_basis_type
       integer :: degree = 0
       type(axial_polynomials_type) :: polynomials
-      !> Of the domain's class.
-      type(log_coordinates_type) :: logarithms
    contains
       procedure :: evaluate_terms
       procedure :: reach
@@ -71,7 +69,6 @@ contains
       basis%domain = domain
       basis%degree = degree
       basis%polynomials = new_axial_polynomials(degree)
-      basis%logarithms = new_log_coordinates(domain%class)
       basis%n_terms = basis%polynomials%n
       basis%prior_degrees = basis%polynomials%degrees
       basis%logarithmic = .true.
@@ -89,9 +86,20 @@ contains
 
       call halfspace_modulus(c, euler, theory, error)
       scale = theory%modulus
-      call evaluate_polynomials(self%polynomials, matmul(axial_map(self%logarithms, euler), self%logarithms%to_logarithms(c)), &
-         & terms)
+      call evaluate_polynomials(self%polynomials, turned_coordinates(logarithm_of(c), euler), terms)
    end subroutine evaluate_terms
+
+   !> Coordinates about the indenter's axis of a matrix in crystal axes.
+   pure function turned_coordinates(matrix, euler) result(x)
+      real(wp), intent(in) :: matrix(6, 6)
+      !> Bunge-Euler angles, radians.
+      real(wp), intent(in) :: euler(3)
+      real(wp) :: x(n_coordinates)
+      real(wp) :: turn(6, 6)
+
+      turn = kelvin_rotation(transpose(rotation_matrix(euler)))
+      x = axial_coordinates_of(matmul(turn, matmul(matrix, transpose(turn))))
+   end function turned_coordinates
 
    !> The map from coordinates of log K in crystal axes to those about the indenter's axis.
    pure function axial_map(logarithms, euler) result(map)
@@ -99,12 +107,10 @@ contains
       !> Bunge-Euler angles, radians.
       real(wp), intent(in) :: euler(3)
       real(wp) :: map(n_coordinates, logarithms%n)
-      real(wp) :: turn(6, 6)
       integer :: k
 
-      turn = kelvin_rotation(transpose(rotation_matrix(euler)))
       do k = 1, logarithms%n
-         map(:, k) = axial_coordinates_of(matmul(turn, matmul(logarithms%basis(:, :, k), transpose(turn))))
+         map(:, k) = turned_coordinates(logarithms%basis(:, :, k), euler)
       end do
    end function axial_map
 
@@ -115,10 +121,12 @@ contains
 
       call logarithmic_mean(c, poisson, anisotropy)
       associate (domain => self%domain)
-         reach = max(anisotropy/domain%log_anisotropy_max, &
-            & abs(2.0_wp*poisson - sum(domain%poisson))/(domain%poisson(2) - domain%poisson(1)))
-         if (size(domain%lower) > 0) reach = max(reach, maxval(abs(2.0_wp*domain%class%constants_of(c) - domain%lower &
-            & - domain%upper)/(domain%upper - domain%lower)))
+         if (size(domain%lower) > 0) then
+            reach = maxval(abs(2.0_wp*domain%class%constants_of(c) - domain%lower - domain%upper)/(domain%upper - domain%lower))
+         else
+            reach = max(anisotropy/domain%log_anisotropy_max, &
+               & abs(2.0_wp*poisson - sum(domain%poisson))/(domain%poisson(2) - domain%poisson(1)))
+         end if
       end associate
    end function reach
 

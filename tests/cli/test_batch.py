@@ -480,7 +480,6 @@ def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.skipif(not SHIPPED, reason="no surrogate comes with the package")
 def test_the_shipped_surrogates_are_where_the_environment_says(batch, bayesindent, tmp_path):
     name = SHIPPED[0]
     (tmp_path / "elsewhere").mkdir()

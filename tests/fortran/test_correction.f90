@@ -14,10 +14,10 @@ program test_correction
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
    use settings_groups, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
+   use surrogate_domain, only: domain_type, new_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, class_of, finish
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
    implicit none
 
    !> One of each stiffness.
@@ -75,17 +75,6 @@ contains
       w(2) = w(2) + 4.7_wp*sqrt(5.0_wp)
       call space%from_logarithms(w(:space%n), c, frame)
    end function random_crystal
-
-   !> The domain of all crystals of the classes.
-   function wide(members, anisotropy, poisson) result(domain)
-      character(len=*), intent(in) :: members
-      real(wp), intent(in) :: anisotropy, poisson(2)
-      type(domain_type) :: domain
-      type(error_type), allocatable :: error
-
-      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error)
-      if (allocated(error)) call check_success('new_wide_domain', error)
-   end function wide
 
    function basis_of(degree_of_polynomials) result(basis)
       integer, intent(in) :: degree_of_polynomials

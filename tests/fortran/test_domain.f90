@@ -6,7 +6,7 @@ program test_domain
    use kinds, only: degree, wp
    use linear_algebra, only: symmetric_eigen
    use surrogate_domain, only: domain_type, new_wide_domain, spread_crystals
-   use testing, only: check, check_close, check_refused, check_success, class_of, finish
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
    implicit none
 
    call test_limits()
@@ -14,17 +14,6 @@ program test_domain
    call finish()
 
 contains
-
-   !> The domain of all crystals of the classes.
-   function wide(members, anisotropy, poisson) result(domain)
-      character(len=*), intent(in) :: members
-      real(wp), intent(in) :: anisotropy, poisson(2)
-      type(domain_type) :: domain
-      type(error_type), allocatable :: error
-
-      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error)
-      if (allocated(error)) call check_success('new_wide_domain', error)
-   end function wide
 
    subroutine test_limits()
       type(domain_type) :: domain

@@ -3,10 +3,11 @@ module testing
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use kinds, only: pi, wp
+   use surrogate_domain, only: domain_type, new_wide_domain
    use text, only: to_text
    implicit none
    private
-   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, finish, clenshaw_curtis_weight
+   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, wide, finish, clenshaw_curtis_weight
 
    integer :: count = 0, failures = 0
 
@@ -69,6 +70,17 @@ contains
       call new_crystal_class(name, class, error)
       if (allocated(error)) call check_success('class_of '//name, error)
    end function class_of
+
+   !> The domain of all crystals of the classes.
+   function wide(members, anisotropy, poisson) result(domain)
+      character(len=*), intent(in) :: members
+      real(wp), intent(in) :: anisotropy, poisson(2)
+      type(domain_type) :: domain
+      type(error_type), allocatable :: error
+
+      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error)
+      if (allocated(error)) call check_success('new_wide_domain', error)
+   end function wide
 
    !> Stiffness (GPa) of a class from its constants (GPa).
    function stiffness_of(name, constants) result(c)

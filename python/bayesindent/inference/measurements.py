@@ -21,11 +21,13 @@ def problem_of(
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
-    `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if it is made for a class. `bounds` maps constants to (low, high) in GPa, either of them perhaps
-    None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
+    `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if that is of one class, between
+    bounds. `bounds` maps constants to (low, high) in GPa, either of them perhaps None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
     `variables` are those of `GROUPS`.
     """
-    symmetry = symmetry or surrogate.symmetry
+    symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
+    if symmetry is None:
+        raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; say 'cubic', for example")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
     for name, value in variables.items():

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import MachineError, NativeObject, call
+from ..core import NativeObject, call
 from ..crystal.elasticity import constant_names
-from ..pipeline.simulator import Simulator, engine_of
+from ..pipeline.simulator import Simulator, engine_of, simulate_all
 from ..surrogate.basis import Basis
 from ..surrogate.lookup import check_replaceable
 
@@ -62,32 +62,13 @@ class Build(NativeObject):
         call("build_store", self.handle, number, [*numbers, points], curve, result.get("message", "").encode())
 
     def perform(self, simulate: Callable, engine, advance: Callable[[int], None], n: int) -> None:
-        """Have the n simulations that are wanted made by an engine; each is stored as soon as it is done.
+        """Have the n simulations that are wanted made by an engine; each is stored as soon as it is done."""
 
-        What the machine could not do is no result: it is tried once more, alone, and is raised if that fails too.
-        """
-        again = []
+        def store(k: int, result: dict) -> None:
+            self.store(k, result)
+            advance(int("modulus_gpa" in result))
 
-        def attempt(point) -> dict | MachineError:
-            try:
-                return simulate(*point)
-            except MachineError as error:
-                return error
-
-        def store(k: int, result: dict | MachineError) -> None:
-            if isinstance(result, MachineError):
-                again.append(k)
-            else:
-                self.store(k, result)
-                advance(int("modulus_gpa" in result))
-
-        points = list(zip(*self.wanted(n), strict=True))
-        engine.map(attempt, points, store)
-        for k in sorted(again):
-            result = attempt(points[k])
-            if isinstance(result, MachineError):
-                raise result
-            store(k, result)
+        simulate_all(simulate, list(zip(*self.wanted(n), strict=True)), engine, store)
 
     def ask(self, count: int) -> list[dict]:
         """The next crystals before the moduli of the first are known: rows by the names of columns."""
@@ -95,6 +76,10 @@ class Build(NativeObject):
         constants, euler_deg = call("build_ask", self.handle, len(constant_names(symmetry)), count)
         header = [*constant_names(symmetry), "phi1_deg", "Phi_deg", "phi2_deg"]
         return [dict(zip(header, row, strict=True)) for row in np.vstack([constants, euler_deg]).T.tolist()]
+
+    def warnings(self) -> list[str]:
+        """What is to be said of the build so far."""
+        return self._document()["warnings"]
 
     def conclude(self) -> dict:
         """Write the surrogate, and say how good it is: the document of `build`."""

@@ -14,7 +14,8 @@ __all__ = ["ask", "tell"]
 
 def ask(problem, output, count: int) -> dict:
     """The next `count` crystals: the document of `build --ask`, whose points are rows by the names of columns."""
-    return {"points": Build(problem, output).ask(count), "warnings": []}
+    steps = Build(problem, output)
+    return {"points": steps.ask(count), "warnings": steps.warnings()}
 
 
 def tell(problem, output, points, name: str = "the table") -> dict:

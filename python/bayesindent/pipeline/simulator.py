@@ -10,7 +10,7 @@ from ..fe.indentation import resolution
 from ..pipeline.campaign import Campaign
 from ..pipeline.engines import ENGINES
 
-__all__ = ["Simulator", "engine_of", "other_mesh", "physics_identity", "resolution_warnings", "simulate_into"]
+__all__ = ["Simulator", "engine_of", "other_mesh", "physics_identity", "resolution_warnings", "simulate_all", "simulate_into"]
 
 
 class Simulator(NativeObject):
@@ -66,28 +66,38 @@ def engine_of(problem):
 def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, engine, done: Callable[[bool], None]) -> None:
     """Simulate crystals (symmetry, constants, angles in degrees) by an engine; each is a row as soon as it is done, in this order.
 
-    One that fails is stored as failed. What the machine could not do is no result: it is tried once more, alone, and is raised if that
-    fails too. done(success) is called after each. An exception, or an interrupt, starts no more; what is under way is still stored.
+    One that fails is stored as failed. done(success) is called after each.
     """
-    first, again = campaign.next_position(), []
+    first = campaign.next_position()
 
-    def attempt(crystal) -> dict | MachineError:
-        symmetry, constants, euler_deg = crystal
+    def store(k: int, result: dict) -> None:
+        campaign.add(*crystals[k], position=first + k, **result)
+        done("modulus_gpa" in result)
+
+    points = [(stiffness_rows(symmetry, [constants])[0], euler_deg) for symmetry, constants, euler_deg in crystals]
+    simulate_all(simulate, points, engine, store)
+
+
+def simulate_all(simulate: Callable, points: Sequence, engine, store: Callable[[int, dict], None]) -> None:
+    """Simulate points (stiffness (6, 6) in GPa, angles (3,) in degrees) by an engine, and store(number, result) each as soon as it is done.
+
+    What the machine could not do is no result: it is tried once more, alone, and is raised if that fails too. An exception, or an
+    interrupt, starts no more; what is under way is still stored.
+    """
+    again = []
+
+    def attempt(point) -> dict | MachineError:
         try:
-            return simulate(stiffness_rows(symmetry, [constants])[0], euler_deg)
+            return simulate(*point)
         except MachineError as error:
             return error
 
-    def store(k: int, result: dict | MachineError) -> None:
+    def collect(k: int, result: dict | MachineError) -> None:
         if isinstance(result, MachineError):
             again.append(k)
         else:
-            campaign.add(*crystals[k], position=first + k, **result)
-            done("modulus_gpa" in result)
+            store(k, result)
 
-    engine.map(attempt, crystals, store)
+    engine.map(attempt, points, collect)
     for k in sorted(again):
-        result = attempt(crystals[k])
-        if isinstance(result, MachineError):
-            raise result
-        store(k, result)
+        store(k, simulate(*points[k]))
