@@ -2,8 +2,8 @@
 !>
 !> Strains of order 0, 1, 2 about the axis: p = zz, q = (xx + yy)/sqrt 2; w1 = (xz + i yz)/sqrt 2; w2 = ((xx - yy)/sqrt 2 + i xy)/sqrt 2.
 !> The components of the matrix between them turn by m times the angle, m the sum of their orders: five real numbers of order 0, one of
-!> them the trace, which is left out here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x conjugates the
-!> latter. All are coordinates in an orthonormal basis: the sum of their squares is that of the matrix' entries, without its trace.
+!> them the trace, which comes last here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x conjugates the
+!> latter. All are coordinates in an orthonormal basis: the sum of their squares is that of the matrix' entries.
 module axial_coordinates
    use kinds, only: wp
    implicit none
@@ -12,8 +12,8 @@ module axial_coordinates
 
    integer, parameter :: n_axial = 4, n_waves = 8
    integer, parameter :: wave_orders(n_waves) = [1, 1, 1, 2, 2, 2, 3, 4]
-   !> Order 0, then the real parts of the waves, then their imaginary parts.
-   integer, parameter :: n_coordinates = n_axial + 2*n_waves
+   !> Order 0, then the real parts of the waves, then their imaginary parts, then the trace over sqrt 6.
+   integer, parameter :: n_coordinates = n_axial + 2*n_waves + 1
 
    real(wp), parameter :: root_2 = sqrt(2.0_wp), root_half = sqrt(0.5_wp)
    !> The numbers pp, qq, sqrt 2 pq, sqrt 2 w1*w1, sqrt 2 w2*w2 in four directions orthogonal to the trace: dilatation against shear, the
@@ -36,12 +36,14 @@ contains
       complex(wp), parameter :: p(6) = [o, o, (1.0_wp, 0.0_wp), o, o, o], q(6) = [h, h, o, o, o, o], &
          & w1(6) = [o, o, o, ih, h, o], w2(6) = [(0.5_wp, 0.0_wp), (-0.5_wp, 0.0_wp), o, o, o, ih]
       complex(wp) :: waves(n_waves)
-      real(wp) :: order_0(5)
+      real(wp) :: order_0(5), trace
+      integer :: i
 
       order_0 = [between(p, p), between(q, q), root_2*between(p, q), root_2*between(conjg(w1), w1), root_2*between(conjg(w2), w2)]
       waves = [2.0_wp*between(p, w1), 2.0_wp*between(q, w1), 2.0_wp*between(conjg(w1), w2), &
          & 2.0_wp*between(p, w2), 2.0_wp*between(q, w2), root_2*between(w1, w1), 2.0_wp*between(w1, w2), root_2*between(w2, w2)]
-      x = [matmul(order_0, directions), real(waves, wp), aimag(waves)]
+      trace = sum([(matrix(i, i), i=1, 6)])
+      x = [matmul(order_0, directions), real(waves, wp), aimag(waves), trace/sqrt(6.0_wp)]
 
    contains
 

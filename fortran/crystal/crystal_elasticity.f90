@@ -250,18 +250,22 @@ contains
       call logarithmic_mean(c, poisson, log_anisotropy)
    end function log_anisotropy
 
-   !> Poisson's ratio of the isotropic part of log K, and the norm of what is left, the log-anisotropy; NaN for an unstable crystal.
-   pure subroutine logarithmic_mean(c, poisson, anisotropy)
+   !> Poisson's ratio of the isotropic part of log K, the norm of what is left, the log-anisotropy, and the geometric mean of the
+   !> eigenvalues of K; NaN for an unstable crystal.
+   pure subroutine logarithmic_mean(c, poisson, anisotropy, stiffness)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
       !> Without unit.
       real(wp), intent(out) :: poisson, anisotropy
+      !> GPa.
+      real(wp), intent(out), optional :: stiffness
       real(wp) :: values(6), vectors(6, 6), logs(6), bulk, shear
 
       call diagonalise(kelvin_form(c), values, vectors)
       if (.not. minval(values) > 0.0_wp) then
          poisson = ieee_value(1.0_wp, ieee_quiet_nan)
          anisotropy = poisson
+         if (present(stiffness)) stiffness = poisson
          return
       end if
       logs = log(values)
@@ -270,6 +274,7 @@ contains
       shear = (sum(logs) - bulk)/5.0_wp
       anisotropy = sqrt(max(0.0_wp, sum(logs**2) - bulk**2 - 5.0_wp*shear**2))
       poisson = (exp(bulk - shear) - 1.0_wp)/(2.0_wp*exp(bulk - shear) + 1.0_wp)
+      if (present(stiffness)) stiffness = exp(sum(logs)/6.0_wp)
    end subroutine logarithmic_mean
 
    !> The stiffness as a tensor of rank two in six dimensions: rows and columns 4 to 6 times sqrt 2.

@@ -81,30 +81,34 @@ subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale
    end do
 end subroutine basis_terms
 
-!> Of n crystals (stiffness, GPa): the reach of each, see `abstract_basis`, and covered: 1 if a surrogate with the basis knows it,
-!> else 0.
-subroutine basis_coverage(handle, n, stiffness, reach, covered, status, message)
+!> Of n crystals (stiffness, GPa): the reach of each, see `abstract_basis`, covered: 1 if a surrogate with the basis knows it, else 0, and
+!> the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+subroutine basis_coverage(handle, n, stiffness, reach, covered, scale, status, message)
    use abstract_basis, only: basis_type
+   use crystal_elasticity, only: logarithmic_mean
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_basis
    implicit none
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: stiffness(6, 6, n)
-   real(c_double), intent(out) :: reach(n)
+   real(c_double), intent(out) :: reach(n), scale(n)
    integer(c_int), intent(out) :: covered(n)
    integer(c_int), intent(out) :: status
    character(len=512), intent(out) :: message
    class(basis_type), pointer :: basis
    type(error_type), allocatable :: error
+   real(c_double) :: poisson, anisotropy
    integer :: i
 
    reach = 0
    covered = 0
+   scale = 0
    call find_basis(handle, basis, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
    do i = 1, n
+      call logarithmic_mean(stiffness(:, :, i), poisson, anisotropy, scale(i))
       reach(i) = basis%reach(stiffness(:, :, i))
       covered(i) = merge(1, 0, basis%covers(stiffness(:, :, i)))
    end do

@@ -52,6 +52,8 @@ module constants_prior
       logical :: in_logarithms = .false.
       !> Share of the prior, without its normal factors, that the surrogate covers, estimated.
       real(wp) :: share_inside = 1.0_wp
+      !> The range of the scale (geometric mean of the eigenvalues of the Kelvin stiffness, GPa) to which the surrogate is limited.
+      real(wp) :: known_scale(2) = [0.0_wp, huge(1.0_wp)]
       type(knowledge_type) :: knowledge
       !> Inverse of the lower Cholesky factor of the covariance of what is known, (n, n).
       real(wp), allocatable, private :: whitening(:, :)
@@ -177,6 +179,7 @@ contains
          inside(n) = basis%covers(c)
       end do
       allocate (prior%basis, source=basis)
+      if (size(basis%domain%lower) == 0) prior%known_scale = basis%domain%stiffness
       if (n == 0) then
          call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
             & exit_bad_input)

@@ -118,14 +118,17 @@ contains
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: members
+      real(wp), allocatable :: stiffness(:)
       real(wp) :: cap
       integer :: i
 
+      call range_of_scale(self, stiffness, error)
+      if (allocated(error)) return
       associate (stated => self%settings%domain)
          if (allocated(stated%c_min) .and. allocated(stated%c_max)) then
             cap = huge(1.0_wp)
             if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
-            call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error)
+            call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error, stiffness)
          else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
             call raise(error, 'c_min and c_max are needed together, and for an anisotropy_cap', exit_bad_input)
          else if (self%settings%surrogate%model == 'paper') then
@@ -139,9 +142,36 @@ contains
                end do
             end if
             call new_wide_domain(general_class, members, stated%log_anisotropy_max, [stated%poisson_min, stated%poisson_max], &
-               & domain, error)
+               & domain, error, stiffness)
          end if
          if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
       end associate
    end subroutine domain_of
+
+   !> The range of the scale of the crystals on which the correction depends; not allocated where it does not.
+   subroutine range_of_scale(self, stiffness, error)
+      type(problem_type), intent(in) :: self
+      !> The least and the greatest, see `surrogate_domain`, GPa.
+      real(wp), allocatable, intent(out) :: stiffness(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: names(2) = ['stiffness_min_gpa', 'stiffness_max_gpa']
+      logical :: stated(2)
+
+      associate (domain => self%settings%domain)
+         stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
+         if (.not. any(stated)) return
+         if (self%settings%surrogate%model == 'paper') then
+            call raise(error, place(self%path, 'domain', names(findloc(stated, .true., 1)))//'the paper''s model has no scale ' &
+               & //'apart from its constants; allowed with model = ''correction''', exit_bad_input)
+         else if (.not. all(stated)) then
+            call raise(error, place(self%path, 'domain', names(findloc(stated, .false., 1)))//'the variable is missing; ' &
+               & //names(findloc(stated, .true., 1))//' needs it', exit_bad_input)
+         else
+            stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
+            if (stiffness(1) < stiffness(2)) return
+            call raise(error, place(self%path, 'domain', names(1))//to_text(stiffness(1))//' GPa is not below the ' &
+               & //'stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', exit_bad_input)
+         end if
+      end associate
+   end subroutine range_of_scale
 end module build_checks

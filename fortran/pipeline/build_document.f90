@@ -16,7 +16,7 @@ module build_document
    use surrogate_file, only: save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
    use surrogate_model, only: predict, surrogate_type
-   use text, only: to_text
+   use text, only: fixed, to_text
    use truncation_scan, only: read_scan
    use warning_lists, only: warn
    implicit none
@@ -164,7 +164,8 @@ contains
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp), parameter :: near = 0.9_wp
       real(wp), allocatable :: relative(:)
-      real(wp) :: modulus, sd, poisson, anisotropy, reached, range(2), c(6, 6)
+      real(wp) :: modulus, sd, poisson, anisotropy, scale, reached, range(2), scales(2), c(6, 6)
+      character(len=:), allocatable :: words
       integer :: i, worst
 
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
@@ -176,27 +177,35 @@ contains
          end do
          worst = maxloc(relative, 1)
          c = domain%class%stiffness(candidates%constants(:, worst))
-         call logarithmic_mean(c, poisson, anisotropy)
+         call logarithmic_mean(c, poisson, anisotropy, scale)
+         words = ' and Poisson''s ratio of '//to_text(poisson, 3)
+         if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale, 1)//' GPa'
          call page%begin_object('domain')
          call page%put('mean_relative_sd', sum(relative)/size(relative))
          call page%put('largest_relative_sd', relative(worst))
          call page%put('words', 'the sd of a modulus in the domain is '//percent(sum(relative)/size(relative))//' % on average, ' &
-            & //percent(relative(worst))//' % at most, at a log-anisotropy of '//to_text(anisotropy, 3) &
-            & //' and Poisson''s ratio of '//to_text(poisson, 3))
+            & //percent(relative(worst))//' % at most, at a log-anisotropy of '//to_text(anisotropy, 3)//words)
          call page%end_object()
          if (domain%log_anisotropy_max >= huge(1.0_wp)) return
          reached = 0.0_wp
          range = [0.5_wp, -1.0_wp]
+         scales = [huge(1.0_wp), 0.0_wp]
          do i = 1, size(stiffness, 3)
-            call logarithmic_mean(stiffness(:, :, i), poisson, anisotropy)
+            call logarithmic_mean(stiffness(:, :, i), poisson, anisotropy, scale)
             reached = max(reached, anisotropy)
             range = [min(range(1), poisson), max(range(2), poisson)]
+            scales = [min(scales(1), scale), max(scales(2), scale)]
          end do
          if (reached < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a log-anisotropy of ' &
             & //to_text(reached, 3)//' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
          if (range(2) - range(1) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, 'only crystals with ' &
             & //'Poisson''s ratios from '//to_text(range(1), 2)//' to '//to_text(range(2), 2)//' were simulated; the domain ' &
             & //'reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+         if (.not. domain%has_scale()) return
+         if (log(scales(2)/scales(1)) < near*log(domain%stiffness(2)/domain%stiffness(1))) call warn(build%warnings, 'only ' &
+            & //'crystals of a scale (geometric mean of the stiffness'' eigenvalues) from '//fixed(scales(1), 1)//' to ' &
+            & //fixed(scales(2), 1)//' GPa were simulated; the domain reaches from '//to_text(domain%stiffness(1))//' to ' &
+            & //to_text(domain%stiffness(2))//' GPa')
       end associate
    end subroutine put_domain
 

@@ -238,7 +238,7 @@ contains
       integer :: i, k
 
       k = found%posterior%n_constants
-      call judge_coverage(found%posterior%prior%share_inside, warnings)
+      call judge_coverage(found%posterior%prior%share_inside, found%posterior%prior%known_scale, warnings)
       call judge_theory(found%field_error, warnings)
       call judge_knowledge(found%posterior%prior%knowledge, found%conflict, warnings)
       do i = 1, size(found%names)

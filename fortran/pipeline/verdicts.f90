@@ -22,13 +22,19 @@ module verdicts
 contains
 
    !> A surrogate that knows only a part of the prior.
-   subroutine judge_coverage(share_inside, warnings)
+   subroutine judge_coverage(share_inside, known_scale, warnings)
       !> Share of the stated crystals that are in the surrogate's domain.
       real(wp), intent(in) :: share_inside
+      !> Of a prior, see `constants_prior`.
+      real(wp), intent(in) :: known_scale(2)
       type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=:), allocatable :: scale
 
+      scale = ''
+      if (known_scale(2) < huge(1.0_wp)) scale = ' (a scale, the geometric mean of the stiffness'' eigenvalues, of ' &
+         & //to_text(known_scale(1))//' to '//to_text(known_scale(2))//' GPa)'
       if (share_inside < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share_inside, 0)//' % of the ' &
-         & //'crystals within the stated bounds; the posterior is cut to these')
+         & //'crystals within the stated bounds'//scale//'; the posterior is cut to these')
    end subroutine judge_coverage
 
    !> Theory that was read too roughly, after all attempts.

@@ -40,6 +40,8 @@ module settings_groups
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
       real(wp) :: log_anisotropy_max = 0.0_wp, poisson_min = 0.0_wp, poisson_max = 0.0_wp
+      !> GPa.
+      real(wp), allocatable :: stiffness_min_gpa, stiffness_max_gpa
    end type domain_settings_type
 
    type :: surrogate_settings_type

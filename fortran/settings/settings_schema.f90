@@ -64,6 +64,12 @@ contains
          & 'correction: least Poisson''s ratio of its isotropic part')
       call v%real('poisson_max', s%domain%poisson_max, '0.45', '(-1, 0.5)', '', &
          & 'correction: greatest Poisson''s ratio of its isotropic part')
+      call v%optional_real('stiffness_min_gpa', s%domain%stiffness_min_gpa, 'unset', '[0.1, 1e4]', 'GPa', &
+         & 'correction: least scale, the geometric mean of the six eigenvalues of the Kelvin stiffness (near Young''s modulus: ' &
+         & //'187 for 200 and a Poisson''s ratio of 0.3); given both, the correction depends on the scale, as where the specimen ' &
+         & //'has a stiffness of its own')
+      call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, 'unset', '[0.1, 1e4]', 'GPa', &
+         & 'correction: greatest scale')
       call v%constants('c_min', s%domain%c_min, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants: with these the crystals are those of &problem symmetry (the paper''s model needs them)')
       call v%constants('c_max', s%domain%c_max, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')

@@ -2,8 +2,9 @@
 !> or mirrored: what a specimen with axial symmetry may depend on.
 !>
 !> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves whose orders cancel. There are 1, 5,
-!> 29, 141 of them up to degree 0, 1, 2, 3. Each has a factor such that for two points the sum of the products of those of degree d is
-!> the mean of (x x')^d over all turns and mirrors of one of them: equal coefficients prefer no basis of the coordinates.
+!> 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176 where the scale of the stiffness is one of the numbers. Each has a factor
+!> such that for two points the sum of the products of those of degree d is the mean of (x x')^d over all turns and mirrors of one of
+!> them: equal coefficients prefer no basis of the coordinates.
 module axial_polynomials
    use axial_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
    use kinds, only: wp
@@ -12,15 +13,19 @@ module axial_polynomials
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
 
    integer, parameter :: greatest_degree = 4
-   !> Factors: numbers of order 0, waves, conjugate waves.
-   integer, parameter :: n_factors = n_axial + 2*n_waves
+   !> Factors: numbers of order 0, waves, conjugate waves, the scale.
+   integer, parameter :: n_factors = n_axial + 2*n_waves + 1, scale_factor = n_factors
 
    type :: axial_polynomials_type
       integer :: n = 0
+      !> The coordinates that they depend on: all, or all but the last, which is the scale.
+      integer :: n_coordinates = 0
       !> Degree of each, (n), ascending.
       integer, allocatable :: degrees(:)
       !> The factors of each, 0 for the number 1, (greatest_degree, n).
       integer, allocatable, private :: factors(:, :)
+      !> The last coordinate is counted from here.
+      real(wp), private :: centre = 0.0_wp
       !> Before the product, (n).
       real(wp), allocatable, private :: weights(:)
    end type axial_polynomials_type
@@ -28,13 +33,22 @@ module axial_polynomials
 contains
 
    !> All up to a degree.
-   pure function new_axial_polynomials(degree) result(self)
+   pure function new_axial_polynomials(degree, centre) result(self)
       !> 0 to `greatest_degree`.
       integer, intent(in) :: degree
+      !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
+      real(wp), intent(in), optional :: centre
       type(axial_polynomials_type) :: self
-      integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders]
-      integer :: chosen(greatest_degree), d, k
+      integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
+      integer :: chosen(greatest_degree), d, k, last
 
+      self%n_coordinates = n_coordinates - 1
+      last = n_factors - 1
+      if (present(centre)) then
+         self%n_coordinates = n_coordinates
+         last = n_factors
+         self%centre = centre
+      end if
       allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
       self%degrees = 0
       self%factors = 0
@@ -47,7 +61,7 @@ contains
             if (sum(orders(chosen(:d))) == 0) call append_if_first(chosen, d)
             k = d
             do while (k > 0)
-               if (chosen(k) < n_factors) exit
+               if (chosen(k) < last) exit
                k = k - 1
             end do
             if (k == 0) exit
@@ -66,8 +80,8 @@ contains
 
          do i = 1, d
             conjugate(i) = product(i)
-            if (product(i) > n_axial + n_waves) conjugate(i) = product(i) - n_waves
-            if (product(i) > n_axial .and. product(i) <= n_axial + n_waves) conjugate(i) = product(i) + n_waves
+            if (.not. is_wave(product(i))) cycle
+            conjugate(i) = product(i) + merge(n_waves, -n_waves, product(i) <= n_axial + n_waves)
          end do
          do i = 1, d - 1
             do j = 1, d - i
@@ -85,20 +99,27 @@ contains
          square = 1.0_wp
          do i = 1, d
             square = square*i/count(product(:i) == product(i))
-            if (product(i) > n_axial) square = 0.5_wp*square
+            if (is_wave(product(i))) square = 0.5_wp*square
          end do
          if (any(conjugate /= product(:d))) square = 2.0_wp*square
          self%weights = [self%weights, sqrt(square)]
          self%degrees = [self%degrees, d]
          self%factors = reshape([self%factors, product], [greatest_degree, size(self%degrees)])
       end subroutine append_if_first
+
+      !> Whether a factor is a wave or a conjugate wave.
+      pure logical function is_wave(factor)
+         integer, intent(in) :: factor
+
+         is_wave = factor > n_axial .and. factor /= scale_factor
+      end function is_wave
    end function new_axial_polynomials
 
    !> All at a point.
    pure subroutine evaluate_polynomials(self, x, values)
       type(axial_polynomials_type), intent(in) :: self
-      !> Coordinates about the axis.
-      real(wp), intent(in) :: x(n_coordinates)
+      !> Coordinates about the axis, (self%n_coordinates).
+      real(wp), intent(in) :: x(:)
       !> (n).
       real(wp), intent(out) :: values(:)
       complex(wp) :: z(0:n_factors), product
@@ -106,8 +127,9 @@ contains
 
       z(0) = 1.0_wp
       z(1:n_axial) = x(:n_axial)
-      z(n_axial + 1:n_axial + n_waves) = cmplx(x(n_axial + 1:n_axial + n_waves), x(n_axial + n_waves + 1:), wp)
-      z(n_axial + n_waves + 1:) = conjg(z(n_axial + 1:n_axial + n_waves))
+      z(n_axial + 1:n_axial + n_waves) = cmplx(x(n_axial + 1:n_axial + n_waves), x(n_axial + n_waves + 1:n_axial + 2*n_waves), wp)
+      z(n_axial + n_waves + 1:n_axial + 2*n_waves) = conjg(z(n_axial + 1:n_axial + n_waves))
+      if (size(x) == n_coordinates) z(scale_factor) = x(n_coordinates) - self%centre
       do k = 1, self%n
          product = z(self%factors(1, k))
          do i = 2, self%degrees(k)

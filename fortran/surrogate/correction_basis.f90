@@ -1,9 +1,9 @@
 !> What a specimen adds to the exact theory of the half-space, for crystals of every class: M = M_theory exp(y).
 !>
 !> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
-!> does not change when the crystal is turned about the axis (see `axial_polynomials`); its coefficients are the less likely to be large
-!> the higher their degree. Terms of the highest degree that the simulations have not decided are the misfit of the others: a function of
-!> the crystal, which grains of like orientation share.
+!> does not change when the crystal is turned about the axis (see `axial_polynomials`), nor with its scale unless the domain states a
+!> range of that; its coefficients are the less likely to be large the higher their degree. Terms of the highest degree that the
+!> simulations have not decided are the misfit of the others: a function of the crystal, which grains of like orientation share.
 module correction_basis
    use abstract_basis, only: basis_type, grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
@@ -42,7 +42,7 @@ module correction_basis
       private
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
-      !> From coordinates of log K to those about the axis of each grain, (n_coordinates, n_constants, n_grains).
+      !> From coordinates of log K to those about the axis of each grain, (coordinate, n_constants, n_grains).
       real(wp), allocatable :: maps(:, :, :)
       !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
@@ -68,7 +68,12 @@ contains
       end if
       basis%domain = domain
       basis%degree = degree
-      basis%polynomials = new_axial_polynomials(degree)
+      if (domain%has_scale()) then
+         ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the eigenvalues.
+         basis%polynomials = new_axial_polynomials(degree, sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
+      else
+         basis%polynomials = new_axial_polynomials(degree)
+      end if
       basis%n_terms = basis%polynomials%n
       basis%prior_degrees = basis%polynomials%degrees
       basis%logarithmic = .true.
@@ -83,10 +88,12 @@ contains
       real(wp), intent(out) :: terms(:), scale
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
+      real(wp) :: x(n_coordinates)
 
       call halfspace_modulus(c, euler, theory, error)
       scale = theory%modulus
-      call evaluate_polynomials(self%polynomials, turned_coordinates(logarithm_of(c), euler), terms)
+      x = turned_coordinates(logarithm_of(c), euler)
+      call evaluate_polynomials(self%polynomials, x(:self%polynomials%n_coordinates), terms)
    end subroutine evaluate_terms
 
    !> Coordinates about the indenter's axis of a matrix in crystal axes.
@@ -117,15 +124,17 @@ contains
    pure real(wp) function reach(self, c)
       class(correction_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: poisson, anisotropy
+      real(wp) :: poisson, anisotropy, stiffness
 
-      call logarithmic_mean(c, poisson, anisotropy)
+      call logarithmic_mean(c, poisson, anisotropy, stiffness)
       associate (domain => self%domain)
          if (size(domain%lower) > 0) then
             reach = maxval(abs(2.0_wp*domain%class%constants_of(c) - domain%lower - domain%upper)/(domain%upper - domain%lower))
          else
             reach = max(anisotropy/domain%log_anisotropy_max, &
                & abs(2.0_wp*poisson - sum(domain%poisson))/(domain%poisson(2) - domain%poisson(1)))
+            if (domain%has_scale()) reach = max(reach, abs(2.0_wp*log(stiffness) - sum(log(domain%stiffness))) &
+               & /(log(domain%stiffness(2)) - log(domain%stiffness(1))))
          end if
       end associate
    end function reach
@@ -225,14 +234,16 @@ contains
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
+      real(wp) :: map(n_coordinates, self%logarithms%n)
       integer :: i
 
       call self%theory_grain_model_type%set_grains(euler, error)
       if (allocated(error)) return
       if (allocated(self%maps)) deallocate (self%maps)
-      allocate (self%maps(n_coordinates, self%logarithms%n, size(euler, 2)))
+      allocate (self%maps(self%polynomials%n_coordinates, self%logarithms%n, size(euler, 2)))
       do i = 1, size(euler, 2)
-         self%maps(:, :, i) = axial_map(self%logarithms, euler(:, i))
+         map = axial_map(self%logarithms, euler(:, i))
+         self%maps(:, :, i) = map(:self%polynomials%n_coordinates, :)
       end do
    end subroutine set_grains
 

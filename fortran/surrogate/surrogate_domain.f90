@@ -12,8 +12,8 @@ module surrogate_domain
    private
    public :: domain_type, new_domain, new_wide_domain, exchange_domain, spread_crystals
 
-   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or limits of the log-anisotropy and of
-   !> Poisson's ratio, the latter that of the isotropic part of log K. What is not stated is no limit.
+   !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or limits of the log-anisotropy, of
+   !> Poisson's ratio, that of the isotropic part of log K, and of the scale. What is not stated is no limit.
    type :: domain_type
       !> Of the constants by which crystals are given, and of all that are in the domain.
       type(crystal_class_type) :: class
@@ -22,7 +22,11 @@ module surrogate_domain
       !> GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), poisson(2) = [-1.0_wp, 0.5_wp]
+      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated what the specimen
+      !> adds depends on it. Bounds of the constants go before it.
+      real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
+      procedure :: has_scale
       procedure :: admits
       procedure :: is_of_class
       procedure :: is_within_limits
@@ -31,7 +35,7 @@ module surrogate_domain
 contains
 
    !> The domain of a class between bounds below a cap.
-   subroutine new_domain(class, lower, upper, anisotropy_cap, domain, error)
+   subroutine new_domain(class, lower, upper, anisotropy_cap, domain, error, stiffness)
       !> Name or synonym of the crystal class.
       character(len=*), intent(in) :: class
       !> GPa, (n_constants).
@@ -40,6 +44,8 @@ contains
       real(wp), intent(in) :: anisotropy_cap
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
+      !> See `set_scale`.
+      real(wp), intent(in), optional :: stiffness(2)
       integer :: j
 
       call new_crystal_class(class, domain%class, error)
@@ -65,10 +71,11 @@ contains
       domain%lower = lower
       domain%upper = upper
       domain%anisotropy_cap = anisotropy_cap
+      if (present(stiffness)) call set_scale(domain, stiffness, error)
    end subroutine new_domain
 
    !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios.
-   subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error)
+   subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error, stiffness)
       !> Name of the crystal class.
       character(len=*), intent(in) :: class
       !> Names of the classes that are spread over the domain, separated by ', '.
@@ -79,6 +86,8 @@ contains
       real(wp), intent(in) :: poisson(2)
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
+      !> See `set_scale`.
+      real(wp), intent(in), optional :: stiffness(2)
       type(crystal_class_type) :: member
       character(len=:), allocatable :: names(:)
       integer :: i
@@ -104,19 +113,43 @@ contains
       allocate (domain%lower(0), domain%upper(0))
       domain%log_anisotropy_max = log_anisotropy_max
       domain%poisson = poisson
+      if (present(stiffness)) call set_scale(domain, stiffness, error)
    end subroutine new_wide_domain
 
+   !> State the range of the scale.
+   subroutine set_scale(domain, stiffness, error)
+      type(domain_type), intent(inout) :: domain
+      !> The least and the greatest geometric mean of the eigenvalues of the Kelvin stiffness, GPa, above 0.
+      real(wp), intent(in) :: stiffness(2)
+      type(error_type), allocatable, intent(out) :: error
+
+      domain%stiffness = stiffness
+      if (.not. (stiffness(1) > 0.0_wp .and. stiffness(1) < stiffness(2) .and. domain%has_scale())) call raise(error, &
+         & 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2))//' GPa are no range; the least must be ' &
+         & //'positive and below the greatest', exit_bad_input)
+   end subroutine set_scale
+
+   !> Whether the range of the scale is stated.
+   pure logical function has_scale(self)
+      class(domain_type), intent(in) :: self
+
+      has_scale = self%stiffness(2) < huge(1.0_wp)
+   end function has_scale
+
    !> Write a domain, or read what was written.
-   subroutine exchange_domain(domain, file)
+   subroutine exchange_domain(domain, file, with_scale)
       type(domain_type), intent(inout) :: domain
       class(labelled_values_type), intent(inout) :: file
+      !> The range of the scale, too.
+      logical, intent(in) :: with_scale
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
-      real(wp), allocatable :: poisson(:)
+      real(wp), allocatable :: poisson(:), scale(:)
 
       if (.not. file%reading) then
          name = domain%class%name
          poisson = domain%poisson
+         scale = domain%stiffness
       end if
       call file%text('symmetry', name)
       call file%text('classes', domain%members)
@@ -125,6 +158,7 @@ contains
       call file%real('anisotropy_cap', domain%anisotropy_cap)
       call file%real('log_anisotropy_max', domain%log_anisotropy_max)
       call file%reals('poisson', poisson)
+      if (with_scale) call file%reals('stiffness', scale)
       if (allocated(file%error) .or. .not. file%reading) return
       call new_crystal_class(name, domain%class, error)
       if (allocated(error)) then
@@ -134,6 +168,10 @@ contains
          call file%fail('the limits of the domain are not those of a '//name//' crystal')
       else
          domain%poisson = poisson
+         if (.not. with_scale) return
+         if (size(scale) == 2) call set_scale(domain, scale, error)
+         if (size(scale) /= 2) call file%fail('the stiffness is no range')
+         if (allocated(error)) call file%fail(error%message)
       end if
    end subroutine exchange_domain
 
@@ -163,19 +201,20 @@ contains
       is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> Whether a crystal is stable and its anisotropy and Poisson's ratio are within the limits.
+   !> Whether a crystal is stable and its anisotropy, Poisson's ratio and scale are within the limits; where there are bounds of the
+   !> constants these are the cap alone.
    pure logical function is_within_limits(self, c)
       class(domain_type), intent(in) :: self
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: poisson, anisotropy
+      real(wp) :: poisson, anisotropy, stiffness
 
       ! The index of an unstable crystal is NaN.
       is_within_limits = anisotropy_index(c) <= self%anisotropy_cap
       if (.not. is_within_limits .or. self%log_anisotropy_max >= huge(1.0_wp)) return
-      call logarithmic_mean(c, poisson, anisotropy)
+      call logarithmic_mean(c, poisson, anisotropy, stiffness)
       is_within_limits = anisotropy <= self%log_anisotropy_max .and. poisson >= self%poisson(1) &
-         & .and. poisson <= self%poisson(2)
+         & .and. poisson <= self%poisson(2) .and. stiffness >= self%stiffness(1) .and. stiffness <= self%stiffness(2)
    end function is_within_limits
 
    !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.
@@ -192,9 +231,9 @@ contains
          call spread_in_box(domain, n, seed, constants, angles, error)
          if (allocated(error)) return
       else
-         call latin_hypercube(5, n, seed, unit)
-         call spread_logarithms(domain, unit(:2, :), seed, constants, error)
-         angles = unit(3:, :)
+         call latin_hypercube(merge(6, 5, domain%has_scale()), n, seed, unit)
+         call spread_logarithms(domain, unit, seed, constants, error)
+         angles = unit(3:5, :)
       end if
       ! Phi within 0..90: a direction and its opposite are the same indentation.
       euler_deg(1, :) = 360.0_wp*angles(1, :)
@@ -239,8 +278,8 @@ contains
          & //to_text(domain%anisotropy_cap), exit_bad_input)
    end subroutine spread_in_box
 
-   !> Crystals whose log(3K/2G) and log-anisotropy are spread as `unit` (2, n) over the unit square, anisotropic in random ways; the classes
-   !> of the domain take turns. The mean of log K is that of 100 GPa.
+   !> Crystals whose log(3K/2G) and log-anisotropy are spread as the first two rows of `unit` (5 or 6, n) over the unit square, anisotropic
+   !> in random ways; the classes of the domain take turns. The logarithm of their scale is spread as row 6, or that of 100 GPa.
    subroutine spread_logarithms(domain, unit, seed, constants, error)
       type(domain_type), intent(in) :: domain
       real(wp), intent(in) :: unit(:, :)
@@ -270,6 +309,7 @@ contains
          associate (space => coordinates(1 + mod(i - 1, size(names))))
             between = contrast(1) + unit(1, i)*(contrast(2) - contrast(1))
             mean = log(typical)
+            if (domain%has_scale()) mean = (1.0_wp - unit(6, i))*log(domain%stiffness(1)) + unit(6, i)*log(domain%stiffness(2))
             w(1) = mean + 5.0_wp/6.0_wp*between
             w(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
             k = space%n

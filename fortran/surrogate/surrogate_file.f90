@@ -16,7 +16,8 @@ module surrogate_file
    public :: save_surrogate, load_surrogate, check_replaceable, check_values, exchange_surrogate
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   integer, parameter :: version = 2
+   !> The latter has the range of the scale: only what has one is written so.
+   integer, parameter :: version = 2, version_with_scale = 3
 
 contains
 
@@ -103,18 +104,20 @@ contains
       character(len=:), allocatable :: name
       integer :: number
 
-      number = version
+      if (.not. file%reading) then
+         name = basis_name(surrogate%basis)
+         number = merge(version_with_scale, version, surrogate%basis%domain%has_scale())
+      end if
       call file%integer(label, number)
-      if (number /= version) call file%fail('it has version '//to_text(number)//' of the format; version '//to_text(version) &
-         & //' is known')
-      if (.not. file%reading) name = basis_name(surrogate%basis)
+      if (all(number /= [version, version_with_scale])) call file%fail('it has version '//to_text(number)//' of the format; ' &
+         & //'versions '//to_text(version)//' and '//to_text(version_with_scale)//' are known')
       call file%text('model', name)
       if (file%reading .and. .not. allocated(file%error)) then
          call allocate_basis(name, surrogate%basis, error)
          if (allocated(error)) call file%fail(error%message)
       end if
       if (allocated(file%error)) return
-      call exchange_domain(surrogate%basis%domain, file)
+      call exchange_domain(surrogate%basis%domain, file, number == version_with_scale)
       if (allocated(file%error)) return
       call surrogate%basis%exchange(file)
       call file%real('alpha', surrogate%alpha)

@@ -5,11 +5,12 @@ program test_domain
    use errors, only: error_type
    use kinds, only: degree, wp
    use linear_algebra, only: symmetric_eigen
-   use surrogate_domain, only: domain_type, new_wide_domain, spread_crystals
+   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
    implicit none
 
    call test_limits()
+   call test_scale()
    call test_hypercube()
    call finish()
 
@@ -50,14 +51,48 @@ contains
       call check_refused('an incompressible crystal', error, 'no range within -1 .. 0.5')
    end subroutine test_limits
 
-   !> Each of the five numbers that are spread has one crystal in each of n equal parts of its range.
+   !> The scale of isotropic crystals: (3K)^(1/6) (2G)^(5/6).
+   subroutine test_scale()
+      type(domain_type) :: domain
+      type(error_type), allocatable :: error
+      type(crystal_class_type) :: class
+      real(wp), parameter :: young = 200.0_wp, nu = 0.3_wp, sixth = 1.0_wp/6.0_wp
+      real(wp) :: steel(6, 6), poisson, anisotropy, scale, found
+
+      class = class_of('isotropic')
+      associate (shear => 0.5_wp*young/(1.0_wp + nu), lame => young*nu/((1.0_wp + nu)*(1.0_wp - 2.0_wp*nu)))
+         steel = class%stiffness([lame + 2.0_wp*shear, lame])
+      end associate
+      scale = (young/(1.0_wp - 2.0_wp*nu))**sixth*(young/(1.0_wp + nu))**(5.0_wp*sixth)
+      call logarithmic_mean(steel, poisson, anisotropy, found)
+      call check_close('the scale of steel', found, scale, 1.0e-10_wp)
+      call check_close('is near its Young''s modulus', found, 187.0_wp, 0.5_wp)
+      domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp])
+      call check('no scale is no limit', .not. domain%has_scale() .and. domain%admits(1000.0_wp*steel))
+      domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], [scale/2.0_wp, 3.0_wp*scale])
+      call check('a range of the scale', domain%has_scale() .and. domain%admits(steel))
+      call check('its ends', domain%admits(0.501_wp*steel) .and. domain%admits(2.999_wp*steel))
+      call check('beyond them', .not. domain%admits(0.499_wp*steel) .and. .not. domain%admits(3.001_wp*steel))
+      call new_domain('isotropic', [10.0_wp, 10.0_wp], [2000.0_wp, 1000.0_wp], 1.0_wp, domain, error, [1.0_wp, 2.0_wp])
+      call check_success('a range of the scale and bounds of the constants', error)
+      call check('of which the bounds count', domain%has_scale() .and. domain%admits(steel) &
+         & .and. .not. domain%admits(10.0_wp*steel))
+      call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error, [50.0_wp, 50.0_wp])
+      call check_refused('a range without a width', error, 'stiffnesses from 50.0 to 50.0 GPa are no range')
+      call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error, [0.0_wp, 50.0_wp])
+      call check_refused('one from nothing', error, 'stiffnesses from 0.0 to 50.0 GPa are no range')
+      call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error, [50.0_wp, huge(1.0_wp)])
+      call check_refused('one without an end', error, 'are no range')
+   end subroutine test_scale
+
+   !> Each of the five numbers that are spread, and of six with the scale, has one crystal in each of n equal parts of its range.
    subroutine test_hypercube()
       integer, parameter :: n = 400
       type(domain_type) :: domain
       type(error_type), allocatable :: error
       type(crystal_class_type) :: cubic
-      real(wp), allocatable :: constants(:, :), euler_deg(:, :), again(:, :), angles(:, :)
-      real(wp) :: unit(5, n), c(6, 6), poisson, anisotropy, ends(2), values(6)
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :), again(:, :), angles(:, :), at_100(:, :), angles_at_100(:, :)
+      real(wp) :: unit(6, n), c(6, 6), poisson, anisotropy, ends(2), values(6), scale
       logical :: inside, taken
       integer :: i, j
 
@@ -72,7 +107,7 @@ contains
          call logarithmic_mean(c, poisson, anisotropy)
          unit(1, i) = (log((1.0_wp + poisson)/(1.0_wp - 2.0_wp*poisson)) - ends(1))/(ends(2) - ends(1))
          unit(2, i) = anisotropy/1.3_wp
-         unit(3:, i) = [euler_deg(1, i)/360.0_wp, 1.0_wp - cos(euler_deg(2, i)*degree), euler_deg(3, i)/360.0_wp]
+         unit(3:5, i) = [euler_deg(1, i)/360.0_wp, 1.0_wp - cos(euler_deg(2, i)*degree), euler_deg(3, i)/360.0_wp]
          if (i == 1) then
             c = kelvin_form(c)
             call symmetric_eigen(c, values, error)
@@ -86,8 +121,24 @@ contains
       end do
       call spread_crystals(domain, n, 5, again, angles, error)
       call check('the same of the same seed', all(abs(again - constants) <= 0.0_wp) .and. all(abs(angles - euler_deg) <= 0.0_wp))
+      at_100 = constants
+      angles_at_100 = euler_deg
       call spread_crystals(domain, n, 6, again, angles, error)
       call check('others of another', minval(maxval(abs(again - constants), 1)) > 0.0_wp)
+      domain = wide('triclinic', 1.3_wp, [0.1_wp, 0.4_wp], [20.0_wp, 500.0_wp])
+      call spread_crystals(domain, n, 5, constants, euler_deg, error)
+      inside = .true.
+      taken = .true.
+      do i = 1, n
+         c = domain%class%stiffness(constants(:, i))
+         inside = inside .and. domain%admits(c)
+         call logarithmic_mean(c, poisson, anisotropy, scale)
+         unit(6, i) = log(scale/20.0_wp)/log(25.0_wp)
+         taken = taken .and. maxval(abs(100.0_wp/scale*constants(:, i) - at_100(:, i))) < 1.0e-5_wp*maxval(at_100(:, i))
+      end do
+      call check('all within the scale are admitted', inside)
+      call check('one in each part of the scale', all([(count(int(n*unit(6, :)) == i) == 1, i=0, n - 1)]))
+      call check('they are else as without it', taken .and. all(abs(euler_deg - angles_at_100) <= 0.0_wp))
       domain = wide('cubic, hexagonal', 1.3_wp, [0.1_wp, 0.4_wp])
       call spread_crystals(domain, n, 5, constants, euler_deg, error)
       cubic = class_of('cubic')

@@ -18,16 +18,18 @@ program test_fit
    call test_fits('cubic', 'correction', 3, 0, 40, 0.25_wp)
    call test_fits('', 'correction', 3, 0, 40, 0.4_wp)
    call test_choice()
+   call test_choice([50.0_wp, 450.0_wp])
    call finish()
 
 contains
 
-   !> A basis over the paper's domain of a class, or over that of all crystals.
-   subroutine make_basis(symmetry, model, degree_of_terms, bandlimit, basis)
+   !> A basis over the paper's domain of a class, or over that of all crystals, of any scale or between two, GPa.
+   subroutine make_basis(symmetry, model, degree_of_terms, bandlimit, basis, stiffness)
       !> The class, or ''; 'paper' or 'correction'.
       character(len=*), intent(in) :: symmetry, model
       integer, intent(in) :: degree_of_terms, bandlimit
       class(basis_type), allocatable, intent(out) :: basis
+      real(wp), intent(in), optional :: stiffness(2)
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
       type(error_type), allocatable :: error
@@ -35,7 +37,7 @@ contains
       if (symmetry == 'cubic') then
          call new_domain(symmetry, [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, domain, error)
       else
-         call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error)
+         call new_wide_domain('triclinic', 'triclinic', 1.5_wp, [0.05_wp, 0.45_wp], domain, error, stiffness)
       end if
       settings%model = model
       settings%truncation = 'tensor'
@@ -105,18 +107,22 @@ contains
       call check_refused('a negative modulus', error, 'not positive')
    end subroutine test_fits
 
-   !> The rules against the variances themselves: the largest, or that of all that a choice would leave.
-   subroutine test_choice()
+   !> The rules against the variances themselves: the largest, or that of all that a choice would leave, of log M where the scale varies.
+   subroutine test_choice(stiffness)
+      !> The range of the scale, if it counts.
+      real(wp), intent(in), optional :: stiffness(2)
       class(basis_type), allocatable :: basis
       type(learner_type) :: learner
       type(surrogate_type) :: surrogate
       type(error_type), allocatable :: error
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       character(len=*), parameter :: rules(3) = [character(len=11) :: 'modulus', 'log_modulus', 'all_moduli']
-      real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale, terms(29, 200), reach(29)
+      real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale
+      real(wp), allocatable :: terms(:, :), reach(:)
       integer :: i, rule, chosen(3)
 
-      call make_basis('', 'correction', 2, 0, basis)
+      call make_basis('', 'correction', 2, 0, basis, stiffness)
+      allocate (terms(basis%n_terms, 200))
       call simulate(basis, 230, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
       call choose_next(learner, 1, chosen, variance, error)
@@ -137,7 +143,8 @@ contains
          if (rule == 3) then
             do i = 1, 200
                reach = matmul(surrogate%covariance, terms(:, i))
-               sd(i) = sum(mean**2*(matmul(reach, terms))**2)/(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
+               sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(matmul(reach, terms))**2) &
+                  & /(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
             end do
          end if
          call choose_next(learner, 1, chosen, variance, error)

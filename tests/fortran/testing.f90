@@ -71,14 +71,15 @@ contains
       if (allocated(error)) call check_success('class_of '//name, error)
    end function class_of
 
-   !> The domain of all crystals of the classes.
-   function wide(members, anisotropy, poisson) result(domain)
+   !> The domain of all crystals of the classes, of any scale or within the range `stiffness`, GPa.
+   function wide(members, anisotropy, poisson, stiffness) result(domain)
       character(len=*), intent(in) :: members
       real(wp), intent(in) :: anisotropy, poisson(2)
+      real(wp), intent(in), optional :: stiffness(2)
       type(domain_type) :: domain
       type(error_type), allocatable :: error
 
-      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error)
+      call new_wide_domain('triclinic', members, anisotropy, poisson, domain, error, stiffness)
       if (allocated(error)) call check_success('new_wide_domain', error)
    end function wide
 

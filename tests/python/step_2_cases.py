@@ -33,9 +33,9 @@ def surrogates():
     return dict.fromkeys(SYMMETRIES, bi.Surrogate.load("halfspace"))
 
 
-def rough_correction(degree=2, directions=6, sd=0.01, beta=1e5):
+def rough_correction(degree=2, directions=6, sd=0.01, beta=1e5, domain=None):
     """A correction of random coefficients, with an sd of y that comes from a few directions of these, which matter alike."""
-    basis = Basis.from_keywords(model="correction", degree=degree)
+    basis = Basis.from_keywords(domain=domain, model="correction", degree=degree)
     rng = np.random.default_rng(1)
     terms = basis.terms(*basis.crystals(1000, 3))[0]
     values, vectors = np.linalg.eigh(terms @ terms.T / 1000)

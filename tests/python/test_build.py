@@ -462,3 +462,29 @@ def test_what_was_not_simulated_is_named(tmp_path):
     words = "\n".join(document["warnings"])
     assert re.search(r"no crystal above a log-anisotropy of 0\.[34]\d* was simulated; the domain reaches 1\.2", words)
     assert re.search(r"only crystals with Poisson's ratios from 0\.2\d* to 0\.(29|30?) were simulated", words)
+
+
+def test_a_build_over_the_scale(tmp_path, specimens):
+    """Crystals of every scale are candidates; an interrupted build goes on; what of the scale was not simulated is named."""
+    model = CORRECTION | {"domain": {"log_anisotropy_max": "1.2", "stiffness_min_gpa": "50", "stiffness_max_gpa": "450"}}
+    first = build(make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 12}), tmp_path)
+    again = build(make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 24}), tmp_path)
+    assert (first["terms"], again["simulations"], again["new_simulations"]) == (35, 24, 12)
+    assert not any("simulated" in line for line in again["warnings"])
+    assert re.search(r" and a scale of \d+(\.\d+)? GPa$", again["domain"]["words"])
+    surrogate = Surrogate.load(tmp_path / "surrogate.txt")
+    scale = surrogate.basis.coverage(stiffness_rows("triclinic", surrogate.data["constants"]))[2]
+    assert scale.min() < 60
+    assert scale.max() > 375
+    whole = build(make_problem(tmp_path / "b", model=model, design={"n_candidates": 300, "budget": 24}), tmp_path / "b")
+    assert [again[key] for key in ("alpha", "beta", "fall", "loocv_gpa")] == [whole[key] for key in ("alpha", "beta", "fall", "loocv_gpa")]
+    rows = np.hstack(
+        Basis.from_keywords(domain={"stiffness_min_gpa": 100.0, "stiffness_max_gpa": 200.0, "log_anisotropy_max": 1.2}).crystals(20, 1)
+    )
+    names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
+    (tmp_path / "mine.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
+    few = build(make_problem(tmp_path / "c", model=model, design={"candidates": "'../mine.csv'", "budget": 12}), tmp_path / "c")
+    assert any(
+        re.search(r"only crystals of a scale .* from 1\d\d\.?\d* to (1|2)\d\d\.?\d* GPa were simulated; the domain", line)
+        for line in few["warnings"]
+    )

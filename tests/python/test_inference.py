@@ -121,10 +121,11 @@ def test_likelihood_is_the_dense_one(rough, symmetry, kind, family, full, calibr
 
 
 @pytest.mark.parametrize("name", ["forsterite", "quartz", "albite", "Zn"])
-def test_a_correction_of_all_classes_serves_each(name):
+@pytest.mark.parametrize("domain", [{}, {"stiffness_min_gpa": 30.0, "stiffness_max_gpa": 300.0}], ids=["any scale", "a range"])
+def test_a_correction_of_all_classes_serves_each(name, domain):
     """The same with a covariance of full rank, of which the core keeps what matters."""
-    model = rough_correction(degree=3, directions=141, sd=0.02, beta=1e8)
-    rng = np.random.default_rng(4)
+    model = rough_correction(degree=3, directions=141, sd=0.02, beta=1e8, domain=domain)
+    rng = np.random.default_rng(6)
     angles = np.column_stack([rng.uniform(0, 360, 8), np.degrees(np.arccos(rng.uniform(0, 1, 8))), rng.uniform(0, 360, 8)])
     symmetry, point = crystal(name)
     stiffness = stiffness_rows(symmetry, [point])[0]

@@ -214,8 +214,8 @@ def namelists(draw):
         v
         for v in schema()
         if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior", "knowledge")
-        and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "n_candidates", "budget",
-                           "initial", "file", "scan", "target", "model", "degree", "bandlimit")
+        and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
+                           "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit")
     ]  # fmt: skip
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import eigh
-from step_2_cases import columns, reference, table_of
+from step_2_cases import columns, reference, rough_correction, table_of
 from theory_cases import FILES, theory_surrogate
 
 import bayesindent as bi
@@ -167,6 +167,18 @@ def test_crystals_that_the_surrogate_does_not_know_are_cut_and_told(rough):
     assert any("the surrogate knows" in line for line in bi.summary(result)["warnings"])
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names("cubic")], axis=1)
     assert not rough["cubic", "correction"].outside(stiffness_rows("cubic", draws)).any()
+
+
+def test_a_range_of_the_scale_cuts_the_prior_and_is_named():
+    narrow = rough_correction(domain={"stiffness_min_gpa": 180.0, "stiffness_max_gpa": 200.0})
+    settings = {"symmetry": "cubic", "bounds": {"C11": (150, 250), "C12": (90, 150), "C44": (80, 140)}, "anisotropy_cap": 7.2}
+    result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=narrow, samples=1000, chains=2, **settings)
+    named = r"the surrogate knows \d+ % .* \(a scale, the geometric mean of the stiffness' eigenvalues, of 180.0 to 200.0 GPa\)"
+    assert any(re.search(named, line) for line in bi.summary(result)["warnings"])
+    c11, c12, c44 = (result.posterior[name].values.ravel() for name in constant_names("cubic"))
+    scale = (c11 + 2 * c12) ** (1 / 6) * (c11 - c12) ** (1 / 3) * (2 * c44) ** (1 / 2)
+    assert scale.min() >= 180
+    assert scale.max() <= 200
 
 
 def test_kinds_of_modulus_agree(surrogates):

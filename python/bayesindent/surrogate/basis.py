@@ -12,7 +12,8 @@ __all__ = ["Basis", "columns"]
 class Basis(NativeObject):
     """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say; see docs/surrogate.md.
 
-    `symmetry`: the class by whose constants crystals are given. Of each term `directional_degrees` and `polynomial_degrees`.
+    `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale in GPa on which the terms depend, empty
+    where they do not. Of each term `directional_degrees` and `polynomial_degrees`.
     """
 
     kind = "basis"
@@ -44,7 +45,7 @@ class Basis(NativeObject):
     def _describe(self, handle: int, problem: Problem | None) -> None:
         self._hold(handle)
         facts = self._document()
-        arrays = ("c_min", "c_max", "poisson", "directional_degrees", "polynomial_degrees")
+        arrays = ("c_min", "c_max", "poisson", "stiffness", "directional_degrees", "polynomial_degrees")
         values = {name: self._array(name, facts.get(name, 0)) for name in arrays}
         self.__dict__.update({"_problem": problem} | {name: value for name, value in facts.items() if name not in arrays} | values)
 
@@ -74,11 +75,12 @@ class Basis(NativeObject):
         """The modulus (GPa) of a y."""
         return scale * (np.exp(y) if self.logarithmic else np.asarray(y))
 
-    def coverage(self, stiffness) -> tuple[np.ndarray, np.ndarray]:
-        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range, and whether a surrogate covers it."""
-        reach, covered, status, message = native.basis_coverage(self._handle, np.moveaxis(np.asarray(stiffness, dtype=float), 0, -1))
+    def coverage(self, stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate covers it; and the
+        scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
+        reach, covered, scale, status, message = native.basis_coverage(self._handle, np.moveaxis(np.asarray(stiffness, dtype=float), 0, -1))
         check(status, message)
-        return reach, covered.astype(bool)
+        return reach, covered.astype(bool), scale
 
 
 def columns(constants, euler_deg, symmetry: str) -> tuple[np.ndarray, np.ndarray]:

@@ -118,6 +118,21 @@ class Surrogate(NativeObject):
         """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""
         return ~self.basis.coverage(stiffness)[1]
 
+    def outside_words(self, stiffness) -> str:
+        """How many of the crystals (n, 6, 6) in GPa are outside, which, and how many by their scale; empty if none is."""
+        _, covered, scale = self.basis.coverage(stiffness)
+        outside = np.flatnonzero(~covered)
+        if not len(outside):
+            return ""
+        words = f"{len(outside)} of {len(covered)} rows are outside the surrogate's domain: "
+        words += ", ".join(map(str, outside[:10] + 1)) + (", .." if len(outside) > 10 else "")
+        if len(self.basis.stiffness) and not len(self.basis.c_min):
+            low, high = self.basis.stiffness
+            beyond = np.count_nonzero((scale < low) | (scale > high))
+            if beyond:
+                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), which it knows from {low:.3g} to {high:.3g} GPa"
+        return words
+
 
 def _from_text(text: str) -> Surrogate:
     """The surrogate of a file's content."""

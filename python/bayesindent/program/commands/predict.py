@@ -4,8 +4,6 @@ import argparse
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from ...common.result_files import write_csv
 from ...pipeline.moduli import identified, joined
 from ...settings.problem import read_crystals
@@ -23,10 +21,8 @@ def predict(arguments: argparse.Namespace) -> dict:
     file = output_folder(arguments, table) / "predictions.csv"
     write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
     results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in range(len(points))]
-    outside = np.flatnonzero(model.outside(points.stiffness)) + 1
-    listed = ", ".join(map(str, outside[:10])) + (", .." if len(outside) > 10 else "")
-    warnings = [f"{table}: {len(outside)} of {len(points)} rows are outside the surrogate's domain: {listed}"] if len(outside) else []
-    return {"results": results, "file": str(file), "warnings": warnings}
+    outside = model.outside_words(points.stiffness)
+    return {"results": results, "file": str(file), "warnings": [f"{table}: {outside}"] if outside else []}
 
 
 def show(document: dict) -> None:
