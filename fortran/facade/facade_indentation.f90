@@ -1,8 +1,8 @@
 ! Indentation models for Python, under handles of the kind 'indentation'; `object_release` frees them.
 
 !> Indent one crystal: stiffness in the crystal frame (GPa), Bunge-Euler angles (radians). `depths`: of the model. `curve`: depth
-!> (um), force (mN), contact
-!> radius (um). `moduli` (GPa): estimate, slope with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds,
+!> (um), force (mN), contact radius (um), modulus of
+!> that depth alone (GPa). `moduli` (GPa): estimate, slope with intercept, last point, estimates on each mesh. `diagnostics`: wall seconds,
 !> seconds of factorisation, contact residual, equilibrium residual, elements of all solves.
 subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diagnostics, status, message)
    use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
@@ -13,7 +13,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diag
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: depths
    real(c_double), intent(in) :: stiffness(6, 6), euler(3)
-   real(c_double), intent(out) :: curve(depths, 3), moduli(5), diagnostics(5)
+   real(c_double), intent(out) :: curve(depths, 4), moduli(5), diagnostics(5)
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
    type(indentation_model_type), pointer :: model
@@ -30,6 +30,7 @@ subroutine indentation_run(handle, depths, stiffness, euler, curve, moduli, diag
    curve(:, 1) = result%depth
    curve(:, 2) = result%force
    curve(:, 3) = result%contact_radius
+   curve(:, 4) = result%modulus_by_depth
    moduli(:3) = [result%modulus, result%modulus_slope, result%modulus_last]
    moduli(4:3 + size(result%modulus_of_mesh)) = result%modulus_of_mesh
    diagnostics = [result%seconds, result%seconds_factor, result%contact_residual, result%equilibrium_residual, &

@@ -1,19 +1,18 @@
 ! Simulators for Python, under handles of the kind 'simulator', and what is known of a simulation without making it.
 
-!> Make what &simulation of a problem asks for, of a kind: 'indentation' or 'simulator'; `mesh` takes the place of its own unless it is
-!> blank.
-subroutine simulation_new(problem, kind, mesh, handle, status, message)
+!> Make what a problem asks for, of a kind: 'indentation' or 'simulator'.
+subroutine simulation_new(problem, kind, handle, status, message)
    use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use simulation_handles, only: new_simulation_handle
    implicit none
    integer(c_int64_t), intent(in) :: problem
-   character(len=*), intent(in) :: kind, mesh
+   character(len=*), intent(in) :: kind
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
    type(error_type), allocatable :: error
 
-   call new_simulation_handle(problem, kind, mesh, handle, error)
+   call new_simulation_handle(problem, kind, handle, error)
    call error_to_status(error, status, message)
 end subroutine simulation_new
 
@@ -52,33 +51,55 @@ subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, statu
    message = outcome%message
 end subroutine simulator_run
 
-!> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa); `mesh` takes
-!> the
-!> place of its own unless it is blank. `warning`: what is to be said of those near instability, blank if there are none.
-subroutine simulation_resolution(problem, mesh, n, stiffness, largest, warning, status, message)
+!> How large the error of the mesh of a problem may be at the `largest`, relative, for n crystals (stiffness in GPa). `warning`: what is
+!> to be said of those near instability, blank if there are none.
+subroutine simulation_resolution(problem, n, stiffness, largest, warning, status, message)
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
-   use settings_groups, only: simulation_settings_type
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
    use simulate, only: simulation_error
-   use simulation_handles, only: simulation_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: problem
-   character(len=*), intent(in) :: mesh
    integer(c_int), intent(in) :: n
    real(c_double), intent(in) :: stiffness(6, 6, n)
    real(c_double), intent(out) :: largest(n)
    character(len=1024), intent(out) :: warning
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
-   type(simulation_settings_type) :: settings
    type(error_type), allocatable :: error
+   type(problem_type), pointer :: self
    character(len=:), allocatable :: words
 
    largest = 0.0_c_double
    warning = ''
-   call simulation_of_handle(problem, mesh, settings, error)
+   call problem_of_handle(problem, self, error)
    if (.not. allocated(error)) then
-      call simulation_error(settings, stiffness, largest, words)
+      call simulation_error(self%settings, stiffness, largest, words)
       warning = words
    end if
    call error_to_status(error, status, message)
 end subroutine simulation_resolution
+
+!> Force over modulus, `unit_force` (um2), of the isotropic half-space at each `depth` (um) of n, under the indenter of a problem.
+subroutine simulation_unit_force(problem, n, depth, unit_force, status, message)
+   use indenters, only: indenter_type, new_indenter
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
+   implicit none
+   integer(c_int64_t), intent(in) :: problem
+   integer(c_int), intent(in) :: n
+   real(c_double), intent(in) :: depth(n)
+   real(c_double), intent(out) :: unit_force(n)
+   integer(c_int), intent(out) :: status
+   character(len=1024), intent(out) :: message
+   type(error_type), allocatable :: error
+   type(problem_type), pointer :: self
+   type(indenter_type) :: tip
+
+   unit_force = 0.0_c_double
+   call problem_of_handle(problem, self, error)
+   if (.not. allocated(error)) call new_indenter(self%settings%indenter, tip, error)
+   if (.not. allocated(error)) unit_force = tip%unit_force(depth)
+   call error_to_status(error, status, message)
+end subroutine simulation_unit_force

@@ -4,6 +4,7 @@ module fe_grid
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, reaction
    use fe_contact, only: contact_residual, solve_contact
    use fe_mesh, only: mesh_type
+   use indenters, only: indenter_type
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_inverse
    use memory, only: raise_no_memory
@@ -39,23 +40,21 @@ module fe_grid
 
 contains
 
-   !> The mesh of a specimen, ready to be indented by a sphere.
-   subroutine new_grid(specimen, refine, contact_radius, radius_um, grid, error)
+   !> The mesh of a specimen, ready to be indented.
+   subroutine new_grid(specimen, tip, refine, grid, error)
       class(specimen_mesh_type), intent(in) :: specimen
+      type(indenter_type), intent(in) :: tip
       !> Elements per contact radius relative to the specimen's default.
       real(wp), intent(in) :: refine
-      !> Largest contact radius (Hertz), and radius of the indenter, um.
-      real(wp), intent(in) :: contact_radius, radius_um
       type(grid_type), intent(out) :: grid
       type(error_type), allocatable, intent(out) :: error
 
-      call specimen%make(refine, contact_radius, grid%mesh, error)
+      call specimen%make(refine, tip%contact_radius, grid%mesh, error)
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
       associate (x => grid%mesh%x(:, grid%mesh%contact))
-         ! r2/(R + sqrt(R2 - r2)) is R - sqrt(R2 - r2) without its cancellation.
-         grid%gap = (x(1, :)**2 + x(2, :)**2)/(radius_um + sqrt(radius_um**2 - x(1, :)**2 - x(2, :)**2))
+         grid%gap = tip%gap(sqrt(x(1, :)**2 + x(2, :)**2))
       end associate
       associate (a => grid%assembly)
          call analyse_pattern(a%column_start, a%row, a%group, a%kept, grid%cholesky, error)

@@ -6,11 +6,12 @@ module fe_indentation
    use errors, only: error_type, exit_bad_input, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
-   use meshes, only: new_specimen_mesh
-   use settings_groups, only: simulation_settings_type
+   use settings_groups, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimen_mesh, only: specimen_mesh_type
+   use specimens, only: new_specimen
    use text, only: to_text
    implicit none
    private
@@ -19,12 +20,11 @@ module fe_indentation
    public :: numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
-   integer, parameter :: numerics_revision = 3
+   integer, parameter :: numerics_revision = 4
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type
-      !> Radius of the indenter, and largest contact radius (Hertz), um.
-      real(wp) :: radius_um = 0.0_wp, contact_radius = 0.0_wp
+      type(indenter_type) :: indenter
       !> Name of the brick element, and its formulation (`fe_element`).
       character(len=:), allocatable :: element
       integer :: formulation = brick_selective
@@ -42,6 +42,8 @@ module fe_indentation
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
+      !> Of each depth alone, GPa.
+      real(wp), allocatable :: modulus_by_depth(:)
       !> The estimate on each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_of_mesh(:)
       !> Of all solves.
@@ -59,54 +61,55 @@ module fe_indentation
 
 contains
 
-   !> Make the meshes that &simulation asks for and analyse their matrices.
+   !> Make the meshes that &specimen, &indenter and &simulation ask for and analyse their matrices.
    subroutine new_indentation_model(settings, model, error)
-      type(simulation_settings_type), intent(in) :: settings
+      type(settings_type), intent(in) :: settings
       type(indentation_model_type), intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
       class(specimen_mesh_type), allocatable :: specimen
       integer :: i
 
-      call new_specimen_mesh(settings, specimen, error)
+      call new_indenter(settings%indenter, model%indenter, error)
+      if (.not. allocated(error)) call new_specimen(settings, model%indenter%contact_radius, specimen, error)
       if (allocated(error)) return
-      model%element = specimen%element_of(settings%element)
-      if (model%element == 'c3d8i') then
-         model%formulation = brick_incompatible
-      else if (settings%integration == 'full') then
-         model%formulation = brick_full
-      else
-         model%formulation = brick_selective
-      end if
-      model%radius_um = settings%radius_um
-      model%contact_radius = specimen%contact_radius(settings%radius_um)
-      model%depth = [((model%contact_radius*i/settings%depths)**2/settings%radius_um, i=1, settings%depths)]
-
-      allocate (model%grid(merge(2, 1, settings%extrapolate)))
-      do i = 1, size(model%grid)
-         call new_grid(specimen, merge(1.0_wp, coarse_ratio, i == 1)*settings%refine, model%contact_radius, &
-            & settings%radius_um, model%grid(i), error)
-         if (allocated(error)) then
-            call free_indentation_model(model)
-            return
+      associate (simulation => settings%simulation, tip => model%indenter)
+         model%element = specimen%element_of(simulation%element)
+         if (model%element == 'c3d8i') then
+            model%formulation = brick_incompatible
+         else if (simulation%integration == 'full') then
+            model%formulation = brick_full
+         else
+            model%formulation = brick_selective
          end if
-         model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
-      end do
-      if (.not. any(is_resolved(model, model%depth))) then
-         call raise(error, 'the contact radius spans '//to_text(model%contact_radius/model%grid(1)%mesh%element_size, 3) &
-            & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
-            & //to_text(settings%refine)//', radius_um = '//to_text(settings%radius_um)//')', exit_bad_input)
-         call free_indentation_model(model)
-      end if
+         model%depth = tip%depth_of([(tip%contact_radius*i/simulation%depths, i=1, simulation%depths)])
+         model%depth(simulation%depths) = tip%depth
+
+         allocate (model%grid(merge(2, 1, simulation%extrapolate)))
+         do i = 1, size(model%grid)
+            call new_grid(specimen, tip, merge(1.0_wp, coarse_ratio, i == 1)*simulation%refine, model%grid(i), error)
+            if (allocated(error)) then
+               call free_indentation_model(model)
+               return
+            end if
+            model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
+         end do
+         if (.not. any(is_resolved(model, model%depth))) then
+            call raise(error, 'the contact radius spans '//to_text(tip%contact_radius/model%grid(1)%mesh%element_size, 3) &
+               & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
+               & //to_text(simulation%refine)//')', exit_bad_input)
+            call free_indentation_model(model)
+         end if
+      end associate
    end subroutine new_indentation_model
 
-   !> Whether the contact radius (Hertz) at each depth spans enough elements for the estimate of the modulus.
+   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus.
    pure function is_resolved(model, depth)
       type(indentation_model_type), intent(in) :: model
       !> um.
       real(wp), intent(in) :: depth(:)
       logical :: is_resolved(size(depth))
 
-      is_resolved = sqrt(model%radius_um*depth) >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
+      is_resolved = model%indenter%contact_radius_of(depth) >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
    !> Give back what the meshes hold outside Fortran; the model is then empty.
@@ -135,7 +138,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of the depth whose displacement is kept.
       integer, intent(in), optional :: field_step
-      real(wp) :: c(6, 6), depth(size(model%depth))
+      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth))
       integer(i8) :: start, finish, rate
       integer :: solves, step
 
@@ -151,12 +154,14 @@ contains
          solves = solves + 1
          call simulate_depths(model, c, depth, step, result, error)
          if (.not. result%left_zone) exit
-         if (.not. any(is_resolved(model, shrink**2*depth))) exit
-         depth = shrink**2*depth
+         smaller = model%indenter%depth_of(shrink*model%indenter%contact_radius_of(depth))
+         if (.not. any(is_resolved(model, smaller))) exit
+         depth = smaller
       end do
       if (allocated(error)) return
-      call estimate_modulus(model%radius_um, result%depth, result%force, is_resolved(model, depth), result%modulus, &
+      call estimate_modulus(model%indenter%unit_force(depth), result%force, is_resolved(model, depth), result%modulus, &
          & result%modulus_slope, result%modulus_last)
+      result%modulus_by_depth = result%force/model%indenter%unit_force(depth)
       result%elements = solves*model%elements
       call system_clock(finish)
       result%seconds = real(finish - start, wp)/real(rate, wp)
@@ -214,28 +219,28 @@ contains
       type(curve_type), intent(in) :: curve
       real(wp) :: slope, last
 
-      call estimate_modulus(model%radius_um, curve%depth, curve%force, is_resolved(model, curve%depth), modulus_of, slope, last)
+      call estimate_modulus(model%indenter%unit_force(curve%depth), curve%force, is_resolved(model, curve%depth), modulus_of, &
+         & slope, last)
    end function modulus_of
 
    !> The modulus of a curve: least squares through the origin over the depths that are used.
-   pure subroutine estimate_modulus(radius_um, depth, force, used, modulus, slope, last)
-      !> Radius of the indenter and depths, um; mN.
-      real(wp), intent(in) :: radius_um, depth(:), force(:)
+   pure subroutine estimate_modulus(unit_force, force, used, modulus, slope, last)
+      !> Force over modulus at each depth, um2; mN.
+      real(wp), intent(in) :: unit_force(:), force(:)
       logical, intent(in) :: used(:)
       !> GPa: the estimate, the slope of a line with intercept, and the last point alone.
       real(wp), intent(out) :: modulus, slope, last
-      real(wp) :: factor, x, y
+      real(wp) :: x, y
       integer :: n, m
 
-      n = size(depth)
+      n = size(force)
       m = count(used)
-      factor = 0.75_wp/sqrt(radius_um)
-      modulus = factor*sum(force*depth**1.5_wp, mask=used)/sum(depth**3, mask=used)
-      last = factor*force(n)/depth(n)**1.5_wp
+      modulus = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
+      last = force(n)/unit_force(n)
       slope = modulus
       if (m < 2) return
-      x = sum(depth**1.5_wp, mask=used)/m
+      x = sum(unit_force, mask=used)/m
       y = sum(force, mask=used)/m
-      slope = factor*sum((depth**1.5_wp - x)*(force - y), mask=used)/sum((depth**1.5_wp - x)**2, mask=used)
+      slope = sum((unit_force - x)*(force - y), mask=used)/sum((unit_force - x)**2, mask=used)
    end subroutine estimate_modulus
 end module fe_indentation

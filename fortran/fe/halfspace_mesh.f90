@@ -13,7 +13,6 @@ module halfspace_mesh
       !> Where the infinite elements begin, in contact radii, and growth of the layers before them at refine = 1.
       real(wp) :: outer = 0.0_wp, growth = 0.0_wp
    contains
-      procedure :: contact_radius
       procedure :: element_size
       procedure :: make
    end type halfspace_mesh_type
@@ -23,28 +22,20 @@ module halfspace_mesh
 
 contains
 
-   pure real(wp) function contact_radius(self, radius_um)
+   pure real(wp) function element_size(self, contact_radius)
       class(halfspace_mesh_type), intent(in) :: self
       !> um.
-      real(wp), intent(in) :: radius_um
+      real(wp), intent(in) :: contact_radius
 
       associate (unused => self)
       end associate
-      contact_radius = radius_um/32.0_wp
-   end function contact_radius
-
-   pure real(wp) function element_size(self, radius_um)
-      class(halfspace_mesh_type), intent(in) :: self
-      !> um.
-      real(wp), intent(in) :: radius_um
-
-      element_size = self%contact_radius(radius_um)/fineness
+      element_size = contact_radius/fineness
    end function element_size
 
    !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
    subroutine make(self, refine, contact_radius, mesh, error)
       class(halfspace_mesh_type), intent(in) :: self
-      !> Relative to the default; largest contact radius (Hertz), um.
+      !> Relative to the default; contact radius at the last depth, um.
       real(wp), intent(in) :: refine, contact_radius
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error

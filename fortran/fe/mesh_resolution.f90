@@ -6,10 +6,11 @@
 module mesh_resolution
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
-   use meshes, only: new_specimen_mesh
-   use settings_groups, only: simulation_settings_type
+   use settings_groups, only: settings_type
    use specimen_mesh, only: specimen_mesh_type
+   use specimens, only: new_specimen
    use text, only: to_text
    implicit none
    private
@@ -28,21 +29,23 @@ contains
    !> About how large, relative, the error of the modulus of a crystal may be on the mesh of &simulation. Orientations differ: most
    !> are better.
    function largest_mesh_error(settings, stiffness) result(largest)
-      type(simulation_settings_type), intent(in) :: settings
+      type(settings_type), intent(in) :: settings
       !> GPa (6, 6, crystals).
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp) :: largest(size(stiffness, 3))
       type(error_type), allocatable :: error
       class(specimen_mesh_type), allocatable :: specimen
+      type(indenter_type) :: tip
       real(wp) :: fineness, scale
       integer :: i
 
       largest = 0.0_wp
-      call new_specimen_mesh(settings, specimen, error)
+      call new_indenter(settings%indenter, tip, error)
+      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
       if (allocated(error)) return
-      fineness = settings%refine*specimen%contact_radius(settings%radius_um)/specimen%element_size(settings%radius_um)
-      scale = merge(worst_incompatible, worst_plain, specimen%element_of(settings%element) == 'c3d8i')
-      if (settings%extrapolate) scale = extrapolated*scale
+      fineness = settings%simulation%refine*tip%contact_radius/specimen%element_size(tip%contact_radius)
+      scale = merge(worst_incompatible, worst_plain, specimen%element_of(settings%simulation%element) == 'c3d8i')
+      if (settings%simulation%extrapolate) scale = extrapolated*scale
       scale = scale*(studied_fineness/fineness)**order
       do i = 1, size(largest)
          largest(i) = scale*log_anisotropy(stiffness(:, :, i))**3

@@ -10,28 +10,32 @@ module specimen_mesh
    type, abstract :: specimen_mesh_type
       !> Element that the mesh was made for: 'c3d8' or 'c3d8i'.
       character(len=5) :: default_element = 'c3d8i'
+      !> Whether it has a length of its own: then its modulus depends on the depth, and theory, which is of the half-space, does not hold.
+      logical :: has_length = .false.
+      !> Names of the variables that only this specimen reads, separated by blanks.
+      character(len=80) :: variables = ''
    contains
-      procedure(length_of_contact), deferred :: contact_radius
-      procedure(length_of_contact), deferred :: element_size
+      procedure :: check
+      procedure(size_of_element), deferred :: element_size
       procedure(make_mesh), deferred :: make
       procedure, non_overridable :: element_of
    end type specimen_mesh_type
 
    abstract interface
-      !> Contact radius (Hertz) at the last depth, or edge of the bricks under it at refine = 1; um.
-      pure real(wp) function length_of_contact(self, radius_um)
+      !> Edge of the bricks under the contact at refine = 1; um.
+      pure real(wp) function size_of_element(self, contact_radius)
          import :: specimen_mesh_type, wp
          class(specimen_mesh_type), intent(in) :: self
-         !> Radius of the indenter, um.
-         real(wp), intent(in) :: radius_um
-      end function length_of_contact
+         !> At the last depth (half-space), um.
+         real(wp), intent(in) :: contact_radius
+      end function size_of_element
 
       !> The mesh with `refine` times the default's elements per contact radius.
       subroutine make_mesh(self, refine, contact_radius, mesh, error)
          import :: error_type, mesh_type, specimen_mesh_type, wp
          class(specimen_mesh_type), intent(in) :: self
          real(wp), intent(in) :: refine
-         !> Largest contact radius (Hertz), um.
+         !> At the last depth (half-space), um.
          real(wp), intent(in) :: contact_radius
          type(mesh_type), intent(out) :: mesh
          type(error_type), allocatable, intent(out) :: error
@@ -39,6 +43,17 @@ module specimen_mesh
    end interface
 
 contains
+
+   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; without sizes there are none.
+   subroutine check(self, contact_radius, error)
+      class(specimen_mesh_type), intent(in) :: self
+      !> At the last depth (half-space), um.
+      real(wp), intent(in) :: contact_radius
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => contact_radius)
+      end associate
+   end subroutine check
 
    !> Name of the brick element: as asked for, or the specimen's own where the word is empty.
    pure function element_of(self, word) result(name)

@@ -50,7 +50,7 @@ contains
             do i = 1, size(known%modulus)
                stiffness(:, :, i) = basis%domain%class%stiffness(known%constants(:, i))
             end do
-            call simulation_error(problem%settings%simulation, stiffness, largest, words)
+            call simulation_error(problem%settings, stiffness, largest, words)
             if (len(words) > 0) call warn(build%warnings, problem%path//': &simulation: '//words)
             call page%begin_object()
             call page%put('simulations', learning%n())
@@ -90,7 +90,7 @@ contains
          call page%begin_object()
          call page%put('title', 'surrogate of the indentation modulus of '//build%learning%learner%basis%domain%members &
             & //' crystals')
-         call page%put('physics', identity_text(problem%settings%simulation))
+         call page%put('physics', identity_text(problem%settings))
          call page%put('simulations', last%simulations)
          call page%put('seed', problem%settings%problem%seed)
          call page%put('loocv_gpa', last%loocv)

@@ -3,10 +3,11 @@ module choices
    use acquisitions, only: acquisition_names
    use bases, only: basis_names
    use error_models, only: likelihood_names
-   use meshes, only: mesh_names
+   use indenters, only: indenter_names
    use modulus_kinds, only: modulus_kind_names
    use paper_basis, only: truncation_names
    use samplers, only: sampler_names
+   use specimens, only: geometry_names
    use settings_visitor, only: choice_list_type
    implicit none
    private
@@ -18,13 +19,14 @@ contains
    function all_choices() result(lists)
       type(choice_list_type), allocatable :: lists(:)
 
-      allocate (lists(7))
-      lists(1) = choice_list_type('mesh', mesh_names)
+      allocate (lists(8))
+      lists(1) = choice_list_type('geometry', geometry_names)
       lists(2) = choice_list_type('modulus_kind', modulus_kind_names)
       lists(3) = choice_list_type('likelihood', likelihood_names)
       lists(4) = choice_list_type('sampler', sampler_names)
       lists(5) = choice_list_type('basis', basis_names)
       lists(6) = choice_list_type('truncation', truncation_names)
       lists(7) = choice_list_type('acquisition', acquisition_names)
+      lists(8) = choice_list_type('shape', indenter_names)
    end function all_choices
 end module choices

@@ -7,13 +7,11 @@ module object_documents
    use fe_indentation, only: indentation_model_type
    use json, only: json_type
    use kinds, only: i8, wp
-   use meshes, only: other_mesh
    use modulus_kinds, only: modulus_kind_names
    use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
-   use settings_groups, only: simulation_settings_type
    use settings_lists, only: new_schema, schema_type, settings_namelist
    use step_1, only: build_type
    use settings_visitor, only: allowed_in_words, kind_names
@@ -121,13 +119,11 @@ contains
       end subroutine put_stage
    end subroutine describe_settings
 
-   !> The settings, resolved and with every group as `values`, the identity of the physics on the mesh and on the one to compare it
-   !> with, and the tables; of a table alone that.
+   !> The settings, resolved and with every group as `values`, the identity of the physics, and the tables; of a table alone that.
    subroutine describe_problem(self, visitor)
       type(problem_type), intent(in) :: self
       type(described_values_type), intent(inout) :: visitor
       type(schema_type) :: schema
-      type(simulation_settings_type) :: simulation
       type(error_type), allocatable :: error
       character(len=:), allocatable :: groups
       integer, allocatable :: pairs(:, :)
@@ -147,12 +143,7 @@ contains
          call visitor%document%put('stages', self%stages)
          call read_scan(self%settings%surrogate%scan, pairs, error)
          call visitor%document%put('scan', transpose(real(pairs, wp)))
-         simulation = self%settings%simulation
-         call visitor%document%begin_object('physics')
-         call visitor%document%put_json(simulation%mesh, identity_text(simulation))
-         simulation%mesh = other_mesh(simulation%mesh)
-         call visitor%document%put_json(simulation%mesh, identity_text(simulation))
-         call visitor%document%end_object()
+         call visitor%document%put_json('physics', identity_text(self%settings))
       end if
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)
@@ -215,7 +206,8 @@ contains
       call visitor%document%put('element', model%element)
       call visitor%document%put('elements', model%elements)
       call visitor%document%put('depths', size(model%depth))
-      call visitor%document%put('depth_max_um', model%depth(size(model%depth)))
+      call visitor%document%put('depth_max_um', model%indenter%depth)
+      call visitor%document%put('contact_radius_max_um', model%indenter%contact_radius)
       call visitor%document%put('meshes', size(model%grid))
       call visitor%document%put('factor_entries', sum(model%grid%cholesky%entries))
       call visitor%document%put('factor_operations', sum(model%grid%cholesky%operations))

@@ -6,6 +6,7 @@ module problem_input
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
+   use simulate, only: check_simulation
    use stages, only: plan_stages
    implicit none
    private
@@ -51,7 +52,12 @@ contains
    subroutine check_problem(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      logical :: has_theory
 
+      call check_simulation(self%path, self%settings, has_theory, error)
+      if (allocated(error)) return
+      if (.not. has_theory) call do_without_theory(self, error)
+      if (allocated(error)) return
       if (self%settings%simulation%simulator == 'import' .and. has_stage(self, 'simulate')) then
          call raise(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
             & //'''fe'', ''theory''', exit_bad_input)
@@ -62,6 +68,20 @@ contains
       if (.not. allocated(error) .and. has_stage(self, 'next')) call check_target(self, error)
       if (.not. allocated(error) .and. allocated(self%candidates)) call question_candidates(self, error)
    end subroutine check_problem
+
+   !> Of a specimen that theory does not know `run` leaves out its stage; who asks for it by name is refused.
+   subroutine do_without_theory(self, error)
+      type(problem_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: stage = ' theory '
+      integer :: at
+
+      at = index(' '//self%stages//' ', stage)
+      if (at > 0 .and. self%command == 'run') self%stages = trim(self%stages(:at - 1)//self%stages(at + len(stage) - 1:))
+      if (has_stage(self, 'theory') .or. self%settings%simulation%simulator == 'theory') call raise(error, place(self%path, &
+         & 'specimen', 'geometry')//''''//self%settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''', &
+         & exit_bad_input)
+   end subroutine do_without_theory
 
    pure logical function has_stage(self, name)
       type(problem_type), intent(in) :: self

@@ -1,4 +1,4 @@
-!> What &simulation asks for, behind one interface: one crystal in, its indentation modulus and curve out.
+!> What &specimen, &indenter and &simulation ask for, behind one interface: one crystal in, its indentation modulus and curve out.
 !>
 !> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
 !> say nothing about the crystal.
@@ -6,12 +6,17 @@ module simulate
    use errors, only: error_type, exit_bad_input, exit_failure, raise
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
    use mesh_resolution, only: largest_mesh_error, resolution_warning
-   use settings_groups, only: simulation_settings_type
+   use namelist_file, only: place
+   use settings_groups, only: settings_type
+   use specimen_mesh, only: specimen_mesh_type
+   use specimens, only: new_specimen
    implicit none
    private
-   public :: outcome_type, simulator_type, new_simulator, simulation_error, outcome_waiting, outcome_done, outcome_failed
+   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error
+   public :: outcome_waiting, outcome_done, outcome_failed
 
    !> What became of a crystal.
    integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
@@ -60,14 +65,39 @@ module simulate
 
 contains
 
-   !> The simulator of &simulation; for finite elements the meshes are made.
+   !> Refuse a specimen or an indenter that cannot be simulated, before a mesh is made.
+   subroutine check_simulation(path, settings, has_theory, error)
+      !> Begins the message.
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      !> Whether the specimen is the half-space, which theory knows.
+      logical, intent(out) :: has_theory
+      type(error_type), allocatable, intent(out) :: error
+      class(specimen_mesh_type), allocatable :: specimen
+      type(indenter_type) :: tip
+
+      has_theory = .false.
+      call new_indenter(settings%indenter, tip, error)
+      if (allocated(error)) then
+         error%message = place(path, '', '')//'&indenter '//error%message
+         return
+      end if
+      call new_specimen(settings, tip%contact_radius, specimen, error)
+      if (allocated(error)) then
+         error%message = place(path, '', '')//'&specimen '//error%message
+         return
+      end if
+      has_theory = .not. specimen%has_length
+   end subroutine check_simulation
+
+   !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)
-      type(simulation_settings_type), intent(in) :: settings
+      type(settings_type), intent(in) :: settings
       class(simulator_type), allocatable, intent(out) :: simulator
       type(error_type), allocatable, intent(out) :: error
       type(fe_simulator_type), allocatable :: fe
 
-      select case (settings%simulator)
+      select case (settings%simulation%simulator)
       case ('fe')
          allocate (fe)
          call new_indentation_model(settings, fe%model, error)
@@ -75,8 +105,8 @@ contains
       case ('theory')
          simulator = theory_simulator_type()
       case default
-         call raise(error, "simulator '"//settings%simulator//"' cannot simulate: print the next points with 'build --ask', " &
-            & //"import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
+         call raise(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
+            & //"'build --ask', import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
       end select
    end subroutine new_simulator
 
@@ -107,7 +137,7 @@ contains
 
    !> How large the error of the simulation may be for each crystal, and what is to be said of it, '' if nothing.
    subroutine simulation_error(settings, stiffness, largest, warning)
-      type(simulation_settings_type), intent(in) :: settings
+      type(settings_type), intent(in) :: settings
       !> GPa (6, 6, crystals).
       real(wp), intent(in) :: stiffness(:, :, :)
       !> Relative (crystals).
@@ -117,7 +147,7 @@ contains
 
       largest = 0.0_wp
       warning = ''
-      if (settings%simulator /= 'fe') return
+      if (settings%simulation%simulator /= 'fe') return
       largest = largest_mesh_error(settings, stiffness)
       warning = resolution_warning(largest)
    end subroutine simulation_error

@@ -1,4 +1,4 @@
-!> What another language holds of simulations: simulators and indentation models behind handles, made of a problem's &simulation.
+!> What another language holds of simulations: simulators and indentation models behind handles, made of a problem.
 module simulation_handles
    use errors, only: error_type
    use fe_indentation, only: indentation_model_type, new_indentation_model
@@ -7,11 +7,10 @@ module simulation_handles
    use object_registry, only: find_object, keep_object
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
-   use settings_groups, only: simulation_settings_type
    use simulate, only: new_simulator, simulator_type
    implicit none
    private
-   public :: simulation_of_handle, new_simulation_handle, model_of_handle, simulator_of_handle
+   public :: new_simulation_handle, model_of_handle, simulator_of_handle
 
    type :: held_simulator_type
       class(simulator_type), allocatable :: simulator
@@ -19,45 +18,28 @@ module simulation_handles
 
 contains
 
-   !> &simulation of a problem; `mesh` takes the place of its own, unless it is ''.
-   subroutine simulation_of_handle(problem, mesh, settings, error)
-      !> Handle of a problem.
-      integer(i8), intent(in) :: problem
-      character(len=*), intent(in) :: mesh
-      type(simulation_settings_type), intent(out) :: settings
-      type(error_type), allocatable, intent(out) :: error
-      type(problem_type), pointer :: self
-
-      call problem_of_handle(problem, self, error)
-      if (allocated(error)) return
-      settings = self%settings%simulation
-      if (len_trim(mesh) > 0) settings%mesh = trim(mesh)
-   end subroutine simulation_of_handle
-
-   !> Make what &simulation of a problem asks for, `mesh` in place of its own unless it is ''; the handle is 0 after an error.
-   subroutine new_simulation_handle(problem, kind, mesh, handle, error)
+   !> Make what a problem asks for; the handle is 0 after an error.
+   subroutine new_simulation_handle(problem, kind, handle, error)
       !> Handle of a problem.
       integer(i8), intent(in) :: problem
       !> 'indentation', the model of finite elements, or 'simulator'.
-      character(len=*), intent(in) :: kind, mesh
+      character(len=*), intent(in) :: kind
       integer(i8), intent(out) :: handle
       type(error_type), allocatable, intent(out) :: error
       type(problem_type), pointer :: self
-      type(simulation_settings_type) :: settings
       type(indentation_model_type), pointer :: model
       type(held_simulator_type), pointer :: held
 
       handle = 0
-      call simulation_of_handle(problem, mesh, settings, error)
-      if (.not. allocated(error)) call problem_of_handle(problem, self, error)
+      call problem_of_handle(problem, self, error)
       if (allocated(error)) return
       if (kind == 'indentation') then
          allocate (model)
-         call new_indentation_model(settings, model, error)
+         call new_indentation_model(self%settings, model, error)
          call keep_object(model, kind, error, handle)
       else
          allocate (held)
-         call new_simulator(settings, held%simulator, error)
+         call new_simulator(self%settings, held%simulator, error)
          call keep_object(held, kind, error, handle)
       end if
       if (allocated(error)) error%message = place(self%path, 'simulation', '')//error%message

@@ -22,15 +22,15 @@ module stages
    end type stage_type
 
    type(stage_type), parameter :: all_stages(5) = [ &
-      & stage_type('simulate', 'crystals', 'problem crystals simulation execution', 'simulate.json', &
+      & stage_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json', &
       & 'finite element indentation of the crystals in a namelist', &
-      & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and depth), and with vtu or inp the fields for ' &
-      & //'ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated ' &
+      & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the fields ' &
+      & //'for ParaView or the same problem as a deck for Abaqus or CalculiX. Crystals that are done already are not simulated ' &
       & //'again.'), &
-      & stage_type('theory', 'crystals', 'problem crystals execution', 'theory.json', &
+      & stage_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json', &
       & 'exact half-space theory of the same crystals', &
       & 'Willis'' elliptical contact on the anisotropic half-space. Writes theory.csv.'), &
-      & stage_type('build', 'design', 'problem simulation domain surrogate design execution', 'build.json', &
+      & stage_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json', &
       & 'step 1: a surrogate, taught by simulations chosen one after another', &
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &

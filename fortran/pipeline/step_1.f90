@@ -93,7 +93,7 @@ contains
       end associate
       allocate (build%batch(0), build%wanted(0), build%outcomes(0))
       build%stopped = ''
-      call build%campaign%open(output//'/'//campaign_name, identity_text(problem%settings%simulation), error)
+      call build%campaign%open(output//'/'//campaign_name, identity_text(problem%settings), error)
       if (.not. allocated(error)) call build%campaign%rows('', rows, error)
       if (allocated(error)) return
       if (size(rows) == 0) then

@@ -42,7 +42,7 @@ contains
          if (.not. allocated(error)) call build%advance(error)
          if (allocated(error)) return
          if (build%n_wanted() == 0) exit
-         if (.not. allocated(simulator)) call new_simulator(self%settings%simulation, simulator, error)
+         if (.not. allocated(simulator)) call new_simulator(self%settings, simulator, error)
          if (allocated(error)) then
             error%message = place(self%path, 'simulation', '')//error%message
             return

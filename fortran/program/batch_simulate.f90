@@ -8,7 +8,6 @@ module batch_simulate
    use namelist_file, only: place
    use physics_identity, only: identity_text
    use problem, only: problem_type
-   use settings_groups, only: simulation_settings_type
    use simulate, only: new_simulator, outcome_failed, outcome_type, outcome_waiting, simulation_error, simulator_type
    use sorting, only: sort_order
    use text, only: to_text
@@ -35,7 +34,7 @@ contains
       logical :: found
       integer :: i, new, failed
 
-      associate (settings => self%settings%simulation, points => self%crystals)
+      associate (settings => self%settings, points => self%crystals)
          allocate (rows(points%n))
          call store%open(output//'/'//campaign_name, identity_text(settings), error)
          do i = 1, points%n
@@ -59,7 +58,7 @@ contains
          end if
          call store%close()
          call write_moduli(self, output//'/moduli.csv', rows, error)
-         if (.not. allocated(error)) call write_curves(output//'/curves.csv', rows, error)
+         if (.not. allocated(error)) call write_curves(self, output//'/curves.csv', rows, error)
          if (allocated(error)) return
          failed = count(rows%outcome%status == outcome_failed)
          if (failed == points%n) then

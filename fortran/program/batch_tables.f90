@@ -4,6 +4,7 @@ module batch_tables
    use campaign, only: row_type
    use errors, only: error_type
    use files, only: new_file_type
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
    use numbers, only: number_text
@@ -65,20 +66,26 @@ contains
       end associate
    end subroutine write_moduli
 
-   !> Force (mN) over depth (um) of every point, by its row from 1.
-   subroutine write_curves(path, rows, error)
+   !> Force (mN) over depth (um) of every point, by its row from 1, with the modulus of each depth alone (GPa).
+   subroutine write_curves(self, path, rows, error)
+      type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: path
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: file
+      type(indenter_type) :: tip
       integer :: i, j
 
+      call new_indenter(self%settings%indenter, tip, error)
+      if (allocated(error)) return
       call file%begin(path)
-      call file%add('point,depth_um,force_mn'//newline)
+      call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
       do i = 1, size(rows)
          do j = 1, size(rows(i)%outcome%depth)
-            call file%add(to_text(i)//','//short_text(rows(i)%outcome%depth(j))//','//short_text(rows(i)%outcome%force(j)) &
-               & //newline)
+            associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
+               call file%add(to_text(i)//','//short_text(depth)//','//short_text(force)//',' &
+                  & //short_text(force/tip%unit_force(depth))//newline)
+            end associate
          end do
       end do
       call file%finish(error)

@@ -47,6 +47,8 @@ module problem
    end type problem_type
 
    character, parameter :: newline = achar(10)
+   !> Contact radius of the paper's indentations at the last depth, um.
+   real(wp), parameter :: paper_contact = 0.5_wp
    !> As many angles below 2 pi are no chance.
    integer, parameter :: few_grains = 3
 
@@ -79,6 +81,9 @@ contains
       if (allocated(error)) return
       associate (file => self%settings%surrogate%file, builds => self%settings%design%given .or. self%settings%domain%given)
          if (len(file) == 0) self%settings%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', builds))
+      end associate
+      associate (last => self%settings%indenter)
+         if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) last%contact_radius_um = paper_contact
       end associate
       if (allocated(self%settings%problem%symmetry)) call new_crystal_class(self%settings%problem%symmetry, self%class, error)
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)

@@ -28,6 +28,11 @@ contains
       end if
       if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
+      if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
+         call raise(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
+            & //'contact_radius_um; one of them is allowed', exit_bad_input)
+         return
+      end if
       associate (design => settings%design)
          if (design%initial > design%budget) then
             call raise(error, place(path, 'design', 'initial')//to_text(design%initial)//' is more than the budget; allowed ' &

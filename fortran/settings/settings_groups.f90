@@ -5,10 +5,10 @@ module settings_groups
    use kinds, only: wp
    implicit none
    private
-   public :: problem_settings_type, crystals_settings_type, simulation_settings_type, domain_settings_type, &
-      & surrogate_settings_type, design_settings_type, measurements_settings_type, prior_settings_type, &
-      & knowledge_settings_type, sampler_settings_type, next_settings_type, execution_settings_type, settings_type, &
-      & longest_quantity
+   public :: problem_settings_type, crystals_settings_type, specimen_settings_type, indenter_settings_type, &
+      & simulation_settings_type, domain_settings_type, surrogate_settings_type, design_settings_type, &
+      & measurements_settings_type, prior_settings_type, knowledge_settings_type, sampler_settings_type, next_settings_type, &
+      & execution_settings_type, settings_type, longest_quantity
 
    !> Bytes of the name of a quantity.
    integer, parameter :: longest_quantity = 64
@@ -25,12 +25,26 @@ module settings_groups
       character(len=:), allocatable :: points
    end type crystals_settings_type
 
+   type :: specimen_settings_type
+      logical :: given = .false.
+      character(len=:), allocatable :: geometry
+      real(wp) :: width_um = 0.0_wp, height_um = 0.0_wp
+   end type specimen_settings_type
+
+   type :: indenter_settings_type
+      logical :: given = .false.
+      character(len=:), allocatable :: shape
+      real(wp) :: radius_um = 0.0_wp, half_angle_deg = 0.0_wp
+      !> The last point of the curve: one of the two is allocated in a resolved problem.
+      real(wp), allocatable :: depth_um, contact_radius_um
+   end type indenter_settings_type
+
    type :: simulation_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: simulator, mesh, element, integration
-      real(wp) :: refine = 0.0_wp, radius_um = 0.0_wp, outer = 0.0_wp, growth = 0.0_wp
+      character(len=:), allocatable :: simulator, element, integration
+      real(wp) :: refine = 0.0_wp, outer = 0.0_wp, growth = 0.0_wp
       integer :: depths = 0
-      logical :: extrapolate = .false., both_meshes = .false., vtu = .false., inp = .false.
+      logical :: extrapolate = .false., vtu = .false., inp = .false.
    end type simulation_settings_type
 
    type :: domain_settings_type
@@ -102,6 +116,8 @@ module settings_groups
    type :: settings_type
       type(problem_settings_type) :: problem
       type(crystals_settings_type) :: crystals
+      type(specimen_settings_type) :: specimen
+      type(indenter_settings_type) :: indenter
       type(simulation_settings_type) :: simulation
       type(domain_settings_type) :: domain
       type(surrogate_settings_type) :: surrogate

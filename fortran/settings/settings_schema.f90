@@ -31,11 +31,27 @@ contains
       call v%file('points', s%crystals%points, '*', &
          & 'CSV of elastic constants (GPa) and Bunge-Euler angles, one indentation a row')
 
+      call v%group('specimen', s%specimen%given, 'What is indented: the crystal fills it.')
+      call v%choice('geometry', s%specimen%geometry, 'halfspace', v%words('geometry'), &
+         & 'a half-space, or a block with clamped bottom and free sides')
+      call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
+      call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
+
+      call v%group('indenter', s%indenter%given, 'The rigid, frictionless indenter, and how far it goes.')
+      call v%choice('shape', s%indenter%shape, 'paraboloid', v%words('shape'), &
+         & 'a paraboloid, which is Hertz'' sphere; a true sphere; or a cone')
+      call v%real('radius_um', s%indenter%radius_um, '16.0', '[0.001, 1e6]', 'um', &
+         & 'sphere: its radius; paraboloid: the radius of its tip')
+      call v%real('half_angle_deg', s%indenter%half_angle_deg, '70.3', '[5, 89]', 'degrees', &
+         & 'cone: the angle between axis and surface; 70.3 has the area of a Berkovich tip at each depth')
+      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', &
+         & 'depth of the last point of the curve')
+      call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
+         & 'or its contact radius, as an isotropic half-space has it; 0.5 where neither is stated')
+
       call v%group('simulation', s%simulation%given, 'The indentation simulation.')
       call v%choice('simulator', s%simulation%simulator, 'fe', 'fe, theory, import', &
          & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
-      call v%choice('mesh', s%simulation%mesh, 'halfspace', v%words('mesh'), &
-         & 'bricks and infinite elements that make a half-space, or the block of the paper')
       call v%choice('element', s%simulation%element, '', 'c3d8, c3d8i', &
          & 'the brick element; empty: the one the mesh was made for')
       call v%choice('integration', s%simulation%integration, 'selective', 'selective, full', &
@@ -44,14 +60,11 @@ contains
          & 'elements per contact radius, relative to the default mesh')
       call v%logical('extrapolate', s%simulation%extrapolate, '.false.', &
          & 'solve on a second, coarser mesh too and extrapolate in mesh size')
-      call v%real('radius_um', s%simulation%radius_um, '16.0', '[0.001, 1e6]', 'um', 'radius of the indenter')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%real('growth', s%simulation%growth, '1.13', '[1.01, 2]', '', &
          & 'half-space, for studies: growth of the layers of bricks before them, at refine = 1')
       call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', '', 'points of the load-depth curve')
-      call v%logical('both_meshes', s%simulation%both_meshes, '.false.', &
-         & 'simulate the crystals on the other mesh too, for comparison')
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')
 

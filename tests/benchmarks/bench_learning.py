@@ -18,7 +18,7 @@ from bayesindent.crystal.elasticity import anisotropy_index, constant_names, hal
 from bayesindent.pipeline.build import build
 from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.engines import LocalEngine
-from bayesindent.pipeline.simulator import Simulator, physics_identity, simulate_into
+from bayesindent.pipeline.simulator import Simulator, simulate_into
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 
@@ -31,7 +31,6 @@ SETS = ("literature", "cubic", "hexagonal", "orthorhombic")
 def main(argv=None) -> int:
     """Simulate, build, tabulate, draw."""
     parser = argparse.ArgumentParser(prog="bench learning", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--simulator", choices=("fe", "theory"), default="fe", help="theory: no simulation, only to try the command")
     parser.add_argument("--unseen", type=int, default=320, help="unseen crystals of each kind (320)")
     parser.add_argument("--unseen-seed", type=int, default=12345, help="other unseen crystals (12345)")
     parser.add_argument("--seeds", type=int, default=5, help="corrections, each from other candidates (5)")
@@ -108,9 +107,9 @@ def random_orthorhombic(rng) -> tuple:
 
 def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or simulated now."""
-    problem = Problem.from_keywords("learning", simulation={"simulator": arguments.simulator, "mesh": "paper"})
+    problem = Problem.from_keywords("learning", specimen={"geometry": "block"})
     matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
-    with Campaign(arguments.output / f"unseen_{name}" / "campaign.sqlite", physics_identity(problem)) as campaign:
+    with Campaign(arguments.output / f"unseen_{name}" / "campaign.sqlite", problem.physics) as campaign:
         missing = [point for point in points if campaign.find(*point) is None]
         if missing:
             with Progress(True).bar(name, len(missing)) as advance:
@@ -128,7 +127,7 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
         path = folder / f"build_{size}.nml"
         path.write_text(
             f"&problem title = 'The paper''s block', seed = {seed} /\n"
-            f"&simulation simulator = '{arguments.simulator}', mesh = 'paper' /\n"
+            f"&specimen geometry = 'block' /\n"
             f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution workers = {arguments.workers} /\n"
         )
         document = build(Problem(path, "build"), folder, Progress(True))

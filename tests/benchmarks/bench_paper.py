@@ -76,7 +76,8 @@ def variant(arguments, seed: int, folder: Path) -> Problem:
     namelist = f90nml.read(INPUTS / f"{arguments.symmetry}_paper.nml")
     namelist["problem"]["seed"] = seed
     if arguments.simulator:
-        namelist["simulation"]["simulator"] = arguments.simulator
+        namelist["simulation"] = {"simulator": arguments.simulator}
+        namelist["specimen"] = {"geometry": "block" if arguments.simulator == "fe" else "halfspace"}
     namelist["execution"] = {"workers": arguments.workers}
     if arguments.cap > 0:
         namelist["domain"]["anisotropy_cap"] = arguments.cap

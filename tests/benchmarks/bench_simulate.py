@@ -1,6 +1,7 @@
 """Accuracy and cost of indentation simulations, against the exact theory, CalculiX and the machine's matrix product.
 
 - accuracy: zinc, copper and Fe-3%Si at the reference orientations, default and extrapolated, against the half-space theory
+- indenters: sphere and cone against Sneddon's closed forms on an isotropic half-space, and M of anisotropic crystals under them
 - random: crystals drawn uniformly from the paper's two domains, against the theory
 - soft: crystals with soft modes of shear, towards elastic instability, against the theory and the error that a warning states
 - convergence: the error over mesh size, element, distance of the infinite elements and growth of the layers, with a figure
@@ -29,7 +30,7 @@ import numpy as np
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, log_anisotropy
 
-SECTIONS = ("accuracy", "random", "soft", "convergence", "cost", "ccx", "memory", "workers", "size")
+SECTIONS = ("accuracy", "indenters", "random", "soft", "convergence", "cost", "ccx", "memory", "workers", "size")
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"
 #: Boxes and caps of the paper's domains: constants in the order of `constant_names`, GPa.
 DOMAINS = {
@@ -89,6 +90,37 @@ def run_accuracy(arguments) -> None:
     rows = [(name, f"{m:.3f}", *(f"{errors[label][i]:+.3f}" for label in models)) for i, (name, m) in enumerate(zip(names, exact))]
     rows.append(("largest error", "", *(f"{np.abs(errors[label]).max():.3f}" for label in models)))
     table(("crystal", "exact M, GPa", *(f"{label}, %" for label in models)), rows)
+
+
+#: Indenters by what is printed of them; contact radius 0.5 um at the last depth.
+INDENTERS: dict[str, dict] = {
+    "paraboloid": {},
+    **{f"sphere, a/R = {t}": {"shape": "sphere", "radius_um": 0.5 / t} for t in (0.1, 0.2, 0.3, 0.6)},
+    "cone": {"shape": "cone"},
+}
+
+
+def run_indenters(arguments) -> None:
+    """Errors of force and contact radius on an isotropic half-space over the resolved depths, and of the moduli of anisotropic crystals."""
+    rows, angles = [], (200, 50, 25)
+    for extrapolate in (False, True):
+        for name, settings in INDENTERS.items():
+            model = bi.Indentation(extrapolate=extrapolate, **settings)
+            result = model.run(ISOTROPIC, angles)
+            # a of the closed form: dP/dh = 2 a M, and equal steps to the last.
+            radius = np.linspace(0, 0.5, model.depths + 1)[1:]
+            used = radius >= 5 * 0.5 / 9.5
+            force = 100 * (result.modulus_by_depth_gpa[used] / 168.0 - 1)
+            edge = np.abs(result.contact_radius_um - radius)[used].max() / (0.5 / 9.5)
+            crystals = [
+                model.run(stiffness, angles).indentation_modulus_gpa / bi.halfspace_modulus(stiffness, angles)
+                for stiffness in (ZINC, COPPER)
+            ]
+            errors = [100 * (ratio - 1) for ratio in (result.indentation_modulus_gpa / 168.0, *crystals)]
+            rows.append((name, "extrapolate" if extrapolate else "default", f"{force.min():+.2f} to {force.max():+.2f}", f"{edge:.2f}",
+                         *(f"{error:+.3f}" for error in errors)))  # fmt: skip
+    header = ("indenter", "mesh", "isotropic: force by depth, %", "contact radius, elements", "M, %", "M of Zn, %", "M of Cu, %")
+    table(header, rows)
 
 
 def random_crystals(symmetry: str, count: int, seed: int = 1):
@@ -223,17 +255,17 @@ def run_cost(arguments) -> None:
     """One curve against its factorisation, and the factorisation against DGEMM."""
     peak = dgemm_rate()
     rows = []
-    for mesh in ("paper", "halfspace"):
-        model = bi.Indentation(mesh=mesh)
+    for geometry in ("block", "halfspace"):
+        model = bi.Indentation(geometry=geometry)
         results = [timed(lambda model=model: model.run(ZINC, (0, 30, 0))) for _ in range(7)]
         cpu = min(seconds for seconds, _ in results)
         bare, total = min((result.seconds_factor, result.seconds) for _, result in results)
         # On a busy machine wall time means little: the rate is that of the factorisation's share of the CPU time.
         rate = 1e-9 * model.factor_operations / (cpu * bare / total)
-        rows.append((mesh, model.elements, model.unknowns, f"{1e-9 * model.factor_operations:.1f}", f"{bare:.3f}", f"{total:.3f}",
+        rows.append((geometry, model.elements, model.unknowns, f"{1e-9 * model.factor_operations:.1f}", f"{bare:.3f}", f"{total:.3f}",
                      f"{total / bare:.2f}", f"{cpu:.3f}", f"{rate:.1f}", f"{100 * rate / peak:.0f}"))  # fmt: skip
     print(f"DGEMM on one core: {peak:.1f} Gflop/s\n")
-    table(("mesh", "elements", "unknowns", "Gflop", "factorisation, s", "curve of 10 depths, s", "ratio", "CPU, s", "Gflop/s",
+    table(("specimen", "elements", "unknowns", "Gflop", "factorisation, s", "curve of 10 depths, s", "ratio", "CPU, s", "Gflop/s",
            "% of DGEMM"), rows)  # fmt: skip
 
 
@@ -264,7 +296,7 @@ def run_ccx(arguments) -> None:
         print("CalculiX is not installed (Debian package calculix-ccx)")
         return
     set_up, model = min(
-        (timed(lambda: bi.Indentation(mesh="paper", integration="full", depths=4)) for _ in range(5)), key=lambda pair: pair[0]
+        (timed(lambda: bi.Indentation(geometry="block", integration="full", depths=4)) for _ in range(5)), key=lambda pair: pair[0]
     )
     ours = min((timed(lambda: model.run(ZINC, (0, 30, 0))) for _ in range(5)), key=lambda pair: pair[0])
     first = set_up + ours[0]
@@ -295,7 +327,7 @@ import bayesindent as bi
 C = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
 base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 workers = int(sys.argv[1])
-model = bi.Indentation(mesh="paper")
+model = bi.Indentation(geometry="block")
 model.run_many([C] * 2 * workers, [(0, 10 * k, 0) for k in range(2 * workers)], workers=workers)
 print(base / 1024, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, model.workspace_bytes / 1e6)
 """
@@ -313,7 +345,7 @@ def run_memory(arguments) -> None:
 
 def run_workers(arguments) -> None:
     """Curves a second with one and two threads."""
-    model = bi.Indentation(mesh="paper")
+    model = bi.Indentation(geometry="block")
     count = 8
     crystals = np.array([ZINC] * count), np.array([(0, 10 * k, 0) for k in range(count)], dtype=float)
     model.run_many(crystals[0][:2], crystals[1][:2], workers=2)
@@ -333,7 +365,7 @@ def run_size(arguments) -> None:
     """Cost over mesh size on the paper's block."""
     rows, points = [], []
     for refine in (0.7, 0.85, 1.0, 1.2, 1.4, 1.55, 1.7):
-        model = bi.Indentation(mesh="paper", refine=refine)
+        model = bi.Indentation(geometry="block", refine=refine)
         if model.elements > 1.05 * arguments.largest:
             break
         # CPU times: on a busy machine wall time means little.

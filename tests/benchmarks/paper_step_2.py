@@ -62,7 +62,8 @@ class Study:
         self.namelist["measurements"]["file"] = str((INPUTS / self.namelist["measurements"]["file"]).resolve())
         self.namelist["execution"] = {"workers": workers}
         if simulator:
-            self.namelist["simulation"] = {"simulator": simulator, "mesh": "paper"}
+            self.namelist["simulation"] = {"simulator": simulator}
+            self.namelist["specimen"] = {"geometry": "block" if simulator == "fe" else "halfspace"}
         self.documents: dict[str, dict] = {}
         self.draws: dict[str, np.ndarray] = {}
 

@@ -17,7 +17,7 @@ import resource, sys
 import numpy as np
 import bayesindent as bi
 from bayesindent.pipeline.campaign import Campaign
-from bayesindent.pipeline.simulator import Simulator, engine_of, physics_identity, simulate_into
+from bayesindent.pipeline.simulator import Simulator, engine_of, simulate_into
 
 folder = sys.argv[1]
 problem = bi.Problem.from_keywords("test", simulation={"refine": 0.6}, execution={"workers": 2})
@@ -44,7 +44,7 @@ limit(20e6)
 attempt("finest mesh", lambda: bi.Indentation(refine=1.6).elements)
 limit(None)
 simulator = Simulator(problem)
-with Campaign(folder + "/campaign.sqlite", physics_identity(problem)) as campaign:
+with Campaign(folder + "/campaign.sqlite", problem.physics) as campaign:
     for name, more in (("none fits", 0.5 * workspace), ("again", None)):
         limit(more)
         attempt(name, lambda: simulate_into(campaign, simulator, crystals, engine_of(problem), lambda success: None))

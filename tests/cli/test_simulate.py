@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 
+import bayesindent as bi
 from conftest import SOURCE
 
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
@@ -90,7 +91,7 @@ def test_fields_and_decks(bayesindent, tmp_path):
     output = tmp_path / "runs" / "files"
     mesh = meshio.read(output / "crystal_0001.vtu")
     depth = json.loads(done.stdout)["results"][0]["depth_um"][-1]
-    # The surface under the tip of the sphere goes down with it.
+    # The surface under the tip goes down with it.
     tip = np.argmin(np.linalg.norm(mesh.points, axis=1))
     assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-9)
     assert (output / "crystal_0001.inp").read_text().startswith("*HEADING\n")
@@ -127,24 +128,37 @@ def batch(folder):
     return subprocess.run([PROGRAM, "a.nml", "--output", "batch"], cwd=folder, capture_output=True, text=True)
 
 
-def test_both_meshes_stand_side_by_side(bayesindent, tmp_path):
-    (tmp_path / "points.csv").write_text(
-        "C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n" + "".join(f"161.1,34.2,38.3,61.1,50.3,0,{a},0\n" for a in (0, 90))
+def test_a_block_under_a_cone(bayesindent, tmp_path):
+    """Theory knows only the half-space: `run` leaves it out, and who asks for it is refused; both programs have the same numbers."""
+    (tmp_path / "points.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n161.1,34.2,38.3,61.1,50.3,0,30,0\n")
+    text = (
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&specimen geometry = 'block' height_um = 6 /\n"
+        "&indenter shape = 'cone' half_angle_deg = 75 depth_um = 0.2 /\n&simulation refine = 0.7 depths = 4 /\n"
     )
-    (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation both_meshes = .true. /\n"
-    )
+    (tmp_path / "a.nml").write_text(text)
     done = bayesindent("run", "a.nml", "--output", "out", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
-    half = [row["indentation_modulus_gpa"] for row in document["simulate"]["results"]]
-    other = document["simulate"]["other_mesh"]
-    assert other["mesh"] == "paper"
-    # The clamped block is stiffer than the half-space, more where the crystal is stiffer in the plane.
-    bias = [block / space - 1 for block, space in zip(other["indentation_modulus_gpa"], half, strict=True)]
-    assert bias == pytest.approx([0.0585, 0.1199], abs=0.001)
-    assert "paper mesh" in (tmp_path / "out" / "report.html").read_text()
-    assert json.loads(bayesindent("run", "a.nml", "--output", "out", "--json").stdout)["simulate"]["new_simulations"] == 0
+    assert "theory" not in document
+    (result,) = document["simulate"]["results"]
+    assert result["depth_um"] == pytest.approx([0.05, 0.1, 0.15, 0.2])
+    unit_force = 2 / np.pi * np.tan(np.radians(75)) * np.array(result["depth_um"]) ** 2
+    assert result["modulus_by_depth_gpa"] == pytest.approx(result["force_mn"] / unit_force)
+    # Measured with refine = 0.7: the block is 8 % stiffer than the half-space, the more the deeper.
+    exact = bi.halfspace_modulus(bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3), (0, 30, 0))
+    assert 1.04 < result["indentation_modulus_gpa"] / exact < 1.12
+    assert "under a rigid cone" in (tmp_path / "out" / "report.html").read_text()
+    done = batch(tmp_path)
+    assert done.returncode == 0, done.stderr
+    curves = list(csv.DictReader((tmp_path / "batch" / "curves.csv").open()))
+    assert [float(row["force_mn"]) for row in curves] == pytest.approx(result["force_mn"], rel=1e-9)
+    assert [float(row["modulus_gpa"]) for row in curves] == pytest.approx(result["modulus_by_depth_gpa"], rel=1e-9)
+    refused = "a.nml: &specimen geometry: 'block' has no exact theory; allowed 'halfspace'\n"
+    done = bayesindent("theory", "a.nml")
+    assert (done.returncode, done.stderr) == (2, refused)
+    (tmp_path / "a.nml").write_text(text.replace("refine = 0.7", "simulator = 'theory'"))
+    for done in (bayesindent("simulate", "a.nml"), batch(tmp_path)):
+        assert (done.returncode, done.stderr) == (2, refused)
 
 
 def test_theory_of_a_table_that_mixes_all_classes(bayesindent, tmp_path):

@@ -1,23 +1,27 @@
-!> Meshes by name, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
+!> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
 program test_indentation
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
    use fe_mesh, only: mesh_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
    use memory, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
-   use meshes, only: mesh_names, new_specimen_mesh, other_mesh
    use physics_identity, only: identity_text
-   use settings_groups, only: simulation_settings_type
+   use settings_groups, only: settings_type
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
    use specimen_mesh, only: specimen_mesh_type
+   use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
    use text, only: split_list, to_text
    implicit none
 
-   call test_meshes()
+   call test_specimens()
+   call test_blocks()
+   call test_indenters()
+   call test_sneddon()
    call test_hertz()
    call test_resolution()
    call test_memory()
@@ -28,53 +32,201 @@ program test_indentation
 
 contains
 
-   !> &simulation with nothing stated.
+   !> Settings with nothing stated.
    function default_settings() result(settings)
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
 
-      settings%mesh = 'halfspace'
-      settings%element = ''
-      settings%integration = 'selective'
-      settings%refine = 1.0_wp
-      settings%radius_um = 16.0_wp
-      settings%outer = 5.0_wp
-      settings%growth = 1.13_wp
-      settings%depths = 10
-      settings%extrapolate = .false.
+      settings%specimen%geometry = 'halfspace'
+      settings%specimen%width_um = 9.6_wp
+      settings%specimen%height_um = 4.8_wp
+      settings%indenter%shape = 'paraboloid'
+      settings%indenter%radius_um = 16.0_wp
+      settings%indenter%half_angle_deg = 70.3_wp
+      settings%indenter%contact_radius_um = 0.5_wp
+      settings%simulation%simulator = 'fe'
+      settings%simulation%element = ''
+      settings%simulation%integration = 'selective'
+      settings%simulation%refine = 1.0_wp
+      settings%simulation%outer = 5.0_wp
+      settings%simulation%growth = 1.13_wp
+      settings%simulation%depths = 10
+      settings%simulation%extrapolate = .false.
    end function default_settings
 
-   !> Every mesh of the list can be made; another name is refused; each has another to compare with.
-   subroutine test_meshes()
-      character(len=len(mesh_names)), allocatable :: names(:)
+   !> Every specimen of the list can be meshed; another name is refused.
+   subroutine test_specimens()
+      character(len=len(geometry_names)), allocatable :: names(:)
       class(specimen_mesh_type), allocatable :: specimen
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
       type(mesh_type) :: mesh
       type(error_type), allocatable :: error
       integer :: i
 
       settings = default_settings()
-      allocate (names, source=split_list(mesh_names))
+      allocate (names, source=split_list(geometry_names))
       do i = 1, size(names)
-         settings%mesh = trim(names(i))
-         call new_specimen_mesh(settings, specimen, error)
+         settings%specimen%geometry = trim(names(i))
+         call new_specimen(settings, 0.5_wp, specimen, error)
          call check_success('specimen '//names(i), error)
-         call specimen%make(0.6_wp, specimen%contact_radius(16.0_wp), mesh, error)
+         call specimen%make(0.6_wp, 0.5_wp, mesh, error)
          call check_success('mesh '//names(i), error)
          call check('contact nodes, and something that holds the mesh: '//names(i), size(mesh%contact) > 50 &
             & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
-         call check('another mesh than '//names(i), other_mesh(settings%mesh) /= settings%mesh &
-            & .and. any(names == other_mesh(settings%mesh)))
       end do
-      settings%mesh = 'dome'
-      call new_specimen_mesh(settings, specimen, error)
-      call check_refused('an unknown mesh', error, "mesh: 'dome' is unknown; allowed: "//mesh_names)
-   end subroutine test_meshes
+      settings%specimen%geometry = 'dome'
+      call new_specimen(settings, 0.5_wp, specimen, error)
+      call check_refused('an unknown specimen', error, "geometry: 'dome' is unknown; allowed: "//geometry_names)
+   end subroutine test_specimens
+
+   !> The default block is the paper's; others have their size, bricks of nearly equal edges under the contact, and layers that grow alike.
+   subroutine test_blocks()
+      !> Width, height, contact radius, um, and bricks.
+      real(wp), parameter :: blocks(4, 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
+         & 100.0_wp, 25.0_wp, 2.0_wp, 10000.0_wp, 4.0_wp, 2.0_wp, 1.0_wp, 6400.0_wp], [4, 4])
+      class(specimen_mesh_type), allocatable :: specimen
+      type(settings_type) :: settings
+      type(mesh_type) :: mesh
+      type(error_type), allocatable :: error
+      integer :: i
+
+      settings = default_settings()
+      settings%specimen%geometry = 'block'
+      do i = 1, size(blocks, 2)
+         settings%specimen%width_um = blocks(1, i)
+         settings%specimen%height_um = blocks(2, i)
+         call new_specimen(settings, blocks(3, i), specimen, error)
+         call check_success('block', error)
+         call check('it has a length', specimen%has_length)
+         call specimen%make(1.0_wp, blocks(3, i), mesh, error)
+         call check_success('its mesh', error)
+         associate (x => mesh%x, first => mesh%brick(:, 1))
+            call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), 1.0e-12_wp*blocks(1, i))
+            call check_close('its height', maxval(x(3, :)) - minval(x(3, :)), blocks(2, i), 1.0e-12_wp*blocks(2, i))
+            call check_close('bricks as high as wide', (x(3, first(5)) - x(3, first(1)))/mesh%element_size, 1.0_wp, 1.0e-9_wp)
+            call check('clamped at the bottom', all(abs(x(3, mesh%clamped) + blocks(2, i)) < 1.0e-9_wp))
+         end associate
+         call check_close('elements to the contact radius', blocks(3, i)/mesh%element_size, 1.0_wp/0.13_wp, 1.0e-9_wp)
+         call check('bricks', size(mesh%brick, 2) == nint(blocks(4, i)), to_text(size(mesh%brick, 2)))
+      end do
+      call new_specimen(settings, 1.1_wp, specimen, error)
+      call check_refused('a contact too large for the block', error, 'width_um: 4.0 um is too narrow for a contact ' &
+         & //'radius of 1.1 um; allowed from 4.4 um')
+      settings%specimen%height_um = 8.1_wp
+      call new_specimen(settings, 0.5_wp, specimen, error)
+      call check_refused('a pillar', error, 'height_um: 8.1 um does not go with width_um = 4.0; allowed 0.5 to 8.0 um')
+   end subroutine test_blocks
+
+   !> What closed forms of any shape obey: d(force)/d(depth) = 2 a M (Sneddon), inverse functions, and the shape that is asked for.
+   subroutine test_indenters()
+      character(len=len(indenter_names)), allocatable :: names(:)
+      type(settings_type) :: settings
+      type(indenter_type) :: tip, other
+      type(error_type), allocatable :: error
+      real(wp), parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, 15.5_wp]
+      real(wp) :: h, dh, slope
+      integer :: i, j
+
+      settings = default_settings()
+      allocate (names, source=split_list(indenter_names))
+      do i = 1, size(names)
+         settings%indenter%shape = trim(names(i))
+         call new_indenter(settings%indenter, tip, error)
+         call check_success(names(i), error)
+         do j = 1, size(radii)
+            h = tip%depth_of(radii(j))
+            call check_close('contact radius of the depth of a contact radius: '//names(i), tip%contact_radius_of(h)/radii(j), &
+               & 1.0_wp, 1.0e-12_wp)
+            dh = 1.0e-3_wp*h
+            slope = (8.0_wp*(tip%unit_force(h + dh) - tip%unit_force(h - dh)) - tip%unit_force(h + 2.0_wp*dh) &
+               & + tip%unit_force(h - 2.0_wp*dh))/(12.0_wp*dh)
+            call check_close('stiffness of the contact: '//names(i), slope/(2.0_wp*radii(j)), 1.0_wp, 1.0e-9_wp)
+         end do
+         call check_close('the last point', tip%contact_radius, 0.5_wp, 1.0e-15_wp)
+         settings%indenter%depth_um = tip%depth
+         deallocate (settings%indenter%contact_radius_um)
+         call new_indenter(settings%indenter, other, error)
+         call check_close('stated by its depth', other%contact_radius, 0.5_wp, 1.0e-13_wp)
+         settings = default_settings()
+      end do
+      call test_shapes()
+   end subroutine test_indenters
+
+   !> Gaps and forces of each shape; a small sphere is a paraboloid.
+   subroutine test_shapes()
+      type(settings_type) :: settings
+      type(indenter_type) :: paraboloid, sphere, cone
+      type(error_type), allocatable :: error
+      real(wp), parameter :: a = 8.0_wp
+
+      settings = default_settings()
+      call new_indenter(settings%indenter, paraboloid, error)
+      settings%indenter%shape = 'sphere'
+      call new_indenter(settings%indenter, sphere, error)
+      settings%indenter%shape = 'cone'
+      settings%indenter%half_angle_deg = 60.0_wp
+      call new_indenter(settings%indenter, cone, error)
+      call check_close('gap of a paraboloid', paraboloid%gap(a), 2.0_wp, 1.0e-14_wp)
+      call check_close('gap of a sphere', sphere%gap(a), 16.0_wp - sqrt(192.0_wp), 1.0e-14_wp)
+      call check('no sphere beyond its radius', sphere%gap(16.0_wp) > 100.0_wp .and. sphere%gap(40.0_wp) > 100.0_wp)
+      call check_close('gap of a cone', cone%gap(a), a/sqrt(3.0_wp), 1.0e-14_wp)
+      ! a = R/2: h = (R/4) ln 3, P/M = (R2/8) (5 ln 3 - 4).
+      call check_close('depth of a sphere', sphere%depth_of(a), 4.0_wp*log(3.0_wp), 1.0e-14_wp)
+      call check_close('force under a sphere', sphere%unit_force(4.0_wp*log(3.0_wp)), 32.0_wp*(5.0_wp*log(3.0_wp) - 4.0_wp), &
+         & 1.0e-12_wp)
+      call check_close('force under a cone', cone%unit_force(1.0_wp), 2.0_wp*sqrt(3.0_wp)/pi, 1.0e-14_wp)
+      ! P = 4/3 sqrt(R) h^1.5 (1 - (1/10) h/R ..): the series of both in a/R, to second order.
+      call check_close('a small sphere is a paraboloid', sphere%unit_force(1.6e-3_wp)/paraboloid%unit_force(1.6e-3_wp), &
+         & 1.0_wp - 1.0e-5_wp, 1.0e-8_wp)
+      settings = default_settings()
+      settings%indenter%shape = 'sphere'
+      settings%indenter%contact_radius_um = 16.0_wp
+      call new_indenter(settings%indenter, sphere, error)
+      call check_refused('a contact as wide as the sphere', error, 'contact_radius_um: 16.0 um is beyond the sphere; allowed below')
+      settings%indenter%shape = 'pyramid'
+      call new_indenter(settings%indenter, sphere, error)
+      call check_refused('an unknown shape', error, "shape: 'pyramid' is unknown; allowed: "//indenter_names)
+   end subroutine test_shapes
+
+   !> True sphere and cone on an isotropic half-space: force at each resolved depth, contact radius, and the modulus by depth.
+   subroutine test_sneddon()
+      character(len=6), parameter :: shapes(3) = ['sphere', 'sphere', 'cone  ']
+      !> Radius of the indenter over the last contact radius; relative errors allowed.
+      real(wp), parameter :: radius(3) = [5.0_wp, 1.0_wp/0.6_wp, 16.0_wp], tolerance(3) = [5.0e-3_wp, 5.0e-3_wp, 1.0e-2_wp]
+      type(settings_type) :: settings
+      type(indentation_model_type) :: model
+      type(indentation_result_type) :: result
+      type(error_type), allocatable :: error
+      real(wp) :: exact, worst
+      integer :: i
+
+      exact = 168.0_wp
+      do i = 1, 3
+         settings = default_settings()
+         settings%indenter%shape = trim(shapes(i))
+         settings%indenter%radius_um = radius(i)
+         call new_indentation_model(settings, model, error)
+         call check_success('a model', error)
+         call simulate_indentation(model, stiffness_of('cubic', [200.0_wp, 80.0_wp, 60.0_wp]), [0.1_wp, 0.2_wp, 0.3_wp], &
+            & result, error)
+         call check_success('its simulation', error)
+         if (allocated(error)) return
+         associate (tip => model%indenter)
+            worst = maxval(abs(result%force(6:)/(exact*tip%unit_force(result%depth(6:))) - 1.0_wp))
+            call check('force by Sneddon: '//shapes(i), worst < tolerance(i), to_text(worst))
+            call check_close('modulus', result%modulus/exact, 1.0_wp, tolerance(i))
+            call check_close('modulus of the last depth', result%modulus_by_depth(10), result%modulus_last, 1.0e-9_wp)
+            worst = maxval(abs(result%contact_radius - tip%contact_radius_of(result%depth)))
+            call check('contact radius within one element: '//shapes(i), worst < model%grid(1)%mesh%element_size, to_text(worst))
+         end associate
+         call free_indentation_model(model)
+      end do
+   end subroutine test_sneddon
 
    !> An isotropic half-space: close to E/(1-nu2), and the error of C3D8 falls with the square of the element size.
    subroutine test_hertz()
       real(wp), parameter :: refine(3) = [1.0_wp, 0.6_wp, 1.0_wp]
       character(len=5), parameter :: element(3) = ['c3d8i', 'c3d8 ', 'c3d8 ']
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
       type(indentation_model_type) :: model
       type(indentation_result_type) :: result
       type(error_type), allocatable :: error
@@ -85,8 +237,8 @@ contains
       exact = 168.0_wp
       settings = default_settings()
       do i = 1, 3
-         settings%refine = refine(i)
-         settings%element = trim(element(i))
+         settings%simulation%refine = refine(i)
+         settings%simulation%element = trim(element(i))
          call new_indentation_model(settings, model, error)
          call check_success('a model of the half-space', error)
          if (allocated(error)) return
@@ -107,20 +259,20 @@ contains
 
    !> The stated error grows towards instability and falls with the mesh; an ordinary crystal has no warning.
    subroutine test_resolution()
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
       real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), block(2)
 
       pair(:, :, 1) = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       pair(:, :, 2) = stiffness_of('cubic', [130.0_wp, 125.0_wp, 100.0_wp])
       settings = default_settings()
       coarse = largest_mesh_error(settings, pair)
-      settings%refine = 2.0_wp
+      settings%simulation%refine = 2.0_wp
       fine = largest_mesh_error(settings, pair)
-      settings%refine = 1.0_wp
-      settings%extrapolate = .true.
+      settings%simulation%refine = 1.0_wp
+      settings%simulation%extrapolate = .true.
       extrapolated = largest_mesh_error(settings, pair)
-      settings%extrapolate = .false.
-      settings%mesh = 'paper'
+      settings%simulation%extrapolate = .false.
+      settings%specimen%geometry = 'block'
       block = largest_mesh_error(settings, pair)
       call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp .and. coarse(2) > 0.02_wp, &
          & to_text(coarse(1))//' '//to_text(coarse(2)))
@@ -144,7 +296,7 @@ contains
    end subroutine test_memory
 
    subroutine test_refusals()
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
       type(indentation_model_type) :: model
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
@@ -152,7 +304,7 @@ contains
       real(wp) :: elongated(6, 6)
 
       settings = default_settings()
-      settings%refine = 0.6_wp
+      settings%simulation%refine = 0.6_wp
       call new_indentation_model(settings, model, error)
       call check_success('a coarse model', error)
       call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
@@ -163,7 +315,7 @@ contains
          & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
       call check_refused('contact beyond the refined zone', error, 'the contact leaves the refined zone')
       ! A long ellipse that fits once the depths shrink.
-      settings%refine = 1.0_wp
+      settings%simulation%refine = 1.0_wp
       call free_indentation_model(model)
       call new_indentation_model(settings, model, error)
       elongated = stiffness_of('hexagonal', [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
@@ -174,36 +326,39 @@ contains
       call halfspace_modulus(elongated, [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, theory, error)
       call check_close('its modulus', result%modulus/theory%modulus, 1.0_wp, 0.01_wp)
       call free_indentation_model(model)
-      settings%refine = 0.3_wp
+      settings%simulation%refine = 0.3_wp
       call new_indentation_model(settings, model, error)
       call check_refused('too coarse a mesh', error, 'elements at the last depth')
-      settings%refine = 4.0_wp
+      settings%simulation%refine = 4.0_wp
       call new_indentation_model(settings, model, error)
       call check_refused('too fine a mesh', error, 'elements is too large; allowed: up to 400000')
    end subroutine test_refusals
 
    !> The texts under which campaigns were stored, to the letter.
    subroutine test_identity()
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
 
       settings = default_settings()
-      settings%simulator = 'fe'
-      call check('of finite elements', identity_text(settings) == '{"depths": 10, "element": "", "estimator": ' &
-         & //'"least squares through the origin", "extrapolate": false, "integration": "selective", "mesh": "halfspace", ' &
-         & //'"numerics": 3, "radius_um": 16.0, "refine": 1.0, "simulator": "fe"}', identity_text(settings))
-      settings%outer = 8.0_wp
-      settings%growth = 1.05_wp
-      settings%radius_um = 1.0e-5_wp
-      call check('of a study', index(identity_text(settings), '"growth": 1.05, "integration"') > 0 &
-         & .and. index(identity_text(settings), '"outer": 8.0, "radius_um": 1e-05, ') > 0, identity_text(settings))
-      settings%simulator = 'theory'
+      call check('of the half-space', identity_text(settings) == '{"contact_radius_um": 0.5, "depths": 10, "element": "", ' &
+         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
+         & //'"integration": "selective", "numerics": 4, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
+         & //'"simulator": "fe"}', identity_text(settings))
+      settings%specimen%geometry = 'block'
+      settings%indenter%shape = 'cone'
+      settings%indenter%depth_um = 0.25_wp
+      deallocate (settings%indenter%contact_radius_um)
+      call check('of a block', identity_text(settings) == '{"depth_um": 0.25, "depths": 10, "element": "", ' &
+         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "block", ' &
+         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 4, "refine": 1.0, ' &
+         & //'"shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
+      settings%simulation%simulator = 'theory'
       call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', identity_text(settings))
    end subroutine test_identity
 
    !> Each simulator in its place: results, failures of the crystal, and errors that are none.
    subroutine test_simulators()
       real(wp), parameter :: euler(3) = [0.1_wp, 0.5_wp*pi, 0.0_wp]
-      type(simulation_settings_type) :: settings
+      type(settings_type) :: settings
       class(simulator_type), allocatable :: simulator
       type(outcome_type) :: outcome
       type(error_type), allocatable :: error
@@ -211,16 +366,16 @@ contains
 
       copper = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       settings = default_settings()
-      settings%refine = 0.6_wp
-      settings%simulator = 'theory'
+      settings%simulation%refine = 0.6_wp
+      settings%simulation%simulator = 'theory'
       call new_simulator(settings, simulator, error)
       call simulator%run(copper, euler, outcome, error)
       call check('theory gives a modulus and no curve', outcome%status == outcome_done .and. outcome%modulus > 100.0_wp &
          & .and. size(outcome%depth) == 0)
-      settings%simulator = 'import'
+      settings%simulation%simulator = 'import'
       call new_simulator(settings, simulator, error)
       call check_refused('import simulates nothing', error, "'import' cannot simulate")
-      settings%simulator = 'fe'
+      settings%simulation%simulator = 'fe'
       call new_simulator(settings, simulator, error)
       call check_success('finite elements', error)
       call simulator%run(copper, euler, outcome, error)

@@ -160,7 +160,7 @@ contains
 
       call parse_namelist('f', '&execution /', file, error)
       call read_settings('f', file, '', '', all_choices(), s, error)
-      call check('defaults', s%simulation%mesh == 'halfspace' .and. nint(s%simulation%radius_um) == 16 &
+      call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) == 16 &
          & .and. .not. s%simulation%given .and. s%design%budget == 40)
       call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))
       call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / &knowledge quantity = ''C11'', ' &

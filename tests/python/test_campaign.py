@@ -145,7 +145,7 @@ def test_physics_are_kept_apart(tmp_path):
     path = tmp_path / "campaign.sqlite"
     with Campaign(path, THEORY) as campaign:
         campaign.add("cubic", COPPER, ANGLES, modulus_gpa=134.0)
-    with Campaign(path, {"simulator": "fe", "mesh": "paper"}) as campaign:
+    with Campaign(path, {"simulator": "fe", "geometry": "block"}) as campaign:
         assert campaign.rows("cubic") == []
         assert campaign.other_physics() == ['{"simulator": "theory"}']
         campaign.add("cubic", COPPER, ANGLES, modulus_gpa=140.0)

@@ -16,17 +16,19 @@ ANGLES = (20, 35, 10)
 @pytest.fixture(scope="module")
 def block():
     """The smallest mesh of the paper's block, integrated as CalculiX does."""
-    return bi.Indentation(mesh="paper", refine=0.65, integration="full", depths=3)
+    return bi.Indentation(geometry="block", refine=0.65, integration="full", depths=3)
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian package calculix-ccx) is not installed")
 @pytest.mark.parametrize(
     "options",
     [
-        {"mesh": "paper", "refine": 0.65, "depths": 3},
-        {"mesh": "halfspace", "refine": 0.6, "depths": 1, "element": "c3d8"},
+        {"geometry": "block", "refine": 0.65, "depths": 3},
+        {"refine": 0.6, "depths": 1, "element": "c3d8"},
+        {"geometry": "block", "refine": 0.65, "depths": 2, "shape": "cone", "width_um": 6.0},
+        {"geometry": "block", "refine": 0.65, "depths": 2, "shape": "sphere", "radius_um": 0.7},
     ],
-    ids=["block", "half-space with springs and hanging nodes"],
+    ids=["block", "half-space with springs and hanging nodes", "cone", "sphere"],
 )
 def test_calculix_solves_the_deck_to_the_same_curve(options, tmp_path):
     model = bi.Indentation(integration="full", **options)

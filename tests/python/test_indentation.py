@@ -44,8 +44,47 @@ def test_modulus_is_the_least_squares_of_the_curve(halfspace):
     assert np.sqrt(16 * result.depth_um) == pytest.approx(0.05 * np.arange(1, 11))
 
 
+def test_modulus_by_depth_is_that_of_each_point(halfspace):
+    result = halfspace.run(COPPER, (200, 50, 25))
+    assert result.modulus_by_depth_gpa == pytest.approx(result.force_mn / (4 / 3 * np.sqrt(16) * result.depth_um**1.5))
+    assert result.modulus_by_depth_gpa[-1] == pytest.approx(result.modulus_last_gpa)
+    # Nothing but the mesh makes it vary.
+    assert result.modulus_by_depth_gpa[5:] == pytest.approx(result.indentation_modulus_gpa, rel=5e-3)
+
+
+def test_shapes_agree_on_an_anisotropic_half_space():
+    """Elliptical contact: a small sphere is the paraboloid, and the last point may be stated either way."""
+    paraboloid = bi.Indentation(depths=4).run(ZINC, (0, 70, 0))
+    for last in ({"contact_radius_um": 0.5}, {"depth_um": 0.5**2 / 16}):
+        sphere = bi.Indentation(shape="sphere", depths=4, **last).run(ZINC, (0, 70, 0))
+        assert sphere.indentation_modulus_gpa == pytest.approx(paraboloid.indentation_modulus_gpa, rel=2e-4)
+        assert sphere.depth_um[-1] == pytest.approx(0.5**2 / 16, rel=1e-3)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "cone"])
+def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
+    """The same block, indenter and last point three times as large."""
+    moduli = [
+        bi.Indentation(geometry="block", depths=3, shape=shape, width_um=w * 8, height_um=w * 5, radius_um=w * 3, contact_radius_um=w)
+        .run(ZINC, (0, 30, 0))
+        .indentation_modulus_gpa
+        for w in (0.5, 1.5)
+    ]
+    assert moduli[1] == pytest.approx(moduli[0], rel=1e-9)
+    assert moduli[0] > 1.03 * bi.halfspace_modulus(ZINC, (0, 30, 0))
+
+
+def test_a_large_block_is_a_half_space():
+    """The farther the clamped bottom, the smaller its part: half of it at twice the distance, apart from the error of the mesh."""
+    sizes, angles = (4.8, 9.6, 19.2), (0, 30, 0)
+    models = [bi.Indentation(geometry="block", width_um=2 * h, height_um=h, depths=3, element="c3d8i") for h in sizes]
+    moduli = [model.run(ZINC, angles).indentation_modulus_gpa for model in models]
+    assert (moduli[0] - moduli[1]) / (moduli[1] - moduli[2]) == pytest.approx(2, abs=0.4)
+    assert moduli[2] < 1.04 * bi.halfspace_modulus(ZINC, angles)
+
+
 def test_modulus_does_not_depend_on_scale(coarse):
-    other = bi.Indentation(refine=0.6, radius_um=1.0)
+    other = bi.Indentation(refine=0.6, radius_um=1.0, contact_radius_um=1 / 32)
     a, b = coarse.run(ZINC, (0, 30, 0)), other.run(3.0 * ZINC, (0, 30, 0))
     assert b.indentation_modulus_gpa == pytest.approx(3 * a.indentation_modulus_gpa, rel=1e-9)
 
@@ -67,8 +106,8 @@ def test_failures_are_returned_in_place(coarse):
     assert isinstance(results[1], bi.InputError) and "unstable" in str(results[1])
 
 
-def test_paper_mesh_is_the_papers():
-    model = bi.Indentation(mesh="paper", refine=0.7)
+def test_the_default_block_is_the_papers():
+    model = bi.Indentation(geometry="block", refine=0.7)
     x = model.mesh_arrays().x
     assert x.min(axis=0) == pytest.approx([-4.8, -4.8, -4.8])
     assert x.max(axis=0) == pytest.approx([4.8, 4.8, 0.0])
@@ -77,23 +116,35 @@ def test_paper_mesh_is_the_papers():
     assert result.indentation_modulus_gpa / bi.halfspace_modulus(ZINC, (0, 0, 0)) == pytest.approx(1.088, abs=0.001)
     assert result.equilibrium_residual <= 1e-8
     # The paper's: 12,610.
-    assert bi.Indentation(mesh="paper").elements == 12400
+    assert bi.Indentation(geometry="block").elements == 12400
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mesh": "dome"}, "&simulation mesh: 'dome' is not known"),
+        ({"geometry": "dome"}, "&specimen geometry: 'dome' is not known"),
+        ({"shape": "pyramid"}, "&indenter shape: 'pyramid' is not known"),
         ({"element": "c3d20"}, "&simulation element: 'c3d20' is not known"),
         ({"integration": "reduced"}, "&simulation integration: 'reduced' is not known"),
         ({"refine": 0.0}, "&simulation refine: 0.0 is out of range"),
         ({"refine": float("nan")}, "&simulation refine: nan is not a finite number"),
         ({"depths": 0}, "&simulation depths: 0 is out of range"),
         ({"depths": "ten"}, "&simulation depths: the text 'ten'"),
-        ({"radius_um": -1.0}, "&simulation radius_um: -1.0 is out of range"),
-        ({"mash": "paper"}, "&simulation mash: unknown variable"),
+        ({"radius_um": -1.0}, "&indenter radius_um: -1.0 is out of range"),
+        ({"depth_um": 0.0}, "&indenter depth_um: 0.0 is out of range; allowed 1e-9 to 1e6 um"),
+        ({"contact_radius_um": -0.5}, "&indenter contact_radius_um: -0.5 is out of range"),
+        ({"depth_um": 0.1, "contact_radius_um": 0.5}, "&indenter depth_um: the last point is stated twice"),
+        (
+            {"shape": "sphere", "radius_um": 0.5},
+            "&indenter contact_radius_um: 0.5 um is beyond the sphere; allowed below its radius_um of 0.5 um",
+        ),
+        ({"shape": "cone", "half_angle_deg": 90}, "&indenter half_angle_deg: 90 is out of range"),
+        ({"geometry": "block", "height_um": 40.0}, "&specimen height_um: 40.0 um does not go with width_um = 9.6; allowed 1.2 to 19.2 um"),
+        ({"geometry": "block", "contact_radius_um": 3.0}, "&specimen width_um: 9.6 um is too narrow for a contact radius of 3.0 um"),
+        ({"mash": 1}, "&simulation mash: unknown variable"),
+        ({"shap": "cone"}, "&indenter shap: unknown variable, did you mean shape"),
         ({"vtu": True}, "vtu says what a command does"),
-        ({"mesh": "paper", "radius_um": 0.5}, "elements at the last depth"),
+        ({"refine": 0.3}, "elements at the last depth"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(options, message):
@@ -139,7 +190,7 @@ def test_a_model_is_frozen(coarse):
     with pytest.raises(AttributeError, match="Indentation is frozen"):
         coarse.depths = 50
     with pytest.raises(AttributeError, match="refine"):
-        coarse.settings.refine = 2.0
+        coarse.settings.simulation.refine = 2.0
 
 
 def test_a_freed_model_is_refused_in_words():

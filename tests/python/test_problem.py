@@ -63,7 +63,7 @@ def test_defaults_and_values(tmp_path):
         tmp_path,
         "&domain c_min=80,40,30,70,40 c_max=240,120,90,210,90 anisotropy_cap=66.2/"
         "! a comment\r\n&PROBLEM Symmetry = 'Hexagonal', title = 'It''s / \"x\" ! é' ! more\r\n seed=7/\r\n"
-        "&design budget = 30, &end\n&simulation radius_um=1.6d1 VTU=t/\n&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
+        "&design budget = 30, &end\n&indenter radius_um=1.6d1/\n&simulation VTU=t/\n&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
     )
     problem = bi.Problem(path, "build")
     settings = problem.settings
@@ -72,7 +72,7 @@ def test_defaults_and_values(tmp_path):
     assert settings.design.budget == 30
     assert settings.design.batch == 1
     assert settings.simulation.vtu is True
-    assert settings.simulation.radius_um == 16.0
+    assert settings.indenter.radius_um == 16.0
     assert settings.domain.anisotropy_cap == 66.2
     assert settings.domain.c_min.tolist() == [80, 40, 30, 70, 40]
     assert settings.prior.c_min.tolist() == [20, 20, 10, 10, 10]
@@ -215,7 +215,8 @@ def namelists(draw):
         for v in schema()
         if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior", "knowledge")
         and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
-                           "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit")
+                           "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit",
+                           "geometry", "shape", "contact_radius_um")
     ]  # fmt: skip
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)

@@ -39,15 +39,30 @@ def test_a_variable_that_nobody_reads_is_found():
 
 #: What is wrong with a group.
 WRONG = {
-    "word": ("simulation", {"mesh": "papr"}, "&simulation mesh: 'papr' is not known; allowed 'halfspace', 'paper'"),
-    "range": ("simulation", {"radius_um": -1.0}, "&simulation radius_um: -1.0 is out of range; allowed 0.001 to 1e6 um"),
+    "word": ("specimen", {"geometry": "cube"}, "&specimen geometry: 'cube' is not known; allowed 'halfspace', 'block'"),
+    "range": ("indenter", {"radius_um": -1.0}, "&indenter radius_um: -1.0 is out of range; allowed 0.001 to 1e6 um"),
     "integer": ("design", {"budget": 2.5}, "&design budget: 2.5 is not an integer; allowed 1 to 1000000"),
     "infinite": ("next", {"sd_gpa": float("inf")}, "&next sd_gpa: inf is not a finite number; allowed 0 to 1000 GPa"),
     "text": ("simulation", {"depths": "ten"}, "&simulation depths: the text 'ten' stands where an integer is needed; allowed 1 to 1000"),
     "number": ("sampler", {"method": 3}, "&sampler method: 3 is not in quotes; a text is needed; allowed 'ensemble', 'scmh'"),
-    "name": ("simulation", {"mash": "paper"}, "&simulation mash: unknown variable, did you mean mesh?; allowed: simulator, mesh, "),
+    "name": (
+        "specimen",
+        {"geometri": "block"},
+        "&specimen geometri: unknown variable, did you mean geometry?; allowed: geometry, width_um, ",
+    ),
     "count": ("prior", {"c_min": [1, 2]}, "&prior c_min: 2 values; 3 are needed: C11, C12, C44"),
     "lists": ("knowledge", {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]}, "&knowledge quantity: 1 of them for 2 of mean"),
+    "twice": ("indenter", {"depth_um": 0.1, "contact_radius_um": 0.5}, "&indenter depth_um: the last point is stated twice"),
+    "sphere": (
+        "indenter",
+        {"shape": "sphere", "depth_um": 16.0},
+        "&indenter depth_um: 16.0 um is beyond the sphere; allowed below its radius_um",
+    ),
+    "block": (
+        "specimen",
+        {"geometry": "block", "width_um": 1.5},
+        "&specimen width_um: 1.5 um is too narrow for a contact radius of 0.5 um;",
+    ),
     "crossed": ("prior", {"c_min": [9, 9, 9], "c_max": (8, 10, 10)}, "&prior c_min: C11 = 9.0 GPa is not below its c_max of 8.0 GPa"),
 }
 
@@ -72,8 +87,8 @@ def test_keywords_and_files_give_the_same_words(tmp_path, case):
 
 @pytest.mark.parametrize("value", [object(), [], {}, 1j])
 def test_values_that_no_file_could_have(value):
-    with pytest.raises(bi.InputError, match="f: &simulation mesh: .* is neither number nor text"):
-        bi.Problem.from_keywords("f", simulation={"mesh": value})
+    with pytest.raises(bi.InputError, match="f: &specimen geometry: .* is neither number nor text"):
+        bi.Problem.from_keywords("f", specimen={"geometry": value})
 
 
 def test_keywords_are_resolved_as_files_are():
@@ -89,7 +104,7 @@ def test_keywords_are_resolved_as_files_are():
     assert settings.design.budget == 40
     assert not settings.design.given
     # What is not given is the default.
-    assert bi.Problem.from_keywords("f", simulation={"mesh": None}).settings.simulation.mesh == "halfspace"
+    assert bi.Problem.from_keywords("f", specimen={"geometry": None}).settings.specimen.geometry == "halfspace"
 
 
 MEASURED = (np.array([[0.0, 10.0, 20.0], [0.0, 80.0, 45.0]]), [200.0, 210.0], [4.0, 5.0])

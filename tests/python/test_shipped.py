@@ -9,7 +9,7 @@ BLOCK = bi.Surrogate.load("block")
 
 
 def test_its_provenance_says_how_it_was_made():
-    assert "mesh = 'paper'" in BLOCK.provenance["namelist"]
+    assert "geometry = 'block'" in BLOCK.provenance["namelist"]
     assert BLOCK.provenance["simulations"] == len(BLOCK.data["modulus_gpa"]) == 150
     assert BLOCK.basis.model == "correction" and BLOCK.symmetry == "triclinic"
 
@@ -24,7 +24,7 @@ def test_its_coefficients_follow_from_its_simulations():
 def test_its_simulations_are_those_of_the_block(number):
     data = {name: values[number] for name, values in BLOCK.data.items()}
     crystal = bi.stiffness("triclinic", **dict(zip(bi.constants("triclinic"), data["constants"], strict=True)))
-    modulus = bi.Indentation(mesh="paper").run(crystal, data["euler_deg"]).indentation_modulus_gpa
+    modulus = bi.Indentation(geometry="block").run(crystal, data["euler_deg"]).indentation_modulus_gpa
     assert modulus == pytest.approx(data["modulus_gpa"], rel=1e-5)
 
 
@@ -39,7 +39,7 @@ CRYSTALS = {
 def test_crystals_that_it_has_not_seen(name):
     angles = [[20, 35, 50], [110, 70, 15]]
     mean, sd = BLOCK.predict(np.array(2 * [CRYSTALS[name]]), angles)
-    found = bi.Indentation(mesh="paper").run_many(np.array(2 * [CRYSTALS[name]]), angles, workers=2)
+    found = bi.Indentation(geometry="block").run_many(np.array(2 * [CRYSTALS[name]]), angles, workers=2)
     simulated = np.array([result.indentation_modulus_gpa for result in found])
     theory = bi.halfspace_modulus(CRYSTALS[name], angles)
     assert np.all(np.abs(mean - simulated) <= 4 * sd)

@@ -1,5 +1,6 @@
-"""Finite element simulations of spherical indentation of one crystal."""
+"""Finite element simulations of the indentation of one crystal."""
 
+import difflib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -9,12 +10,13 @@ import numpy as np
 
 from ..core import BayesindentError, InputError, NativeObject, call
 from ..crystal.elasticity import oriented_crystals
-from ..settings.problem import Problem
+from ..settings.problem import Problem, schema
 
 __all__ = ["Indentation", "IndentationResult"]
 
-#: Variables of &simulation that say what a command does with simulations, not what one is.
-NOT_OURS = ("simulator", "both_meshes", "vtu", "inp")
+#: Groups whose variables say what a simulation is, but for those that say what a command does with it.
+GROUPS = ("specimen", "indenter", "simulation")
+NOT_OURS = ("simulator", "vtu", "inp")
 
 #: Tables of a mesh: the nodes in a row.
 WIDTHS = {"brick": (8,), "facet": (4,), "contact": (), "clamped": (), "hanging": (), "master": (4,)}
@@ -32,10 +34,13 @@ def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
 class IndentationResult:
     """One simulated indentation. Lengths in um, forces in mN, moduli in GPa."""
 
-    #: M of P = 4/3 M sqrt(R) h^1.5: least squares through the origin over the depths whose contact is resolved.
+    #: Of the isotropic half-space with the same curve, P = 4/3 M sqrt(R) h^1.5 under a paraboloid: least squares through the origin over the
+    #: depths whose contact is resolved.
     indentation_modulus_gpa: float
     depth_um: np.ndarray
     force_mn: np.ndarray
+    #: The same of each depth alone.
+    modulus_by_depth_gpa: np.ndarray
     #: All elements of all solves behind the number, infinite ones included.
     elements: int
     seconds: float
@@ -73,9 +78,9 @@ class MeshArrays:
 class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
-    The keywords (`settings`) are the variables of &simulation, with the same words, ranges and defaults: `mesh`, `radius_um` of the rigid sphere,
-    `element`, `integration`, `refine`, `extrapolate`, `depths`, `outer`, `growth` (see docs/namelists.md). Raises `InputError` for what
-    cannot be meant, `MachineError` where memory does not suffice.
+    The keywords (`settings`) are the variables of &specimen (`geometry`, ..), &indenter (`shape`, `radius_um`, `contact_radius_um` or `depth_um`,
+    ..) and &simulation (`refine`, ..), with the same words, ranges and defaults: see docs/namelists.md. Raises `InputError` for what cannot be
+    meant, `MachineError` where memory does not suffice.
     """
 
     kind = "indentation"
@@ -85,29 +90,31 @@ class Indentation(NativeObject):
             if name in settings:
                 raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
         self._made_of: tuple = (_made_anew, (type(self), settings))
-        self._set_up(Problem.from_keywords("Indentation", simulation=settings))
+        self._set_up(Problem.from_keywords("Indentation", **by_group(settings)))
 
     @classmethod
-    def of_problem(cls, problem: Problem, mesh: str = "") -> "Indentation":
-        """What &simulation of a problem asks for; `mesh` takes the place of its own."""
+    def of_problem(cls, problem: Problem) -> "Indentation":
+        """What &specimen, &indenter and &simulation of a problem ask for."""
         self = cls.__new__(cls)
-        self._made_of = (cls.of_problem, (problem, mesh))
-        self._set_up(problem, mesh)
+        self._made_of = (cls.of_problem, (problem,))
+        self._set_up(problem)
         return self
 
-    def _set_up(self, problem: Problem, mesh: str = "") -> None:
-        self._hold(call("simulation_new", problem.handle, self.kind, mesh), frozen=False)
-        self._problem, self._mesh, self._facts = problem, mesh, self._document()
-        self.settings = problem.settings.simulation
-        self.mesh = mesh or self.settings.mesh
+    def _set_up(self, problem: Problem) -> None:
+        self._hold(call("simulation_new", problem.handle, self.kind), frozen=False)
+        self._problem, self._facts = problem, self._document()
+        #: The variables of all groups: `settings.indenter.shape`.
+        self.settings = problem.settings
         #: Name of the brick element.
         self.element = self._facts["element"]
         names = ("elements", "depths", "meshes", "nodes", "bricks", "infinite_elements", "contact_nodes", "unknowns")
         (self.elements, self.depths, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
          self.unknowns) = (self._facts[name] for name in names)  # fmt: skip
-        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation, last depth.
-        costs = ("factor_entries", "factor_operations", "workspace_bytes", "depth_max_um")
-        self.factor_entries, self.factor_operations, self.workspace_bytes, self.depth_max_um = (self._facts[name] for name in costs)
+        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
+        costs = ("factor_entries", "factor_operations", "workspace_bytes")
+        self.factor_entries, self.factor_operations, self.workspace_bytes = (self._facts[name] for name in costs)
+        #: The last point: depth, and contact radius on an isotropic half-space.
+        self.depth_max_um, self.contact_radius_max_um = (self._facts[name] for name in ("depth_max_um", "contact_radius_max_um"))
         self._frozen = True
 
     def __reduce__(self):
@@ -120,11 +127,12 @@ class Indentation(NativeObject):
         """
         matrix, angles = one_crystal(stiffness, euler_deg)
         curve, moduli, diagnostics = call("indentation_run", self.handle, self.depths, matrix, angles)
-        depth, force, radius = np.ascontiguousarray(curve.T)
+        depth, force, radius, by_depth = np.ascontiguousarray(curve.T)
         return IndentationResult(
             indentation_modulus_gpa=float(moduli[0]),
             depth_um=depth,
             force_mn=force,
+            modulus_by_depth_gpa=by_depth,
             elements=int(diagnostics[4]),
             seconds=float(diagnostics[0]),
             modulus_slope_gpa=float(moduli[1]),
@@ -134,7 +142,7 @@ class Indentation(NativeObject):
             seconds_factor=float(diagnostics[1]),
             contact_residual=float(diagnostics[2]),
             equilibrium_residual=float(diagnostics[3]),
-            warning=resolution(self._problem, matrix[None], self._mesh)[1],
+            warning=resolution(self._problem, matrix[None])[1],
         )
 
     def run_many(
@@ -169,7 +177,7 @@ class Indentation(NativeObject):
 
     def largest_error(self, stiffness) -> np.ndarray:
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
-        return resolution(self._problem, np.asarray(stiffness, dtype=float), self._mesh)[0]
+        return resolution(self._problem, np.asarray(stiffness, dtype=float))[0]
 
     def mesh_arrays(self) -> MeshArrays:
         """The finest mesh."""
@@ -203,7 +211,7 @@ class Indentation(NativeObject):
             cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
         ).write(path, file_format="vtu")
 
-    def deck(self, stiffness, euler_deg, title: str = "spherical indentation", depth_um=None) -> str:
+    def deck(self, stiffness, euler_deg, title: str = "indentation", depth_um=None) -> str:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).
 
         `depth_um`: the depths (n,) of a curve that is known; without them the simulation finds those that fit this crystal.
@@ -220,10 +228,23 @@ def _made_anew(kind: type, settings: dict) -> Indentation:
     return kind(**settings)
 
 
-def resolution(problem: Problem, stiffness: np.ndarray, mesh: str = "") -> tuple[np.ndarray, str]:
-    """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything.
+def by_group(settings: dict) -> dict:
+    """Keywords by the group whose variables they are; a misspelt one by that of the name that is nearest, so that its message tells it."""
+    groups = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
+    sorted_out: dict = {group: {} for group in GROUPS}
+    for name, value in settings.items():
+        near = difflib.get_close_matches(name, groups, 1)
+        group = groups.get(name) or (groups[near[0]] if near else GROUPS[-1])
+        sorted_out[group][name] = value
+    return sorted_out
 
-    `mesh` takes the place of the problem's own.
-    """
-    largest, warning = call("simulation_resolution", problem.handle, mesh, np.moveaxis(stiffness, 0, -1))
+
+def moduli_by_depth(problem: Problem, depth_um, force_mn) -> list[float]:
+    """The modulus (GPa) of each point of a curve alone, (n,) in um and mN, under the indenter of a problem."""
+    return (np.asarray(force_mn) / call("simulation_unit_force", problem.handle, np.asarray(depth_um))).tolist()
+
+
+def resolution(problem: Problem, stiffness: np.ndarray) -> tuple[np.ndarray, str]:
+    """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
+    largest, warning = call("simulation_resolution", problem.handle, np.moveaxis(stiffness, 0, -1))
     return largest, warning.decode().strip()

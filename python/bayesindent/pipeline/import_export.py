@@ -7,7 +7,6 @@ import numpy as np
 from ..core import InputError
 from ..pipeline.build import Build
 from ..pipeline.campaign import Campaign
-from ..pipeline.simulator import physics_identity
 
 __all__ = ["ask", "tell"]
 
@@ -26,7 +25,7 @@ def tell(problem, output, points, name: str = "the table") -> dict:
     if symmetry is not None and classes != [symmetry] and problem.settings.domain.c_min is not None:
         raise InputError(f"{name}: there are crystals that are not {symmetry}, which is the symmetry of {problem.path}")
     new = 0
-    with Campaign(Path(output) / "campaign.sqlite", physics_identity(problem)) as campaign:
+    with Campaign(Path(output) / "campaign.sqlite", problem.physics) as campaign:
         for own in classes:
             rows = [i for i, other in enumerate(points.symmetry) if other == own]
             constants = [list(points.constants[i].values()) for i in rows]

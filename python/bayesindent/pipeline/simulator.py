@@ -1,4 +1,4 @@
-"""What &simulation asks for: a simulator of one crystal, the identity of its physics, and many crystals into a campaign."""
+"""What &specimen, &indenter and &simulation ask for: a simulator of one crystal, and many crystals into a campaign."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,17 +10,17 @@ from ..fe.indentation import resolution
 from ..pipeline.campaign import Campaign
 from ..pipeline.engines import ENGINES
 
-__all__ = ["Simulator", "engine_of", "other_mesh", "physics_identity", "resolution_warnings", "simulate_all", "simulate_into"]
+__all__ = ["Simulator", "engine_of", "resolution_warnings", "simulate_all", "simulate_into"]
 
 
 class Simulator(NativeObject):
-    """What &simulation of a problem asks for; `mesh` takes the place of its own. Threads may share it."""
+    """What a problem asks for. Threads may share it."""
 
     kind = "simulator"
 
-    def __init__(self, problem, mesh: str = ""):
-        self._made_of, self.depths = (problem, mesh), problem.settings.simulation.depths
-        self._hold(call("simulation_new", problem.handle, self.kind, mesh))
+    def __init__(self, problem):
+        self._made_of, self.depths = (problem,), problem.settings.simulation.depths
+        self._hold(call("simulation_new", problem.handle, self.kind))
 
     def __reduce__(self):
         return type(self), self._made_of
@@ -39,16 +39,6 @@ class Simulator(NativeObject):
         if not elements:
             return result
         return result | {"elements": int(elements), "depth_um": curve[: int(points), 0], "force_mn": curve[: int(points), 1]}
-
-
-def physics_identity(problem, mesh: str = "") -> dict:
-    """What makes two simulations the same physics; `mesh` takes the place of the problem's."""
-    return problem.physics[mesh or problem.settings.simulation.mesh]
-
-
-def other_mesh(problem) -> str:
-    """The mesh to compare the problem's own with."""
-    return list(problem.physics)[1]
 
 
 def resolution_warnings(problem, stiffness) -> list[str]:

@@ -86,7 +86,7 @@ class Problem(NativeObject):
 
     @classmethod
     def from_keywords(cls, origin: str, measurements_table: tuple | None = None, stiffness_page: str = "", **groups: Mapping) -> "Problem":
-        """The problem of variables by group, `simulation={"mesh": "paper"}`, that the function `origin` was called with.
+        """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
 
         The messages are those of a file with these values. What is None is left out. `measurements_table`: angles (n, 3) in degrees,
         moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred, and perhaps further columns by name.
@@ -113,7 +113,7 @@ class Problem(NativeObject):
         self.settings = _settings(facts["values"], facts["groups"].split())
         #: Pairs of degree and bandlimit of &surrogate scan.
         self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in facts["scan"]]
-        #: Identity of the physics by mesh: on the problem's own, and on the one to compare it with.
+        #: Identity of the physics, under which a campaign keeps simulations.
         self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
         self.stiffness = facts.get("stiffness")

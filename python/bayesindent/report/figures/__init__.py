@@ -7,7 +7,6 @@ __all__ = ["FIGURES"]
 #: Section of the report, and figure, in the order in which they are shown. A figure's file bears the name of its function.
 FIGURES = (
     ("simulation", mesh.mesh),
-    ("simulation", mesh.other_mesh),
     ("simulation", simulations.load_depth),
     ("simulation", simulations.theory),
     ("surrogate", learning.learning_curve),

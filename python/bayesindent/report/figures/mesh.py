@@ -1,4 +1,4 @@
-"""The meshes of the simulations."""
+"""The mesh of the simulations."""
 
 import matplotlib as mpl
 import numpy as np
@@ -6,39 +6,28 @@ from mpl_toolkits import mplot3d
 
 from .style import BLUE, ORANGE, Picture, new_figure
 
-__all__ = ["mesh", "other_mesh"]
+__all__ = ["mesh"]
 
 #: Nodes of a brick's faces, in Abaqus' order of nodes.
 BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
 
 
 def mesh(results) -> Picture | None:
-    """The mesh that the simulations used."""
-    return picture(results, results.group("simulation").get("mesh"))
+    """The mesh of the simulations with a quarter cut away, and its surface under the indenter with the nodes that may touch."""
+    from ...fe.indentation import GROUPS, NOT_OURS, Indentation
 
-
-def other_mesh(results) -> Picture | None:
-    """The mesh beside it."""
-    return picture(results, results.documents["simulate"].get("other_mesh", {}).get("mesh"))
-
-
-def picture(results, name: str | None) -> Picture | None:
-    """The mesh of this name with a quarter cut away, and its surface under the indenter with the nodes that may touch."""
-    from ...fe.indentation import NOT_OURS, Indentation
-
-    if not results.simulations or name is None:
+    if not results.simulations:
         return None
-    settings = {key: value for key, value in results.group("simulation").items() if key not in NOT_OURS}
-    indentation = Indentation(**settings | {"mesh": name})
+    settings = {key: value for group in GROUPS for key, value in results.group(group).items() if key not in NOT_OURS}
+    indentation = Indentation(**settings)
     arrays = indentation.mesh_arrays()
-    contact_radius = float(np.sqrt(indentation.settings.radius_um * results.simulations[0]["depth_um"][-1]))
     outside = indentation.infinite_elements
-    words = f"The {name} mesh of {indentation.bricks} bricks"
+    words = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
     words += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""
     return Picture(
-        draw(arrays.x, arrays.brick, arrays.contact, contact_radius),
+        draw(arrays.x, arrays.brick, arrays.contact, indentation.contact_radius_max_um),
         f"{words}, with a quarter cut away, and its surface under the indenter.",
-        f"{words}. On the right its surface under the indenter, with the circle of contact of an isotropic solid at the last depth.",
+        f"{words}. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
     )
 
 
