@@ -1,15 +1,17 @@
-"""Sequential updates of the hexagonal paper case (729 terms, 3200 candidates) beside refits, on one thread and in one run.
+"""Choosing a simulation and learning from it, on one thread and in one run, beside numpy and scikit-learn with like work.
 
-A step is: the candidate of largest predictive variance is chosen, its modulus becomes data, and mean, covariance and the variances of
-all candidates are those of the new posterior. Moduli are those of the half-space theory, since no simulation is timed here. Times are
+A step is: a candidate is chosen by the variances of all, its modulus becomes data, and mean, covariance and the variances of all
+candidates are those of the new posterior. Moduli are those of the half-space theory, since no simulation is timed here. Times are
 CPU times of the process, which other work on the machine disturbs less.
 
-Alpha and beta frozen:
+Alpha and beta frozen, the hexagonal paper case (729 terms, 3200 candidates):
 - update: this package.
 - Cholesky: numpy and scipy; the Gram matrix is updated, factored anew, and solved for the candidates' variances.
-Alpha and beta anew, the same data and candidates:
-- refit: this package; the evidence is maximised, then mean, covariance and the candidates' variances.
-- BayesianRidge: scikit-learn fits alpha, beta and the posterior, and predicts the sd of the candidates.
+Alpha and beta anew, the paper case and the correction (141 terms, 20 points), of 3200 and of 100,000 candidates:
+- step: this package, at frozen alpha and beta, the choice included; of a correction by the mean variance that it leaves.
+- refit: this package; the evidence is maximised (of a correction over the fall of the prior, too), then the posterior and all variances.
+- BayesianRidge: scikit-learn fits alpha, beta and the posterior, and predicts the sd of the candidates. It has no prior that falls with the
+  degree: the terms of a correction are given to it with the widths that this package has found.
 """
 
 import argparse
@@ -24,6 +26,9 @@ from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.learner import Learner
 
+#: Candidates of which scikit-learn predicts at a time.
+BLOCK = 4000
+
 
 def main(argv=None) -> int:
     """Run the benchmark and print a table."""
@@ -31,6 +36,7 @@ def main(argv=None) -> int:
     parser.add_argument("--initial", type=int, default=760, help="points before the first step (760)")
     parser.add_argument("--steps", type=int, default=2040, help="sequential steps (1440 + 600)")
     parser.add_argument("--candidates", type=int, default=3200, help="points in all to choose from (3200)")
+    parser.add_argument("--many", type=int, nargs="+", default=[3200, 100_000], help="numbers of candidates of a refit (3200 100000)")
     parser.add_argument("--refits", type=int, default=3, help="refits timed of each (3)")
     arguments = parser.parse_args(argv)
     with one_thread():
@@ -73,45 +79,74 @@ def run(arguments: argparse.Namespace) -> int:
 
     cholesky, difference = time_cholesky(terms, modulus, np.array(order), arguments.refits, learner)
     print(f"largest difference of mean and variances from a refit after all steps: {difference:.1e} (relative)")
-    middle = np.array(order[: arguments.initial + arguments.steps // 2])
-    refit = time_refit(basis, constants, angles, modulus, middle, arguments.refits)
-    ridge = time_bayesian_ridge(terms, modulus, middle, arguments.refits)
     print_table("alpha, beta frozen", {"update": step, "Cholesky refit": cholesky})
-    print_table(f"alpha, beta anew, {len(middle)} points", {"refit": refit} | ({} if ridge is None else {"BayesianRidge": ridge}))
+    points = arguments.initial + arguments.steps // 2
+    for name, model, rule, n in (("paper", basis, "modulus", points), ("correction", Basis.from_keywords(), "all_moduli", 20)):
+        for candidates in arguments.many:
+            print_table(
+                f"{name}: {model.n_terms} terms, {n} points, {candidates} candidates",
+                time_fit(model, rule, n, candidates, arguments.refits),
+            )
     return 0
 
 
 def print_table(title: str, seconds: dict[str, float]) -> None:
-    """Milliseconds of each, and how many times those of the first."""
-    print(f"{title:36}{'ms':>10}{'times':>10}")
-    first = next(iter(seconds.values()))
+    """Milliseconds of each, and how many times those of the refit, or of the first."""
+    print(f"{title:60}{'ms':>10}{'times':>10}")
+    first = seconds.get("refit", next(iter(seconds.values())))
     for name, value in seconds.items():
-        print(f"  {name:34}{1e3 * value:10.2f}{value / first:10.1f}")
+        print(f"  {name:58}{1e3 * value:10.2f}{value / first:10.2f}", flush=True)
 
 
-def time_refit(basis: Basis, constants, angles, modulus, data, refits: int) -> float:
-    """Seconds in which this package learns alpha, beta and the posterior, and the variances of all candidates, halfway through the steps."""
-    learner = Learner(basis)
-    learner.set_candidates(constants, angles, "modulus")
-    learner.add(constants[data], angles[data], modulus[data], chosen=True)
+def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> dict[str, float]:
+    """Seconds of what is done once, at a step, and at a refit, with n points and so many candidates."""
+    constants, angles = basis.crystals(n, 1)
+    modulus = halfspace_modulus(stiffness_rows(basis.symmetry, constants), angles)
+    learner, others = Learner(basis), basis.crystals(candidates, 2)
+    seconds = {"terms of the candidates": timed(lambda: learner.set_candidates(*others, rule), 1)}
+    learner.add(constants, angles, modulus, chosen=True)
+    seconds["refit"] = timed(learner.fit, repeats)
+    width = learner.values("prior_width")
+
+    def step() -> None:
+        chosen, _ = learner.choose(1)
+        learner.add(
+            others[0][chosen], others[1][chosen], halfspace_modulus(stiffness_rows(basis.symmetry, others[0][chosen]), others[1][chosen])
+        )
+        learner.update()
+
+    seconds["step"] = timed(step, 3 * repeats)
+    terms, scale = basis.terms(constants, angles)
+    if (ridge := bayesian_ridge()) is not None:
+        rows, y = np.ascontiguousarray((width[:, None] * terms).T), basis.to_y(modulus, scale)
+        blocks = [slice(i, i + BLOCK) for i in range(0, candidates, BLOCK)]
+        wide = [np.ascontiguousarray((width[:, None] * basis.terms(others[0][block], others[1][block])[0]).T) for block in blocks]
+
+        def refit() -> None:
+            fitted = ridge.fit(rows, y)
+            for block in wide:
+                fitted.predict(block, return_std=True)
+
+        seconds["BayesianRidge"] = timed(refit, repeats)
+    return seconds
+
+
+def timed(work, repeats: int) -> float:
+    """CPU seconds of some work, the mean of repeats."""
     start = time.process_time()
-    for _ in range(refits):
-        learner.fit()
-    return (time.process_time() - start) / refits
+    for _ in range(repeats):
+        work()
+    return (time.process_time() - start) / repeats
 
 
-def time_bayesian_ridge(terms, y, data, refits: int) -> float | None:
-    """Seconds of the same by scikit-learn."""
+def bayesian_ridge():
+    """scikit-learn's, or None without it."""
     try:
         from sklearn.linear_model import BayesianRidge
     except ImportError:
         print("scikit-learn is not installed: no comparison with BayesianRidge")
         return None
-    rows, candidates = np.ascontiguousarray(terms[:, data].T), np.ascontiguousarray(terms.T)
-    start = time.process_time()
-    for _ in range(refits):
-        BayesianRidge(fit_intercept=False).fit(rows, y[data]).predict(candidates, return_std=True)
-    return (time.process_time() - start) / refits
+    return BayesianRidge(fit_intercept=False)
 
 
 def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float, float]:
