@@ -5,7 +5,7 @@ module linear_algebra
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply, multiply_by_factor
 
    interface
       subroutine dpotrf(uplo, n, a, lda, info)
@@ -52,6 +52,13 @@ module linear_algebra
          real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
          real(wp), intent(inout) :: c(ldc, *)
       end subroutine dgemm
+      subroutine dtrmm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
+         import :: wp
+         character(len=1), intent(in) :: side, uplo, transa, diag
+         integer, intent(in) :: m, n, lda, ldb
+         real(wp), intent(in) :: alpha, a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+      end subroutine dtrmm
    end interface
 
 contains
@@ -136,4 +143,14 @@ contains
       call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), 1.0_wp, a, max(1, size(a, 1)), b, max(1, size(b, 1)), &
          & 0.0_wp, product, max(1, size(product, 1)))
    end subroutine multiply
+
+   !> Lᵀ b in place of b.
+   subroutine multiply_by_factor(factor, b)
+      !> L, lower, (n, n); what is above its diagonal does not count.
+      real(wp), intent(in), contiguous :: factor(:, :)
+      !> (n, m).
+      real(wp), intent(inout), contiguous :: b(:, :)
+
+      call dtrmm('L', 'L', 'T', 'N', size(b, 1), size(b, 2), 1.0_wp, factor, max(1, size(factor, 1)), b, max(1, size(b, 1)))
+   end subroutine multiply_by_factor
 end module linear_algebra

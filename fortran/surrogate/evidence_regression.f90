@@ -39,6 +39,8 @@ module evidence_regression
       real(wp), allocatable :: values(:), squares(:)
       !> Squared length of y outside those directions.
       real(wp) :: rest = 0.0_wp
+      !> The Gram matrix over terms, (n_terms, n_terms), where it was that one.
+      real(wp), allocatable :: gram(:, :)
    end type spectrum_type
 
    !> Rank-one updates after which the covariance is recomputed, so that rounding does not build up.
@@ -162,6 +164,7 @@ contains
          return
       end if
       call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=.false.)
+      spectrum%gram = gram
       call symmetric_eigen(gram, spectrum%values, error)
       if (allocated(error)) return
       ! What is left after projection is computed as a vector: the difference of squares would cancel for a good fit.
@@ -241,7 +244,7 @@ contains
       end if
       ratio = best_beta(spectrum, best_ratio, regression%least_noise)
       if (present(evidence)) evidence = best_value
-      call set_precisions(regression, best_ratio*ratio, ratio, error)
+      call set_precisions(regression, best_ratio*ratio, ratio, error, spectrum%gram)
    end subroutine maximise_evidence
 
    !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
@@ -300,11 +303,12 @@ contains
       end function profile
    end subroutine maximise_over_ratio
 
-   !> Set alpha and beta, and compute the posterior.
-   subroutine set_precisions(regression, alpha, beta, error)
+   !> Set alpha and beta, and compute the posterior, for which `gram` is the Gram matrix of all data over the terms if it is known.
+   subroutine set_precisions(regression, alpha, beta, error, gram)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: alpha, beta
       type(error_type), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: gram(:, :)
 
       if (.not. (alpha > 0.0_wp .and. alpha < huge(1.0_wp) .and. beta > 0.0_wp .and. beta < huge(1.0_wp))) then
          call raise(error, 'alpha = '//to_text(alpha)//' and beta = '//to_text(beta)//' must be positive and finite', &
@@ -313,17 +317,21 @@ contains
       end if
       regression%alpha = alpha
       regression%beta = beta
-      call compute_posterior(regression, error)
+      call compute_posterior(regression, error, gram)
    end subroutine set_precisions
 
    !> Mean and covariance from all data at the present alpha, beta (Eq. 7).
-   subroutine compute_posterior(regression, error)
+   subroutine compute_posterior(regression, error, gram)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
+      !> Of all data over the terms, (n_terms, n_terms), if it is known.
+      real(wp), intent(in), optional :: gram(:, :)
       integer :: i
 
       regression%covariance = 0.0_wp
-      if (regression%n_data > 0) then
+      if (present(gram)) then
+         regression%covariance = regression%beta*gram
+      else if (regression%n_data > 0) then
          call add_gram(regression%terms(:, :regression%n_data), regression%beta, regression%covariance, transposed=.false.)
       end if
       do i = 1, regression%n_terms

@@ -12,7 +12,7 @@ module sequential_design
    use evidence_regression, only: compute_posterior, maximise_evidence, new_regression, &
       & refresh_interval, regression_type, symmetric_product, whiten
    use kinds, only: wp
-   use linear_algebra, only: add_gram, multiply
+   use linear_algebra, only: add_gram, cholesky_factor, multiply, multiply_by_factor
    use vector_math, only: dot
    implicit none
    private
@@ -97,22 +97,47 @@ contains
    !> Variances of all candidates from the regression's covariance, which must lack no choice.
    subroutine compute_variances(design)
       type(design_type), intent(inout) :: design
-      real(wp), allocatable :: product(:, :)
-      integer :: first, last, j
 
-      do first = 1, size(design%variance), block_size
-         last = min(first + block_size - 1, size(design%variance))
-         allocate (product(size(design%candidates, 1), last - first + 1))
-         call multiply(design%regression%covariance, design%candidates(:, first:last), product)
-         do j = first, last
-            design%variance(j) = dot(design%candidates(:, j), product(:, j - first + 1))
-         end do
-         deallocate (product)
-      end do
+      call quadratic_forms(design%regression%covariance, design%candidates, 1, design%variance)
       design%n_choices = 0
       design%n_deferred = 0
       design%included = 0
    end subroutine compute_variances
+
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands.
+   subroutine quadratic_forms(matrix, vectors, threads, values)
+      !> S, symmetric and not negative, (n, n); (n, m).
+      real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
+      integer, intent(in) :: threads
+      !> (m).
+      real(wp), intent(out) :: values(:)
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: factor(:, :), product(:, :)
+      logical :: factored
+      integer :: first, last, j
+
+      factor = matrix
+      call cholesky_factor(factor, error)
+      factored = .not. allocated(error)
+      !$omp parallel do num_threads(threads) private(last, j, product) schedule(static) if(threads > 1)
+      do first = 1, size(values), block_size
+         last = min(first + block_size - 1, size(values))
+         product = vectors(:, first:last)
+         if (factored) then
+            call multiply_by_factor(factor, product)
+         else
+            call multiply(matrix, vectors(:, first:last), product)
+         end if
+         do j = first, last
+            if (factored) then
+               values(j) = dot(product(:, j - first + 1), product(:, j - first + 1))
+            else
+               values(j) = dot(vectors(:, j), product(:, j - first + 1))
+            end if
+         end do
+      end do
+      !$omp end parallel do
+   end subroutine quadratic_forms
 
    !> Choose `size(chosen)` candidates, each of the largest importance^2 x (variance of y) given all chosen before; the lowest
    !> index of equals. Their values are not needed: afterwards the posterior's covariance is that of all data and all chosen.
@@ -152,32 +177,24 @@ contains
       real(wp), intent(out) :: variance(:)
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: weighted(:, :), gram(:, :), reach(:, :), spread_reach(:, :), gain(:)
-      integer :: j, k, n, first, last
+      real(wp), allocatable :: weighted(:, :), gram(:, :), product(:, :), lowered(:, :), gain(:)
+      integer :: j, k, n
 
       n = design%regression%n_terms
       weighted = design%candidates
       do j = 1, size(importance)
          weighted(:, j) = importance(j)*weighted(:, j)
       end do
-      allocate (gram(n, n), gain(size(importance)))
+      allocate (gram(n, n), product(n, n), lowered(n, n), gain(size(importance)))
       gram = 0.0_wp
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       do k = 1, size(chosen)
          call absorb_choices(design, threads)
-         !$omp parallel do num_threads(threads) private(last, j, reach, spread_reach) schedule(static) if(threads > 1)
-         do first = 1, size(gain), block_size
-            last = min(first + block_size - 1, size(gain))
-            allocate (reach(n, last - first + 1), spread_reach(n, last - first + 1))
-            call multiply(design%regression%covariance, design%candidates(:, first:last), reach)
-            call multiply(gram, reach, spread_reach)
-            do j = first, last
-               gain(j) = dot(reach(:, j - first + 1), spread_reach(:, j - first + 1)) &
-                  & /(design%variance(j) + 1.0_wp/design%regression%beta)
-            end do
-            deallocate (reach, spread_reach)
-         end do
-         !$omp end parallel do
+         ! With C the covariance and G the Gram matrix of all candidates by their importance: t C G C t.
+         call multiply(gram, design%regression%covariance, product)
+         call multiply(design%regression%covariance, product, lowered)
+         call quadratic_forms(lowered, design%candidates, threads, gain)
+         gain = gain/(design%variance + 1.0_wp/design%regression%beta)
          if (.not. any(design%available)) then
             call raise(error, 'no candidate is left to choose')
             return
