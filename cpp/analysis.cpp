@@ -79,7 +79,7 @@ void analysis::plan_memory() {
   stack_size = alone[1 - upper];
   panel_size = static_cast<std::size_t>(tallest) * panel_width;
   column_size = static_cast<std::size_t>(n) + tallest;
-  bytes = 8.0 * static_cast<double>(arena_size + stack_size + panel_size + column_size);
+  bytes = static_cast<double>(sizeof(real)) * static_cast<double>(arena_size + stack_size + panel_size + column_size);
 }
 
 void analysis::map_entries(const integer *start, const integer *row) {
@@ -120,10 +120,10 @@ std::unique_ptr<workspace> analysis::acquire(double free_bytes) {
   if (bytes > free_bytes)
     throw refusal{bayesindent_cholesky_no_memory};
   auto work = std::make_unique<workspace>();
-  work->arena = std::make_unique<double[]>(arena_size);
-  work->stack = std::make_unique<double[]>(stack_size);
-  work->panel = std::make_unique<double[]>(panel_size);
-  work->column = std::make_unique<double[]>(column_size);
+  work->arena = std::make_unique<real[]>(arena_size);
+  work->stack = std::make_unique<real[]>(stack_size);
+  work->panel = std::make_unique<real[]>(panel_size);
+  work->column = std::make_unique<real[]>(column_size);
   return work;
 }
 

@@ -3,15 +3,15 @@
 #define BAYESINDENT_DENSE_KERNELS_H
 
 extern "C" {
-void dpotrf_(const char *, const int *, double *, const int *, int *);
-void dtrsv_(const char *, const char *, const char *, const int *, const double *, const int *, double *, const int *);
-void dgemv_(const char *, const int *, const int *, const double *, const double *, const int *, const double *, const int *,
-            const double *, double *, const int *);
-void dtrtri_(const char *, const char *, const int *, double *, const int *, int *);
-void dsyrk_(const char *, const char *, const int *, const int *, const double *, const double *, const int *, const double *,
-            double *, const int *);
-void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *, const int *,
-            const double *, const int *, const double *, double *, const int *);
+void spotrf_(const char *, const int *, float *, const int *, int *);
+void strsv_(const char *, const char *, const char *, const int *, const float *, const int *, float *, const int *);
+void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
+            const float *, float *, const int *);
+void strtri_(const char *, const char *, const int *, float *, const int *, int *);
+void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *,
+            float *, const int *);
+void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
+            const float *, const int *, const float *, float *, const int *);
 }
 
 #endif

@@ -12,6 +12,8 @@
 namespace bayesindent {
 
 using integer = std::int32_t;
+// Of the factor. A modulus needs four digits and single precision gives it more (docs/simulation.md); solutions are refined.
+using real = float;
 
 // Columns that a front factors at a time.
 constexpr integer panel_width = 48;
@@ -24,9 +26,9 @@ struct refusal {
 // The numbers of one matrix at a time, owned by one thread.
 struct workspace {
   // The factor grows from the bottom of `arena`, one stack from its top; the other stack has its own memory.
-  std::unique_ptr<double[]> arena, stack, panel;
+  std::unique_ptr<real[]> arena, stack, panel;
   // A permuted right-hand side and the rows of one front.
-  std::unique_ptr<double[]> column;
+  std::unique_ptr<real[]> column;
 };
 
 // A pattern with its elimination order, supernodes and memory plan; constant but for the pool of workspaces.
@@ -54,10 +56,10 @@ private:
     return m * m;
   }
   // The update matrix of a supernode, `below` entries above the foot of its stack.
-  double *update_matrix(workspace &work, integer s, std::size_t below) const {
+  real *update_matrix(workspace &work, integer s, std::size_t below) const {
     return parity[s] == upper ? work.arena.get() + arena_size - below - update_size(s) : work.stack.get() + below;
   }
-  void add_child(const double *update, integer child, integer parent, double *into, bool columns) const;
+  void add_child(const real *update, integer child, integer parent, real *into, bool columns) const;
 
   // Steps of the constructor.
   void find_supernodes(const integer *start, const integer *row, const integer *group);

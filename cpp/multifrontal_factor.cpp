@@ -13,16 +13,16 @@ namespace {
 // Factor the `own` columns of a front of `height` rows, in place, block column by block column, so that nearly all the work
 // is matrix products: also the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column whose
 // pivot failed, or 0.
-integer factor_columns(double *block, integer height, integer own, double *panel) {
-  const double one = 1.0, minus = -1.0, zero = 0.0;
-  double inverse[panel_width * panel_width];
+integer factor_columns(real *block, integer height, integer own, real *panel) {
+  const real one = 1.0, minus = -1.0, zero = 0.0;
+  real inverse[panel_width * panel_width];
   for (integer j = 0; j < own; j += panel_width) {
     const integer width = std::min(panel_width, own - j), tall = height - j, below = tall - width;
-    double *const diagonal = block + static_cast<std::size_t>(j) * height + j;
+    real *const diagonal = block + static_cast<std::size_t>(j) * height + j;
     if (j > 0)
-      dgemm_("N", "T", &tall, &width, &j, &minus, block + j, &height, block + j, &height, &one, diagonal, &height);
+      sgemm_("N", "T", &tall, &width, &j, &minus, block + j, &height, block + j, &height, &one, diagonal, &height);
     int info = 0;
-    dpotrf_("L", &width, diagonal, &height, &info);
+    spotrf_("L", &width, diagonal, &height, &info);
     for (integer i = 0; info == 0 && i < width; ++i) {
       if (!std::isfinite(diagonal[static_cast<std::size_t>(i) * height + i]))
         info = i + 1;
@@ -38,8 +38,8 @@ integer factor_columns(double *block, integer height, integer own, double *panel
       std::copy(diagonal + static_cast<std::size_t>(c) * height + width, diagonal + static_cast<std::size_t>(c) * height + tall,
                 panel + static_cast<std::size_t>(c) * below);
     }
-    dtrtri_("L", "N", &width, inverse, &width, &info);
-    dgemm_("N", "T", &below, &width, &width, &one, panel, &below, inverse, &width, &zero, diagonal + width, &height);
+    strtri_("L", "N", &width, inverse, &width, &info);
+    sgemm_("N", "T", &below, &width, &width, &one, panel, &below, inverse, &width, &zero, diagonal + width, &height);
   }
   return 0;
 }
@@ -47,14 +47,14 @@ integer factor_columns(double *block, integer height, integer own, double *panel
 } // namespace
 
 // Add a child's update matrix to its parent: the part in the parent's own columns, or the part in its update matrix.
-void analysis::add_child(const double *update, integer d, integer k, double *into, bool columns) const {
+void analysis::add_child(const real *update, integer d, integer k, real *into, bool columns) const {
   const integer m = rows_of(d) - columns_of(d), own = columns_of(k), height = rows_of(k), rest = height - own;
   const integer *place = relative.data() + row_start[d] + columns_of(d);
   const integer split = static_cast<integer>(std::lower_bound(place, place + m, own) - place);
   const integer from = columns ? 0 : split, to = columns ? split : m;
   for (integer j = from; j < to; ++j) {
-    const double *source = update + static_cast<std::size_t>(j) * m;
-    double *column =
+    const real *source = update + static_cast<std::size_t>(j) * m;
+    real *column =
         columns ? into + static_cast<std::size_t>(place[j]) * height : into + static_cast<std::size_t>(place[j] - own) * rest - own;
     integer i = j;
     while (i < m) {
@@ -63,7 +63,7 @@ void analysis::add_child(const double *update, integer d, integer k, double *int
       integer end = i + 1;
       while (end < m && place[end] - end == shift)
         ++end;
-      double *run = column + shift;
+      real *run = column + shift;
       for (; i < end; ++i)
         run[i] += source[i];
     }
@@ -72,15 +72,15 @@ void analysis::add_child(const double *update, integer d, integer k, double *int
 
 // Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
 bayesindent_cholesky_status analysis::factor(workspace &work, const double *values, integer *unknown) const {
-  const double minus = -1.0, zero = 0.0;
+  const real minus = -1.0, zero = 0.0;
   std::size_t depth[2] = {0, 0};
   for (integer k = 0; k < supernodes; ++k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
     const int mine = parity[k], theirs = 1 - mine;
-    double *const block = work.arena.get() + block_start[k];
+    real *const block = work.arena.get() + block_start[k];
     std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
     for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
-      block[target[e]] = values[entry[e]];
+      block[target[e]] = static_cast<real>(values[entry[e]]);
     std::size_t base = depth[theirs];
     for (integer c = child_start[k]; c < child_start[k + 1]; ++c)
       base -= update_size(child[c]);
@@ -95,8 +95,8 @@ bayesindent_cholesky_status analysis::factor(workspace &work, const double *valu
       return bayesindent_cholesky_indefinite;
     }
     if (rest > 0) {
-      double *const front = update_matrix(work, k, depth[mine]);
-      dsyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
+      real *const front = update_matrix(work, k, depth[mine]);
+      ssyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
       at = base;
       for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
         add_child(update_matrix(work, child[c], at), child[c], k, front, false);

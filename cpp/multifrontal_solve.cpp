@@ -12,7 +12,7 @@ void analysis::kept_factor(const workspace &work, double *factor) const {
   for (integer k = supernodes - 1; k >= 0 && first[k + 1] > offset; --k) {
     const integer height = rows_of(k);
     for (integer j = std::max(first[k], offset); j < first[k + 1]; ++j) {
-      const double *column = work.arena.get() + block_start[k] + static_cast<std::size_t>(j - first[k]) * height;
+      const real *column = work.arena.get() + block_start[k] + static_cast<std::size_t>(j - first[k]) * height;
       for (integer i = j - first[k]; i < height; ++i)
         factor[static_cast<std::size_t>(j - offset) * kept + rows[row_start[k] + i] - offset] = column[i];
     }
@@ -20,32 +20,32 @@ void analysis::kept_factor(const workspace &work, double *factor) const {
 }
 
 void analysis::solve(workspace &work, double *x) const {
-  const double one = 1.0, minus = -1.0, zero = 0.0;
+  const real one = 1.0, minus = -1.0, zero = 0.0;
   const int step = 1;
-  double *const y = work.column.get(), *const part = y + n;
+  real *const y = work.column.get(), *const part = y + n;
   for (integer k = 0; k < n; ++k)
     y[k] = x[unknown_at[k]];
   for (integer k = 0; k < supernodes; ++k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
-    const double *block = work.arena.get() + block_start[k];
+    const real *block = work.arena.get() + block_start[k];
     const integer *below = rows.data() + row_start[k] + own;
-    dtrsv_("L", "N", "N", &own, block, &height, y + first[k], &step);
+    strsv_("L", "N", "N", &own, block, &height, y + first[k], &step);
     if (rest == 0)
       continue;
-    dgemv_("N", &rest, &own, &one, block + own, &height, y + first[k], &step, &zero, part, &step);
+    sgemv_("N", &rest, &own, &one, block + own, &height, y + first[k], &step, &zero, part, &step);
     for (integer i = 0; i < rest; ++i)
       y[below[i]] -= part[i];
   }
   for (integer k = supernodes - 1; k >= 0; --k) {
     const integer own = columns_of(k), height = rows_of(k), rest = height - own;
-    const double *block = work.arena.get() + block_start[k];
+    const real *block = work.arena.get() + block_start[k];
     const integer *below = rows.data() + row_start[k] + own;
     if (rest > 0) {
       for (integer i = 0; i < rest; ++i)
         part[i] = y[below[i]];
-      dgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + first[k], &step);
+      sgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + first[k], &step);
     }
-    dtrsv_("L", "T", "N", &own, block, &height, y + first[k], &step);
+    strsv_("L", "T", "N", &own, block, &height, y + first[k], &step);
   }
   for (integer k = 0; k < n; ++k)
     x[unknown_at[k]] = y[k];

@@ -13,6 +13,7 @@ module crystal_elasticity
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
       & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
+   public :: isotropic_stiffness, polycrystal_stiffness
 
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
@@ -240,6 +241,35 @@ contains
       young = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
       poisson = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
    end subroutine hill_young_poisson
+
+   !> Stiffness of an isotropic solid, GPa.
+   pure function isotropic_stiffness(young, poisson) result(c)
+      !> GPa, and Poisson's ratio.
+      real(wp), intent(in) :: young, poisson
+      real(wp) :: c(6, 6)
+      real(wp) :: shear, lame
+      integer :: i
+
+      shear = young/(2.0_wp*(1.0_wp + poisson))
+      lame = 2.0_wp*shear*poisson/(1.0_wp - 2.0_wp*poisson)
+      c = 0.0_wp
+      c(:3, :3) = lame
+      do i = 1, 3
+         c(i, i) = lame + 2.0_wp*shear
+         c(i + 3, i + 3) = shear
+      end do
+   end function isotropic_stiffness
+
+   !> Stiffness of the polycrystal of a crystal, uniform texture, by Hill's averages, GPa.
+   pure function polycrystal_stiffness(crystal) result(c)
+      !> GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      real(wp) :: c(6, 6)
+      real(wp) :: young, poisson
+
+      call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      c = isotropic_stiffness(young, poisson)
+   end function polycrystal_stiffness
 
    !> Log-anisotropy: Frobenius norm of log K without its isotropic part, K the Kelvin form; NaN for an unstable crystal.
    pure real(wp) function log_anisotropy(c)

@@ -55,7 +55,7 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    type(indentation_model_type), pointer :: model
    type(indentation_result_type) :: result
    type(error_type), allocatable :: error
-   real(c_double) :: c(6, 6)
+   real(c_double), allocatable :: c(:, :, :)
    integer :: i
 
    displacement = 0.0_c_double
@@ -65,16 +65,18 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    call error_to_status(error, status, message)
    if (status /= 0) return
    displacement = result%displacement
-   c = rotate_stiffness(stiffness, rotation_matrix(euler))
+   c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
    associate (mesh => model%grid(1)%mesh, u => result%displacement)
       do i = 1, bricks
-         call brick_stress(mesh%x(:, mesh%brick(:, i)), c, model%formulation, u(:, mesh%brick(:, i)), stress(:, i))
+         call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
+            & u(:, mesh%brick(:, i)), stress(:, i))
       end do
    end associate
 end subroutine indentation_field
 
-!> Stiffness in the sample frame, `rotated` (GPa), and of each infinite element of the finest mesh, one a facet of `facets` (mN/um).
-subroutine indentation_stiffness(handle, facets, stiffness, euler, rotated, infinite, status, message)
+!> Stiffness of each of the mesh's `materials` in the sample frame (GPa), and of each infinite element of the finest mesh, one a facet of
+!> `facets` (mN/um).
+subroutine indentation_stiffness(handle, materials, facets, stiffness, euler, rotated, infinite, status, message)
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use fe_element, only: infinite_stiffness
    use fe_indentation, only: indentation_model_type
@@ -82,21 +84,24 @@ subroutine indentation_stiffness(handle, facets, stiffness, euler, rotated, infi
    use simulation_handles, only: model_of_handle
    implicit none
    integer(c_int64_t), intent(in) :: handle
-   integer(c_int), intent(in) :: facets
+   integer(c_int), intent(in) :: materials, facets
    real(c_double), intent(in) :: stiffness(6, 6), euler(3)
-   real(c_double), intent(out) :: rotated(6, 6), infinite(12, 12, facets)
+   real(c_double), intent(out) :: rotated(6, 6, materials), infinite(12, 12, facets)
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
    type(indentation_model_type), pointer :: model
    type(error_type), allocatable :: error
    integer :: i
 
-   rotated = rotate_stiffness(stiffness, rotation_matrix(euler))
+   rotated = 0.0_c_double
    infinite = 0.0_c_double
    call model_of_handle(handle, model, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   do i = 1, facets
-      call infinite_stiffness(model%grid(1)%mesh%x(:, model%grid(1)%mesh%facet(:, i)), rotated, infinite(:, :, i))
-   end do
+   rotated = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
+   associate (mesh => model%grid(1)%mesh)
+      do i = 1, facets
+         call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), rotated(:, :, mesh%facet_material(i)), infinite(:, :, i))
+      end do
+   end associate
 end subroutine indentation_stiffness

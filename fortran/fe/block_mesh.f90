@@ -3,7 +3,7 @@ module block_mesh
    use errors, only: error_type, exit_bad_input, raise
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: mesh_plan_type
+   use mesh_plan, only: clamped_bottom, layers_of_ratio, mesh_plan_type
    use specimen_mesh, only: specimen_mesh_type
    use text, only: to_text
    implicit none
@@ -64,8 +64,6 @@ contains
       real(wp), intent(in) :: refine, contact_radius
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
-      !> What rounding may take from a number of layers that ends in a half.
-      real(wp), parameter :: rounding = 1.0e-9_wp
       type(mesh_plan_type) :: plan
       real(wp) :: proportion, ratio
 
@@ -75,10 +73,8 @@ contains
       plan%half_width = box_width*contact_radius
       plan%depth = proportion*plan%half_width
       ratio = 0.5_wp*self%width/plan%half_width
-      plan%layers = [max(1, nint(paper_layers*refine*log(ratio)/log(paper_ratio) + rounding))]
-      plan%growth = [ratio**(1.0_wp/plan%layers(1))]
-      plan%coarsen = [.false.]
-      plan%infinite = .false.
+      plan%stages = [layers_of_ratio(ratio, exp(log(paper_ratio)/paper_layers), refine)]
+      plan%closing = clamped_bottom
       call new_mesh(plan, mesh, error)
    end subroutine make
 end module block_mesh

@@ -10,7 +10,7 @@ module fe_assembly
    use text, only: to_text
    implicit none
    private
-   public :: assembly_type, new_assembly, assemble, expand_displacement, reaction
+   public :: assembly_type, new_assembly, assemble, expand_displacement, product_with, reaction
 
    !> Read-only once made. Unknowns are three displacements a free node; those normal to the contact surface come last.
    type :: assembly_type
@@ -265,13 +265,14 @@ contains
       end function find
    end subroutine build_pattern
 
-   !> Values of the matrix of a crystal with stiffness `c` (GPa, sample frame), in mN/um.
+   !> Values of the matrix, in mN/um, where the materials have the stiffnesses `c`.
    subroutine assemble(mesh, assembly, formulation, c, values, error)
       type(mesh_type), intent(in) :: mesh
       type(assembly_type), intent(in) :: assembly
       !> Of the bricks (`fe_element`).
       integer, intent(in) :: formulation
-      real(wp), intent(in) :: c(6, 6)
+      !> Sample frame, GPa (6, 6, materials).
+      real(wp), intent(in) :: c(:, :, :)
       !> In the order of `assembly%row`.
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
@@ -282,17 +283,20 @@ contains
       integer :: e, i, p, s, m, bricks, status
 
       values = 0.0_wp
-      call check_stiffness(c, error)
-      if (allocated(error)) return
+      do i = 1, size(c, 3)
+         call check_stiffness(c(:, :, i), error)
+         if (allocated(error)) return
+      end do
       allocate (class_stiffness(300, size(mesh%representative)), stat=status)
       if (status /= 0) then
          call raise_no_memory('the stiffness of '//to_text(size(mesh%representative))//' elements', error)
          return
       end if
       do i = 1, size(mesh%representative)
-         call brick_stiffness(mesh%x(:, mesh%brick(:, mesh%representative(i))), c, formulation, k, valid)
+         e = mesh%representative(i)
+         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
          if (.not. valid) then
-            call raise(error, 'element '//to_text(mesh%representative(i))//' of the mesh is turned inside out')
+            call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
             return
          end if
          call pack_lower(k, 24, class_stiffness(:, i))
@@ -305,14 +309,14 @@ contains
             call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p:p + 299), values)
          else
             m = assembly%special_count(s)
-            call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c, formulation, k, valid)
+            call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
             call expand(k, assembly%weight(:, :m, s), m, half, expanded)
             call pack_lower(expanded(:3*m, :3*m), 3*m, packed)
             call scatter(packed, 1.0_wp, assembly%place(p:p + (3*m*(3*m + 1))/2 - 1), values)
          end if
       end do
       do e = 1, size(mesh%facet, 2)
-         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c, small)
+         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c(:, :, mesh%facet_material(e)), small)
          call pack_lower(small, 12, packed)
          p = assembly%entry_start(bricks + e)
          call scatter(packed, 1.0_wp, assembly%place(p:p + 77), values)
@@ -365,6 +369,28 @@ contains
       end do
    end subroutine expand
 
+   !> The matrix with these values times x.
+   pure function product_with(assembly, values, x) result(y)
+      type(assembly_type), intent(in) :: assembly
+      !> mN/um, in the order of `assembly%row`.
+      real(wp), intent(in) :: values(:)
+      !> (unknowns).
+      real(wp), intent(in) :: x(:)
+      real(wp) :: y(size(x))
+      integer :: i, j, p
+
+      y = 0.0_wp
+      do j = 1, size(x)
+         p = assembly%column_start(j)
+         y(j) = y(j) + values(p)*x(j)
+         do p = p + 1, assembly%column_start(j + 1) - 1
+            i = assembly%row(p)
+            y(i) = y(i) + values(p)*x(j)
+            y(j) = y(j) + values(p)*x(i)
+         end do
+      end do
+   end function product_with
+
    !> Displacement (um) of every node from the unknowns.
    pure subroutine expand_displacement(mesh, assembly, solution, u)
       type(mesh_type), intent(in) :: mesh
@@ -394,8 +420,8 @@ contains
       type(mesh_type), intent(in) :: mesh
       !> Of the bricks (`fe_element`).
       integer, intent(in) :: formulation
-      !> Stiffness in the sample frame (GPa), displacement of the nodes (um).
-      real(wp), intent(in) :: c(6, 6), u(:, :)
+      !> Stiffness of the materials in the sample frame (GPa), displacement of the nodes (um).
+      real(wp), intent(in) :: c(:, :, :), u(:, :)
       real(wp), intent(out) :: force(3)
       logical, allocatable :: clamped(:)
       real(wp) :: k(24, 24), small(12, 12), f(24)
@@ -404,7 +430,7 @@ contains
 
       force = 0.0_wp
       do e = 1, size(mesh%facet, 2)
-         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c, small)
+         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c(:, :, mesh%facet_material(e)), small)
          f(:12) = matmul(small, reshape(u(:, mesh%facet(:, e)), [12]))
          force = force - sum(reshape(f(:12), [3, 4]), dim=2)
       end do
@@ -413,7 +439,7 @@ contains
       clamped(mesh%clamped) = .true.
       do e = 1, size(mesh%brick, 2)
          if (.not. any(clamped(mesh%brick(:, e)))) cycle
-         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c, formulation, k, valid)
+         call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
          f = matmul(k, reshape(u(:, mesh%brick(:, e)), [24]))
          do a = 1, 8
             if (clamped(mesh%brick(a, e))) force = force + f(3*a - 2:3*a)

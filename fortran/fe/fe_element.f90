@@ -22,10 +22,11 @@ module fe_element
 contains
 
    !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
-   pure subroutine brick_stiffness(x, c, formulation, k, valid)
+   pure subroutine brick_stiffness(x, c, formulation, growth, k, valid)
       real(wp), intent(in) :: x(3, 8), c(6, 6)
-      !> One of the formulations above.
+      !> One of the formulations above, and growth of the layer (see `brick_strain`).
       integer, intent(in) :: formulation
+      real(wp), intent(in) :: growth
       !> mN/um.
       real(wp), intent(out) :: k(24, 24)
       !> The Jacobian is positive at all integration points.
@@ -33,8 +34,8 @@ contains
       real(wp) :: b(6, 33, 8), volume(8), cb(48, 33), bb(48, 33), total(33, 33)
       integer :: n, q
 
-      n = merge(33, 24, formulation == brick_incompatible)
-      call brick_strain(x, formulation, b, volume)
+      n = unknowns_of(formulation, growth)
+      call brick_strain(x, formulation, growth, b, volume)
       valid = all(volume > 0.0_wp)
       k = 0.0_wp
       if (.not. valid) return
@@ -43,21 +44,32 @@ contains
          cb(6*q - 5:6*q, :n) = volume(q)*matmul(c, b(:, :n, q))
       end do
       total(:n, :n) = matmul(transpose(bb(:, :n)), cb(:, :n))
-      if (formulation == brick_incompatible) call eliminate_modes(total, 24)
+      call eliminate_modes(total(:n, :n), 24)
       k = 0.5_wp*(total(:24, :24) + transpose(total(:24, :24)))
    end subroutine brick_stiffness
 
+   !> Displacements of the nodes, and of the incompatible modes.
+   pure integer function unknowns_of(formulation, growth)
+      integer, intent(in) :: formulation
+      real(wp), intent(in) :: growth
+
+      unknowns_of = 24
+      if (formulation == brick_incompatible) unknowns_of = merge(30, 33, growth > 1.0_wp)
+   end function unknowns_of
+
    !> Mean stress (GPa) of a brick from the displacements `u` (um) of its nodes.
-   pure subroutine brick_stress(x, c, formulation, u, stress)
+   pure subroutine brick_stress(x, c, formulation, growth, u, stress)
       !> Nodes (um), stiffness in the axes of the nodes (GPa), displacements.
       real(wp), intent(in) :: x(3, 8), c(6, 6), u(3, 8)
-      !> One of the formulations above.
+      !> One of the formulations above, and growth of the layer (see `brick_strain`).
       integer, intent(in) :: formulation
+      real(wp), intent(in) :: growth
       real(wp), intent(out) :: stress(6)
       real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
-      integer :: p, q
+      integer :: n, p, q
 
-      call brick_strain(x, formulation, b, volume)
+      n = unknowns_of(formulation, growth)
+      call brick_strain(x, formulation, growth, b, volume)
       unknown = 0.0_wp
       unknown(:24) = reshape(u, [24])
       if (formulation == brick_incompatible) then
@@ -67,13 +79,13 @@ contains
             k = k + volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, b(:, 25:, q)))
             load = load - volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, matmul(b(:, :24, q), unknown(:24))))
          end do
-         do p = 9, 1, -1
+         do p = n - 24, 1, -1
             load(:p - 1) = load(:p - 1) - k(:p - 1, p)*(load(p)/k(p, p))
             do q = 1, p - 1
                k(:p - 1, q) = k(:p - 1, q) - k(:p - 1, p)*(k(p, q)/k(p, p))
             end do
          end do
-         do p = 1, 9
+         do p = 1, n - 24
             unknown(24 + p) = (load(p) - dot_product(k(p, :p - 1), unknown(25:23 + p)))/k(p, p)
          end do
       end if
@@ -86,24 +98,37 @@ contains
 
    !> Strain at the eight integration points per unit degree of freedom, and the volumes of the points (um3).
    !>
-   !> Columns 1-24: three displacements a node; 25-33: the incompatible modes, if any.
-   pure subroutine brick_strain(x, formulation, b, volume)
+   !> Columns 1-24: three displacements a node; then the incompatible modes, if any.
+   !> In a layer, whose outer face (nodes 5-8) is `growth` times as far out as its inner one, bricks with incompatible modes interpolate
+   !> from face to face by 1 and 1/rho, rho = 1 to `growth`, which is how the displacements of a force decay, and have no mode in
+   !> that direction. A growth of 1 is an ordinary brick.
+   pure subroutine brick_strain(x, formulation, growth, b, volume)
       !> Nodes, um.
       real(wp), intent(in) :: x(3, 8)
       !> One of the formulations above.
       integer, intent(in) :: formulation
+      real(wp), intent(in) :: growth
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
-      real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3)
+      real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3), xi(3), weight, rho
       integer :: a, i, q
 
       b = 0.0_wp
       do q = 1, 8
-         natural = natural_gradient(gauss*corner(:, q))
+         xi = gauss*corner(:, q)
+         weight = 1.0_wp
+         if (formulation == brick_incompatible .and. growth > 1.0_wp) then
+            ! Points of integration in 1/rho: exact for the energy of what decays so.
+            rho = 2.0_wp*growth/(growth + 1.0_wp - (growth - 1.0_wp)*xi(3))
+            xi(3) = 2.0_wp*(rho - 1.0_wp)/(growth - 1.0_wp) - 1.0_wp
+            weight = rho**2/growth
+         end if
+         natural = natural_gradient(xi)
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, inverse, determinant)
-         volume(q) = determinant
+         volume(q) = weight*determinant
+         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = decaying_gradient(xi, growth)
          gradient(:, :, q) = matmul(transpose(inverse), natural)
          do a = 1, 8
             b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))
@@ -127,7 +152,7 @@ contains
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, centre_inverse, centre_determinant)
          do q = 1, 8
-            do i = 1, 3
+            do i = 1, unknowns_of(formulation, growth)/3 - 8
                ! Mode 1 - xi_i^2, its gradient mapped by the Jacobian of the centre, scaled to do no work on constant stress.
                mode = -2.0_wp*gauss*corner(i, q)*centre_inverse(i, :)*(centre_determinant/volume(q))
                b(:, 22 + 3*i:24 + 3*i, q) = strain_of(mode)
@@ -210,6 +235,26 @@ contains
          g(3, a) = 0.125_wp*corner(3, a)*f(1)*f(2)
       end do
    end function natural_gradient
+
+   !> As `natural_gradient`, of displacements that decay from face to face of a layer (`brick_strain`).
+   pure function decaying_gradient(xi, growth) result(g)
+      real(wp), intent(in) :: xi(3), growth
+      real(wp) :: g(3, 8)
+      real(wp) :: f(2), rho, share, slope
+      integer :: a
+
+      rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
+      do a = 1, 8
+         f = 1.0_wp + xi(:2)*corner(:2, a)
+         share = (growth - rho)/(rho*(growth - 1.0_wp))
+         slope = -0.5_wp*growth/rho**2
+         if (a > 4) then
+            share = 1.0_wp - share
+            slope = -slope
+         end if
+         g(:, a) = 0.25_wp*[corner(1, a)*f(2)*share, corner(2, a)*f(1)*share, f(1)*f(2)*slope]
+      end do
+   end function decaying_gradient
 
    !> Strain of the three displacement components whose common gradient is `g`.
    pure function strain_of(g) result(b)

@@ -1,7 +1,7 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
 module fe_grid
    use errors, only: error_type, raise
-   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, reaction
+   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_contact, only: contact_residual, solve_contact
    use fe_mesh, only: mesh_type
    use indenters, only: indenter_type
@@ -66,8 +66,8 @@ contains
       type(grid_type), intent(in) :: grid
       !> Of the bricks (`fe_element`).
       integer, intent(in) :: formulation
-      !> Stiffness in the sample frame, GPa.
-      real(wp), intent(in) :: c(6, 6)
+      !> Stiffness of the materials in the sample frame, GPa (6, 6, materials).
+      real(wp), intent(in) :: c(:, :, :)
       !> Number of the depth whose displacement is kept; 0: none.
       integer, intent(in) :: field_step
       !> In: its depths.
@@ -85,8 +85,8 @@ contains
    subroutine solve_curve(grid, formulation, c, field_step, factor, curve, error)
       type(grid_type), intent(in) :: grid
       integer, intent(in) :: formulation
-      !> GPa.
-      real(wp), intent(in) :: c(6, 6)
+      !> GPa (6, 6, materials).
+      real(wp), intent(in) :: c(:, :, :)
       integer, intent(in) :: field_step
       type(factor_type), intent(inout) :: factor
       type(curve_type), intent(inout) :: curve
@@ -115,10 +115,10 @@ contains
       call solve_depths(grid, compliance, curve, forces, error)
       if (allocated(error)) return
       if (field_step > 0) then
-         call solve_displacement(grid, factor, forces(:, field_step), u)
+         call solve_displacement(grid, factor, values, forces(:, field_step), u)
          curve%displacement = u
       end if
-      if (field_step /= depths) call solve_displacement(grid, factor, forces(:, depths), u)
+      if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
       call reaction(grid%mesh, formulation, c, u, held)
       total = sum(forces(:, depths))
       curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
@@ -158,19 +158,26 @@ contains
       end do
    end subroutine solve_depths
 
-   !> Displacement of every node under the nodal forces of the contact nodes.
-   subroutine solve_displacement(grid, factor, force, u)
+   !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, the solution is refined.
+   subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
       type(factor_type), intent(inout) :: factor
-      !> Into the material, mN (contact nodes).
-      real(wp), intent(in) :: force(:)
+      !> Of the matrix, mN/um; into the material, mN (contact nodes).
+      real(wp), intent(in) :: values(:), force(:)
       !> um (3, nodes).
       real(wp), intent(out) :: u(:, :)
-      real(wp), allocatable :: x(:)
+      integer, parameter :: refinements = 2
+      real(wp), allocatable :: x(:), residual(:)
+      integer :: i, n
 
-      allocate (x(grid%assembly%unknowns), source=0.0_wp)
-      x(grid%assembly%unknowns - grid%assembly%kept + 1:) = -force
-      call solve_factored(grid%cholesky, factor, x)
+      n = grid%assembly%unknowns
+      allocate (x(n), residual(n), source=0.0_wp)
+      do i = 0, refinements
+         residual = -product_with(grid%assembly, values, x)
+         residual(n - grid%assembly%kept + 1:) = residual(n - grid%assembly%kept + 1:) - force
+         call solve_factored(grid%cholesky, factor, residual)
+         x = x + residual
+      end do
       call expand_displacement(grid%mesh, grid%assembly, x, u)
    end subroutine solve_displacement
 end module fe_grid

@@ -20,11 +20,12 @@ module fe_indentation
    public :: numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
-   integer, parameter :: numerics_revision = 4
+   integer, parameter :: numerics_revision = 5
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type
       type(indenter_type) :: indenter
+      class(specimen_mesh_type), allocatable :: specimen
       !> Name of the brick element, and its formulation (`fe_element`).
       character(len=:), allocatable :: element
       integer :: formulation = brick_selective
@@ -66,14 +67,14 @@ contains
       type(settings_type), intent(in) :: settings
       type(indentation_model_type), intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
-      class(specimen_mesh_type), allocatable :: specimen
       integer :: i
 
       call new_indenter(settings%indenter, model%indenter, error)
-      if (.not. allocated(error)) call new_specimen(settings, model%indenter%contact_radius, specimen, error)
+      if (.not. allocated(error)) call new_specimen(settings, model%indenter%contact_radius, &
+         & model%specimen, error)
       if (allocated(error)) return
       associate (simulation => settings%simulation, tip => model%indenter)
-         model%element = specimen%element_of(simulation%element)
+         model%element = model%specimen%element_of(simulation%element)
          if (model%element == 'c3d8i') then
             model%formulation = brick_incompatible
          else if (simulation%integration == 'full') then
@@ -86,7 +87,7 @@ contains
 
          allocate (model%grid(merge(2, 1, simulation%extrapolate)))
          do i = 1, size(model%grid)
-            call new_grid(specimen, tip, merge(1.0_wp, coarse_ratio, i == 1)*simulation%refine, model%grid(i), error)
+            call new_grid(model%specimen, tip, merge(1.0_wp, coarse_ratio, i == 1)*simulation%refine, model%grid(i), error)
             if (allocated(error)) then
                call free_indentation_model(model)
                return
@@ -129,7 +130,7 @@ contains
    !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where `field_step` is given.
    !>
    !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, the depths shrink until it fits, as long
-   !> as the last one is resolved.
+   !> as the last one is resolved; not in a specimen with a length of its own.
    subroutine simulate_indentation(model, stiffness, euler, result, error, field_step)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -153,7 +154,8 @@ contains
       do
          solves = solves + 1
          call simulate_depths(model, c, depth, step, result, error)
-         if (.not. result%left_zone) exit
+         ! A specimen with a length has another modulus at another depth.
+         if (model%specimen%has_length .or. .not. result%left_zone) exit
          smaller = model%indenter%depth_of(shrink*model%indenter%contact_radius_of(depth))
          if (.not. any(is_resolved(model, smaller))) exit
          depth = smaller
@@ -197,12 +199,12 @@ contains
       real(wp) :: ratio
 
       result%depth = depth
-      call indent_grid(model%grid(1), model%formulation, c, field_step, result%curve_type, error)
+      call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
       result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
       if (size(model%grid) == 1) return
       coarse%depth = depth
-      call indent_grid(model%grid(2), model%formulation, c, 0, coarse, error)
+      call indent_grid(model%grid(2), model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
       result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]

@@ -3,7 +3,7 @@ module halfspace_mesh
    use errors, only: error_type
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: mesh_plan_type
+   use mesh_plan, only: core_of_contact, finest_edge, layers_of_ratio, mesh_plan_type
    use specimen_mesh, only: specimen_mesh_type
    implicit none
    private
@@ -17,9 +17,6 @@ module halfspace_mesh
       procedure :: make
    end type halfspace_mesh_type
 
-   !> Elements per contact radius at refine = 1.
-   real(wp), parameter :: fineness = 9.5_wp
-
 contains
 
    pure real(wp) function element_size(self, contact_radius)
@@ -29,7 +26,7 @@ contains
 
       associate (unused => self)
       end associate
-      element_size = contact_radius/fineness
+      element_size = finest_edge(contact_radius)
    end function element_size
 
    !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
@@ -39,22 +36,13 @@ contains
       real(wp), intent(in) :: refine, contact_radius
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
-      !> Depth of the core in contact radii.
-      real(wp), parameter :: depth = 1.1_wp
       type(mesh_plan_type) :: plan
-      real(wp) :: across, ratio
+      real(wp) :: ratio
 
-      across = fineness*refine
-      ! Room for an elliptical contact, and for the ring of nodes around it that must stay free.
-      plan%half_cells = max(4, nint(1.25_wp*across) + 2)
-      plan%depth_cells = max(2, 2*nint(0.5_wp*depth*across))
-      plan%half_width = contact_radius*plan%half_cells/across
-      plan%depth = contact_radius*plan%depth_cells/across
+      plan = core_of_contact(refine, contact_radius)
       ratio = self%outer*contact_radius/plan%half_width
-      plan%layers = [max(1, nint(log(ratio)/log(self%growth)*refine))]
-      plan%growth = [ratio**(1.0_wp/plan%layers(1))]
-      plan%coarsen = [.true.]
-      plan%infinite = .true.
+      plan%stages = [layers_of_ratio(ratio, self%growth, refine)]
+      plan%stages(1)%coarsen = .true.
       call new_mesh(plan, mesh, error)
    end subroutine make
 end module halfspace_mesh

@@ -16,6 +16,8 @@ module specimen_mesh
       character(len=80) :: variables = ''
    contains
       procedure :: check
+      procedure :: materials
+      procedure :: own_stiffness
       procedure(size_of_element), deferred :: element_size
       procedure(make_mesh), deferred :: make
       procedure, non_overridable :: element_of
@@ -54,6 +56,29 @@ contains
       associate (unused => self, also_unused => contact_radius)
       end associate
    end subroutine check
+
+   !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
+   pure function materials(self, crystal) result(c)
+      class(specimen_mesh_type), intent(in) :: self
+      !> Sample frame, GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      real(wp), allocatable :: c(:, :, :)
+
+      associate (unused => self)
+      end associate
+      c = spread(crystal, 3, 1)
+   end function materials
+
+   !> Stiffness of what is given beside the crystal, GPa; zero where there is nothing, so that the crystal's scale changes the moduli by a
+   !> factor only.
+   pure function own_stiffness(self) result(c)
+      class(specimen_mesh_type), intent(in) :: self
+      real(wp) :: c(6, 6)
+
+      associate (unused => self)
+      end associate
+      c = 0.0_wp
+   end function own_stiffness
 
    !> Name of the brick element: as asked for, or the specimen's own where the word is empty.
    pure function element_of(self, word) result(name)

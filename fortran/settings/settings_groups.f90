@@ -27,8 +27,9 @@ module settings_groups
 
    type :: specimen_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: geometry
-      real(wp) :: width_um = 0.0_wp, height_um = 0.0_wp
+      character(len=:), allocatable :: geometry, substrate, matrix
+      real(wp) :: width_um = 0.0_wp, height_um = 0.0_wp, substrate_nu = 0.0_wp, matrix_nu = 0.0_wp
+      real(wp), allocatable :: thickness_um, substrate_young_gpa, grain_radius_um, grain_depth_um, matrix_young_gpa
    end type specimen_settings_type
 
    type :: indenter_settings_type
@@ -42,7 +43,8 @@ module settings_groups
    type :: simulation_settings_type
       logical :: given = .false.
       character(len=:), allocatable :: simulator, element, integration
-      real(wp) :: refine = 0.0_wp, outer = 0.0_wp, growth = 0.0_wp
+      real(wp) :: refine = 0.0_wp, outer = 0.0_wp
+      real(wp), allocatable :: growth
       integer :: depths = 0
       logical :: extrapolate = .false., vtu = .false., inp = .false.
    end type simulation_settings_type

@@ -31,11 +31,26 @@ contains
       call v%file('points', s%crystals%points, '*', &
          & 'CSV of elastic constants (GPa) and Bunge-Euler angles, one indentation a row')
 
-      call v%group('specimen', s%specimen%given, 'What is indented: the crystal fills it.')
+      call v%group('specimen', s%specimen%given, 'What is indented.')
       call v%choice('geometry', s%specimen%geometry, 'halfspace', v%words('geometry'), &
-         & 'a half-space, or a block with clamped bottom and free sides')
+         & 'a half-space; a block with clamped bottom and free sides; a film on a substrate; a grain in a polycrystal')
       call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
       call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
+
+      call v%optional_real('thickness_um', s%specimen%thickness_um, 'unset', '[1e-6, 1e6]', 'um', 'film: its thickness')
+      call v%choice('substrate', s%specimen%substrate, 'isotropic', 'isotropic, rigid', 'film: what it is bonded to')
+      call v%optional_real('substrate_young_gpa', s%specimen%substrate_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
+         & 'film: Young''s modulus of an isotropic substrate')
+      call v%real('substrate_nu', s%specimen%substrate_nu, '0.3', '(-1, 0.5)', '', 'film: Poisson''s ratio of the substrate')
+      call v%optional_real('grain_radius_um', s%specimen%grain_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
+         & 'grain: radius of the hemisphere, or of a cylinder')
+      call v%optional_real('grain_depth_um', s%specimen%grain_depth_um, 'unset', '[1e-6, 1e6]', 'um', &
+         & 'grain: depth of a cylinder; unset: a hemisphere')
+      call v%choice('matrix', s%specimen%matrix, 'self', 'self, isotropic', &
+         & 'grain: what is around it, the average of a polycrystal of its own crystal (Hill) or what is stated')
+      call v%optional_real('matrix_young_gpa', s%specimen%matrix_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
+         & 'grain: Young''s modulus of an isotropic matrix')
+      call v%real('matrix_nu', s%specimen%matrix_nu, '0.3', '(-1, 0.5)', '', 'grain: Poisson''s ratio of an isotropic matrix')
 
       call v%group('indenter', s%indenter%given, 'The rigid, frictionless indenter, and how far it goes.')
       call v%choice('shape', s%indenter%shape, 'paraboloid', v%words('shape'), &
@@ -62,8 +77,8 @@ contains
          & 'solve on a second, coarser mesh too and extrapolate in mesh size')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
-      call v%real('growth', s%simulation%growth, '1.13', '[1.01, 2]', '', &
-         & 'half-space, for studies: growth of the layers of bricks before them, at refine = 1')
+      call v%optional_real('growth', s%simulation%growth, 'unset', '[1.01, 2]', '', &
+         & 'half-space, for studies: growth of the layers of bricks before them, at refine = 1; unset: 1.4 with c3d8i, 1.13 with c3d8')
       call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', '', 'points of the load-depth curve')
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')

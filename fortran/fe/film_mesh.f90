@@ -1,0 +1,130 @@
+!> A film on a substrate: bricks of the film down to the interface, layers that go on around both, infinite elements of the substrate.
+!>
+!> A thin film ends inside the box under the indenter, a thick one where layers around the box reach the interface. Below begins a box of
+!> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
+!> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
+module film_mesh
+   use crystal_elasticity, only: isotropic_stiffness
+   use errors, only: error_type, exit_bad_input, raise
+   use fe_mesh, only: mesh_type, new_mesh
+   use kinds, only: wp
+   use mesh_plan, only: core_of_contact, finest_edge, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
+   use specimen_mesh, only: specimen_mesh_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: film_mesh_type
+
+   type, extends(specimen_mesh_type) :: film_mesh_type
+      !> um.
+      real(wp) :: thickness = 0.0_wp
+      !> Of an isotropic substrate: Young's modulus (GPa) and Poisson's ratio; 0: rigid.
+      real(wp) :: young = 0.0_wp, poisson = 0.0_wp
+   contains
+      procedure :: check
+      procedure :: element_size
+      procedure :: make
+      procedure :: materials
+      procedure :: own_stiffness
+   end type film_mesh_type
+
+   !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
+   real(wp), parameter :: thick = 1.6_wp
+   !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there, vertical over horizontal.
+   real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
+   !> Where the mesh ends, in contact radii and thicknesses, whichever is farther.
+   real(wp), parameter :: outer_contact = 5.0_wp, outer_thickness = 10.0_wp
+
+contains
+
+   !> Refuse a film thinner than two elements.
+   subroutine check(self, contact_radius, error)
+      class(film_mesh_type), intent(in) :: self
+      !> um.
+      real(wp), intent(in) :: contact_radius
+      type(error_type), allocatable, intent(out) :: error
+
+      if (self%thickness < 2.0_wp*self%element_size(contact_radius)) call raise(error, 'thickness_um: ' &
+         & //to_text(self%thickness)//' um is less than two elements of '//to_text(self%element_size(contact_radius), 3) &
+         & //' um under a contact of radius '//to_text(contact_radius, 3)//' um; allowed from ' &
+         & //to_text(2.0_wp*self%element_size(contact_radius), 3)//' um, or indent less deeply', exit_bad_input)
+   end subroutine check
+
+   pure real(wp) function element_size(self, contact_radius)
+      class(film_mesh_type), intent(in) :: self
+      !> um.
+      real(wp), intent(in) :: contact_radius
+
+      associate (unused => self)
+      end associate
+      element_size = finest_edge(contact_radius)
+   end function element_size
+
+   !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
+   subroutine make(self, refine, contact_radius, mesh, error)
+      class(film_mesh_type), intent(in) :: self
+      !> Relative to the default; contact radius at the last depth (half-space), um.
+      real(wp), intent(in) :: refine, contact_radius
+      type(mesh_type), intent(out) :: mesh
+      type(error_type), allocatable, intent(out) :: error
+      type(mesh_plan_type) :: plan
+      type(mesh_stage_type) :: box
+      real(wp) :: edge, width, cell
+      logical :: thin
+
+      plan = core_of_contact(refine, contact_radius)
+      edge = plan%half_width/plan%half_cells
+      width = plan%half_width
+      thin = self%thickness <= thick*plan%depth
+      box = mesh_stage_type(growth=2.0_wp, material=2)
+      allocate (plan%stages(0))
+      if (thin) then
+         box%floor_depth = max(plan%depth - self%thickness, floor_proportion*width)
+         box%floor_levels = max(2, 2*nint(0.5_wp*box%floor_depth/(flat*edge)))
+         plan%depth = self%thickness
+         plan%depth_cells = max(2, 2*nint(0.5_wp*self%thickness/edge))
+      else
+         ! The proportions of the box stay.
+         width = plan%half_width*self%thickness/plan%depth
+         plan%stages = graded_layers(plan%half_width, width, contact_radius, refine, 0.0_wp, 1)
+         plan%stages(1)%coarsen = .true.
+         cell = 2.0_wp*edge*self%thickness/plan%depth
+         box%floor_levels = max(2, nint(floor_proportion*width/cell))
+         box%floor_depth = box%floor_levels*cell
+      end if
+      if (self%young > 0.0_wp) then
+         plan%stages = [plan%stages, box]
+         plan%far_material = [2, 3]
+      else
+         plan%clamped_depth = self%thickness
+         plan%closing = clamped_around
+      end if
+      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, outer_thickness*self%thickness), &
+         & contact_radius, refine, self%thickness, 2)]
+      if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
+      call new_mesh(plan, mesh, error)
+   end subroutine make
+
+   !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of what is a film, with twice its energy,
+   !> since strains decay as the square of the distance.
+   pure function materials(self, crystal) result(c)
+      class(film_mesh_type), intent(in) :: self
+      !> Sample frame, GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      real(wp), allocatable :: c(:, :, :)
+
+      c = spread(crystal, 3, 3)
+      if (.not. self%young > 0.0_wp) return
+      c(:, :, 2) = isotropic_stiffness(self%young, self%poisson)
+      c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
+   end function materials
+
+   !> That of the substrate, GPa; zero where it is rigid.
+   pure function own_stiffness(self) result(c)
+      class(film_mesh_type), intent(in) :: self
+      real(wp) :: c(6, 6)
+
+      c = 0.0_wp
+      if (self%young > 0.0_wp) c = isotropic_stiffness(self%young, self%poisson)
+   end function own_stiffness
+end module film_mesh
