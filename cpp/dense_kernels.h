@@ -8,8 +8,8 @@ void strsv_(const char *, const char *, const char *, const int *, const float *
 void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
             const float *, float *, const int *);
 void strtri_(const char *, const char *, const int *, float *, const int *, int *);
-void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *,
-            float *, const int *);
+void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *, float *,
+            const int *);
 void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
             const float *, const int *, const float *, float *, const int *);
 }

@@ -29,7 +29,7 @@ module film_mesh
    end type film_mesh_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
-   real(wp), parameter :: thick = 1.6_wp
+   real(wp), parameter :: thick = 1.25_wp
    !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there, vertical over horizontal.
    real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
    !> Where the mesh ends, in contact radii and thicknesses, whichever is farther.

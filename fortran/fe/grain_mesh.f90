@@ -1,11 +1,12 @@
-!> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite elements of the
-!> matrix around it.
+!> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite elements of
+!> the matrix around it.
 module grain_mesh
    use crystal_elasticity, only: isotropic_stiffness, polycrystal_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, finest_edge, graded_layers, mesh_plan_type, mesh_stage_type, layers_of_ratio, to_ball, to_cylinder
+   use mesh_plan, only: core_of_contact, finest_edge, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, &
+      & to_cylinder
    use specimen_mesh, only: specimen_mesh_type
    use text, only: to_text
    implicit none
@@ -27,8 +28,10 @@ module grain_mesh
 
    !> The boundary is at least so far from the box under the contact, over the box's size.
    real(wp), parameter :: clearance = 1.2_wp
-   !> From here on (half-width over radius) the layers turn into the shape of the boundary.
-   real(wp), parameter :: turning = 0.45_wp
+   !> A cylinder is so deep, in radii.
+   real(wp), parameter :: flattest = 0.5_wp, deepest = 2.0_wp
+   !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing so.
+   real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
    !> Where the mesh ends, in contact radii and radii of the grain, whichever is farther.
    real(wp), parameter :: outer_contact = 5.0_wp, outer_grain = 2.0_wp
 
@@ -41,20 +44,33 @@ contains
       real(wp), intent(in) :: contact_radius
       type(error_type), allocatable, intent(out) :: error
       type(mesh_plan_type) :: plan
-      real(wp) :: least
+      real(wp) :: corner(3)
 
       plan = core_of_contact(1.0_wp, contact_radius)
-      least = clearance*norm2([plan%half_width, plan%half_width, plan%depth])
-      if (self%depth > 0.0_wp) least = clearance*norm2([plan%half_width, plan%half_width])
-      if (self%radius < least) then
-         call raise(error, 'grain_radius_um: '//to_text(self%radius)//' um does not hold the refined zone under a contact of radius ' &
-            & //to_text(contact_radius, 3)//' um; allowed from '//to_text(least, 3)//' um, or indent less deeply', exit_bad_input)
-      else if (self%depth > 0.0_wp .and. self%depth < clearance*plan%depth) then
-         call raise(error, 'grain_depth_um: '//to_text(self%depth)//' um does not hold the refined zone under a contact of radius ' &
-            & //to_text(contact_radius, 3)//' um; allowed from '//to_text(clearance*plan%depth, 3)//' um, or indent less deeply', &
-            & exit_bad_input)
+      corner = [plan%half_width, plan%half_width, plan%depth]
+      if (self%depth > 0.0_wp) then
+         call refuse_below(clearance*plan%depth, 'grain_depth_um', self%depth, contact_radius, error)
+         corner(3) = 0.0_wp
       end if
+      if (.not. allocated(error)) call refuse_below(clearance*norm2(corner), 'grain_radius_um', self%radius, contact_radius, error)
+      if (allocated(error) .or. .not. self%depth > 0.0_wp) return
+      if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) call raise(error, 'grain_depth_um: ' &
+         & //to_text(self%depth)//' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
+         & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um', exit_bad_input)
    end subroutine check
+
+   subroutine refuse_below(least, name, length, contact_radius, error)
+      !> um; the variable with this name, um.
+      real(wp), intent(in) :: least, length
+      character(len=*), intent(in) :: name
+      !> um.
+      real(wp), intent(in) :: contact_radius
+      type(error_type), allocatable, intent(out) :: error
+
+      if (length < least) call raise(error, name//': '//to_text(length)//' um does not hold the refined zone under a contact of ' &
+         & //'radius '//to_text(contact_radius, 3)//' um; allowed from '//to_text(least, 3)//' um, or indent less deeply', &
+         & exit_bad_input)
+   end subroutine refuse_below
 
    pure real(wp) function element_size(self, contact_radius)
       class(grain_mesh_type), intent(in) :: self
@@ -74,28 +90,18 @@ contains
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
       type(mesh_plan_type) :: plan
-      type(mesh_stage_type), allocatable :: turn(:)
-      real(wp) :: inner, width
-      integer :: i
+      type(mesh_stage_type) :: turn
+      real(wp) :: width
 
       plan = core_of_contact(refine, contact_radius)
-      inner = turning*self%radius
-      if (self%depth > 0.0_wp) inner = min(inner, turning*self%depth*plan%half_width/plan%depth)
-      allocate (plan%stages(0))
-      width = plan%half_width
-      if (inner > 1.2_wp*width) then
-         plan%stages = graded_layers(width, inner, contact_radius, refine, 0.0_wp, 1)
-         width = inner
-      end if
-      turn = graded_layers(width, max(self%radius, 1.2_wp*width), contact_radius, refine, 0.0_wp, 1)
-      ! One stage for the turn, with as many layers.
-      i = sum(turn%layers)
-      turn = [layers_of_ratio(max(self%radius/width, 1.2_wp), 1.2_wp, refine)]
-      turn(1)%layers = i
-      turn(1)%growth = turn(1)%ratio**(1.0_wp/i)
-      turn(1)%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
-      turn(1)%radius = self%radius
-      turn(1)%depth = self%depth
+      width = turning*self%radius
+      if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
+      width = max(width, plan%half_width)
+      plan%stages = graded_layers(plan%half_width, width, contact_radius, refine, 0.0_wp, 1)
+      turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, turning_growth, refine)
+      turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
+      turn%radius = self%radius
+      turn%depth = self%depth
       plan%stages = [plan%stages, turn, graded_layers(self%radius, max(outer_contact*contact_radius, outer_grain*self%radius), &
          & contact_radius, refine, 0.0_wp, 2)]
       plan%stages(1)%coarsen = .true.

@@ -109,8 +109,8 @@ contains
          goal = min(to, limit(i)*contact_radius)
          ! No layer that is much thinner than the others.
          if (to < 1.1_wp*goal) goal = to
-         if (goal < 1.05_wp*width .and. .not. (size(stages) == 0 .and. goal >= to)) cycle
-         stage = layers_of_ratio(max(goal/width, 1.01_wp), growth(i), refine)
+         if (goal < 1.05_wp*width) cycle
+         stage = layers_of_ratio(goal/width, growth(i), refine)
          stage%plane = plane
          stage%material = material
          stages = [stages, stage]

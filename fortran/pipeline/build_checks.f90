@@ -10,6 +10,7 @@ module build_checks
    use namelist_file, only: place
    use problem, only: problem_type
    use settings_groups, only: surrogate_settings_type
+   use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
    use surrogate_lookup, only: check_new_name
    use text, only: to_text
@@ -17,6 +18,9 @@ module build_checks
    implicit none
    private
    public :: check_build, question_candidates, basis_of_problem
+
+   !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the specimen.
+   real(wp), parameter :: reach_of_scale = 3.0_wp
 
 contains
 
@@ -148,7 +152,8 @@ contains
       end associate
    end subroutine domain_of
 
-   !> The range of the scale of the crystals on which the correction depends; not allocated where it does not.
+   !> The range of the scale of the crystals on which the correction depends; not allocated where it does not. Where none is stated it is a
+   !> factor about the stiffness that the specimen has of its own.
    subroutine range_of_scale(self, stiffness, error)
       type(problem_type), intent(in) :: self
       !> The least and the greatest, see `surrogate_domain`, GPa.
@@ -156,9 +161,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: names(2) = ['stiffness_min_gpa', 'stiffness_max_gpa']
       logical :: stated(2)
+      real(wp) :: own
 
       associate (domain => self%settings%domain)
          stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
+         if (.not. any(stated) .and. self%settings%surrogate%model /= 'paper') then
+            own = specimen_stiffness(self%settings)
+            if (own > 0.0_wp) stiffness = own*[1.0_wp/reach_of_scale, reach_of_scale]
+            return
+         end if
          if (.not. any(stated)) return
          if (self%settings%surrogate%model == 'paper') then
             call raise(error, place(self%path, 'domain', names(findloc(stated, .true., 1)))//'the paper''s model has no scale ' &

@@ -3,6 +3,7 @@
 !> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
 !> say nothing about the crystal.
 module simulate
+   use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_bad_input, exit_failure, raise
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
@@ -15,7 +16,7 @@ module simulate
    use specimens, only: new_specimen
    implicit none
    private
-   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error
+   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, specimen_stiffness
    public :: outcome_waiting, outcome_done, outcome_failed
 
    !> What became of a crystal.
@@ -89,6 +90,24 @@ contains
       end if
       has_theory = .not. specimen%has_length
    end subroutine check_simulation
+
+   !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of its Kelvin stiffness, GPa; 0 where the
+   !> crystal's own scale changes moduli by a factor only.
+   real(wp) function specimen_stiffness(settings) result(scale)
+      type(settings_type), intent(in) :: settings
+      class(specimen_mesh_type), allocatable :: specimen
+      type(indenter_type) :: tip
+      type(error_type), allocatable :: error
+      real(wp) :: poisson, anisotropy, own(6, 6)
+
+      scale = 0.0_wp
+      if (settings%simulation%simulator == 'theory') return
+      call new_indenter(settings%indenter, tip, error)
+      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      if (allocated(error)) return
+      own = specimen%own_stiffness()
+      if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
+   end function specimen_stiffness
 
    !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)

@@ -103,8 +103,8 @@ contains
       call check('a brick turned inside out is not valid', .not. valid)
    end subroutine test_brick
 
-   !> Small plans that take in all that the generator can do: layers and a coarser surface; the same around a film that ends inside the box, or
-   !> where layers reach the interface; a grain that is a ball, or a cylinder.
+   !> Small plans that take in all that the generator can do: layers and a coarser surface; the same around a film that ends inside the
+   !> box, or where layers reach the interface; a grain that is a ball, or a cylinder.
    function small_plan(kind) result(plan)
       character(len=*), intent(in) :: kind
       type(mesh_plan_type) :: plan

@@ -25,7 +25,7 @@ def compliance(wave: float, layer, substrate) -> float:
     """W under a unit normal traction of wavenumber k on a layer of thickness 1, times k; `wave` is k."""
     _, vectors, _ = schur(transfer(*substrate), sort="rhp")
     states = expm(wave * transfer(*layer)) @ vectors[:, :2]
-    return float(states[1] @ np.linalg.solve(states[2:], [0.0, 1.0])))
+    return float(states[1] @ np.linalg.solve(states[2:], [0.0, 1.0]))
 
 
 def thick_layer(layer, substrate, thickness_um: float, contact_radius_um: float, radius_um: float) -> tuple[float, float]:

@@ -9,6 +9,9 @@ __all__ = ["write_deck"]
 #: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
+#: What bricks are made of.
+MATERIALS = ("CRYSTAL", "SURROUNDINGS")
+
 #: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX' penalties. Closed gaps then give way by
 #: less than 1e-8 um.
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
@@ -25,10 +28,11 @@ def write_deck(mesh, stiffness, infinite, depths, element: str, title: str) -> s
     lines = ["*HEADING", title, "*NODE, NSET=ALL"]
     lines += [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
     lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
-    lines += [f"*ELEMENT, TYPE={element}, ELSET=SAMPLE"]
-    lines += [f"{e}, " + ", ".join(str(n + 1) for n in brick) for e, brick in enumerate(mesh.brick, start=1)]
-    lines += ["*MATERIAL, NAME=CRYSTAL", "*ELASTIC, TYPE=ANISO", *elastic_constants(stiffness)]
-    lines += ["*SOLID SECTION, ELSET=SAMPLE, MATERIAL=CRYSTAL"]
+    for material, name in enumerate(MATERIALS[: 1 + mesh.material.max()]):
+        lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
+        lines += [f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e]) for e in np.flatnonzero(mesh.material == material)]
+        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC, TYPE=ANISO", *elastic_constants(stiffness[material])]
+        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     lines += gaps(mesh, indenter, len(mesh.brick))
     lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
     lines += springs(mesh.facet, infinite, len(mesh.brick) + len(mesh.contact) + 1)

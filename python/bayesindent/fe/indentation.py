@@ -19,7 +19,7 @@ GROUPS = ("specimen", "indenter", "simulation")
 NOT_OURS = ("simulator", "vtu", "inp")
 
 #: Tables of a mesh: the nodes in a row.
-WIDTHS = {"brick": (8,), "facet": (4,), "contact": (), "clamped": (), "hanging": (), "master": (4,)}
+WIDTHS = {"brick": (8,), "material": (), "facet": (4,), "contact": (), "clamped": (), "hanging": (), "master": (4,)}
 
 
 def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
@@ -64,6 +64,8 @@ class MeshArrays:
 
     x: np.ndarray
     brick: np.ndarray
+    #: Material of each brick: the crystal is 0.
+    material: np.ndarray
     #: Facets that carry infinite elements.
     facet: np.ndarray
     contact: np.ndarray
@@ -107,9 +109,9 @@ class Indentation(NativeObject):
         self.settings = problem.settings
         #: Name of the brick element.
         self.element = self._facts["element"]
-        names = ("elements", "depths", "meshes", "nodes", "bricks", "infinite_elements", "contact_nodes", "unknowns")
+        names = ("elements", "depths", "meshes", "nodes", "bricks", "infinite_elements", "contact_nodes", "unknowns", "materials")
         (self.elements, self.depths, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
-         self.unknowns) = (self._facts[name] for name in names)  # fmt: skip
+         self.unknowns, self.materials) = (self._facts[name] for name in names)  # fmt: skip
         #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
         costs = ("factor_entries", "factor_operations", "workspace_bytes")
         self.factor_entries, self.factor_operations, self.workspace_bytes = (self._facts[name] for name in costs)
@@ -219,9 +221,11 @@ class Indentation(NativeObject):
         from ..fe.deck import write_deck
 
         matrix, angles = one_crystal(stiffness, euler_deg)
-        rotated, infinite = call("indentation_stiffness", self.handle, self.infinite_elements, matrix, angles)
+        rotated, infinite = call("indentation_stiffness", self.handle, self.materials, self.infinite_elements, matrix, angles)
         depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
-        return write_deck(self.mesh_arrays(), rotated, np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title)
+        return write_deck(
+            self.mesh_arrays(), np.moveaxis(rotated, -1, 0), np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title
+        )
 
 
 def _made_anew(kind: type, settings: dict) -> Indentation:

@@ -1,0 +1,141 @@
+"""Films and embedded grains against exact values, against the half-space where they are none, and near each other where they must be."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from layered_halfspace import thick_layer
+
+import bayesindent as bi
+
+COATED = np.genfromtxt(
+    Path(__file__).parents[1] / "reference" / "coated_halfspace.csv", delimiter=",", names=True, comments="#", skip_header=2
+)
+ZINC = bi.stiffness("hexagonal", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
+COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+
+
+def isotropic(young, nu):
+    """Stiffness (6, 6) in GPa."""
+    scale = young / ((1 + nu) * (1 - 2 * nu))
+    return bi.stiffness("isotropic", C11=scale * (1 - nu), C12=scale * nu)
+
+
+@pytest.mark.parametrize("row", [2, 5, 9, 16, 21], ids=lambda row: f"row {row + 1}")
+def test_isotropic_films(row):
+    """Thick and thin, stiff and compliant: the exact force at the exact depth, and the contact radius to an element."""
+    case = COATED[row]
+    film = bi.Indentation(
+        geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],
+        substrate_nu=case["substrate_nu"], depth_um=case["depth_um"], depths=5,
+    )  # fmt: skip
+    result = film.run(isotropic(case["layer_young_gpa"], case["layer_nu"]), [0, 0, 0])
+    assert film.elements <= 25000
+    assert result.force_mn[-1] == pytest.approx(case["force_mn"], rel=5e-3)
+    assert result.modulus_by_depth_gpa[-1] == pytest.approx(case["modulus_gpa"], rel=5e-3)
+    assert result.contact_radius_um[-1] == pytest.approx(case["contact_radius_um"], abs=0.5 / 9.5)
+
+
+@pytest.mark.parametrize(
+    "specimen",
+    [
+        {"geometry": "film", "thickness_um": 0.3},
+        {"geometry": "film", "thickness_um": 2.0},
+        {"geometry": "grain", "grain_radius_um": 2.5, "matrix": "isotropic"},
+        {"geometry": "grain", "grain_radius_um": 4.0, "grain_depth_um": 3.0, "matrix": "isotropic"},
+    ],
+    ids=["thin film", "thick film", "hemisphere", "cylinder"],
+)
+def test_alike(specimen):
+    """Where film and substrate, grain and matrix are alike there is a half-space."""
+    around = "substrate" if specimen["geometry"] == "film" else "matrix"
+    same = bi.Indentation(**specimen, **{f"{around}_young_gpa": 200.0, f"{around}_nu": 0.3}, depths=5)
+    half = bi.Indentation(depths=5)
+    modulus, expected = (mesh.run(isotropic(200, 0.3), [0, 0, 0]).indentation_modulus_gpa for mesh in (same, half))
+    assert modulus == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_grain_in_its_own_polycrystal_is_a_halfspace_only_if_it_is_isotropic():
+    """By default the matrix is Hill's average: nothing for an isotropic crystal, and softer or stiffer than a direction of another."""
+    grain, half = bi.Indentation(geometry="grain", grain_radius_um=2.5, depths=5), bi.Indentation(depths=5)
+    assert grain.run(isotropic(70, 0.33), [0, 0, 0]).indentation_modulus_gpa == pytest.approx(
+        half.run(isotropic(70, 0.33), [0, 0, 0]).indentation_modulus_gpa, rel=2e-3
+    )
+    # Zinc is compliant along c: its neighbours are stiffer; in the plane the other way.
+    along, across = ([0, phi, 0] for phi in (0, 90))
+    for angles, sign in ((along, 1), (across, -1)):
+        change = grain.run(ZINC, angles).indentation_modulus_gpa / half.run(ZINC, angles).indentation_modulus_gpa - 1
+        assert 0.003 < sign * change < 0.1
+
+
+@pytest.mark.parametrize("layer, substrate", [((200, 0.3), (70, 0.2)), ((70, 0.3), (400, 0.25))])
+def test_a_contact_much_smaller_than_the_film_is_thick(layer, substrate):
+    """At a/t = 0.01 the substrate still adds a displacement, known to the first order; 10 % of it is 0.1 % of the modulus."""
+    depth, force = thick_layer(layer, substrate, 50.0, 0.5, 16.0)
+    film = bi.Indentation(geometry="film", thickness_um=50.0, substrate_young_gpa=substrate[0], substrate_nu=substrate[1],
+                          depth_um=depth, depths=5)  # fmt: skip
+    assert film.run(isotropic(*layer), [0, 0, 0]).force_mn[-1] == pytest.approx(force, rel=2e-3)
+
+
+def test_the_first_order_is_that_of_the_table():
+    """What the test above relies on: for thick films of the table it agrees to the third power of a/t."""
+    for case in COATED:
+        ratio = case["contact_radius_um"] / case["thickness_um"]
+        if ratio > 0.3:
+            continue
+        depth, force = thick_layer(
+            (case["layer_young_gpa"], case["layer_nu"]),
+            (case["substrate_young_gpa"], case["substrate_nu"]),
+            case["thickness_um"],
+            0.5,
+            16.0,
+        )
+        assert depth == pytest.approx(case["depth_um"], rel=0.7 * ratio**3)
+        assert force == pytest.approx(case["force_mn"], rel=0.7 * ratio**3)
+
+
+def test_a_rigid_substrate_is_one_without_end():
+    """A film on something ten thousand times as stiff."""
+    settings = {"geometry": "film", "thickness_um": 1.0, "depths": 5}
+    rigid = bi.Indentation(**settings, substrate="rigid").run(COPPER, [10, 40, 20]).indentation_modulus_gpa
+    stiff = bi.Indentation(**settings, substrate_young_gpa=1e5).run(COPPER, [10, 40, 20]).indentation_modulus_gpa
+    assert rigid == pytest.approx(stiff, rel=5e-3)
+
+
+def test_an_anisotropic_film_turns_with_the_sample():
+    """Turning crystal and sample about the axis together changes nothing, about 90 degrees not even the mesh."""
+    film = bi.Indentation(geometry="film", thickness_um=1.0, substrate_young_gpa=160, depths=5)
+    first, turned = (film.run(ZINC, [phi, 50, 30]).indentation_modulus_gpa for phi in (15, 105))
+    assert first == pytest.approx(turned, rel=2e-5)
+
+
+def test_extrapolation_of_a_film():
+    case = COATED[10]
+    film = bi.Indentation(geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],
+                          substrate_nu=case["substrate_nu"], depth_um=case["depth_um"], depths=5, extrapolate=True)  # fmt: skip
+    result = film.run(isotropic(case["layer_young_gpa"], case["layer_nu"]), [0, 0, 0])
+    assert result.force_mn[-1] == pytest.approx(case["force_mn"], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        ({"geometry": "film"}, "thickness_um: the variable is missing; geometry = 'film' needs it"),
+        ({"geometry": "film", "thickness_um": 1.0}, "substrate_young_gpa: the variable is missing"),
+        ({"geometry": "film", "thickness_um": 0.1, "substrate_young_gpa": 100}, "less than two elements"),
+        ({"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 0.0}, "substrate_young_gpa"),
+        ({"geometry": "grain", "grain_radius_um": 1.0}, "does not hold the refined zone"),
+        ({"geometry": "grain", "grain_radius_um": 3.0, "grain_depth_um": 9.0}, "does not go with grain_radius_um"),
+        ({"geometry": "grain", "grain_radius_um": 3.0, "matrix": "isotropic"}, "matrix_young_gpa: the variable is missing"),
+    ],
+)
+def test_what_cannot_be_meshed(settings, message):
+    with pytest.raises(bi.InputError, match=message):
+        bi.Indentation(**settings)
+
+
+def test_contact_that_leaves_the_refined_zone():
+    """A film gives way less than a half-space would: its contact is wider than the depth alone tells, and no other depth is taken."""
+    film = bi.Indentation(geometry="film", thickness_um=0.25, substrate="rigid", depths=5)
+    with pytest.raises(bi.BayesindentError, match="the contact leaves the refined zone"):
+        film.run(isotropic(10, 0.49), [0, 0, 0])
