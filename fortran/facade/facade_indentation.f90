@@ -74,8 +74,8 @@ subroutine indentation_field(handle, step, nodes, bricks, stiffness, euler, disp
    end associate
 end subroutine indentation_field
 
-!> Stiffness of each of the mesh's `materials` in the sample frame (GPa), and of each infinite element of the finest mesh, one a facet of
-!> `facets` (mN/um).
+!> Stiffness of each of the mesh's `materials` in the sample frame, `rotated` (GPa), and of each infinite element of the finest mesh, one a
+!> facet of `facets` (mN/um).
 subroutine indentation_stiffness(handle, materials, facets, stiffness, euler, rotated, infinite, status, message)
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use fe_element, only: infinite_stiffness

@@ -24,8 +24,9 @@ contains
    !> Stiffness (mN/um) of a brick with nodes `x` (um) and stiffness `c` (GPa) in the axes of `x`. Zero unless `valid`.
    pure subroutine brick_stiffness(x, c, formulation, growth, k, valid)
       real(wp), intent(in) :: x(3, 8), c(6, 6)
-      !> One of the formulations above, and growth of the layer (see `brick_strain`).
+      !> One of the formulations above.
       integer, intent(in) :: formulation
+      !> Of the layer, see `brick_strain`.
       real(wp), intent(in) :: growth
       !> mN/um.
       real(wp), intent(out) :: k(24, 24)
@@ -61,8 +62,9 @@ contains
    pure subroutine brick_stress(x, c, formulation, growth, u, stress)
       !> Nodes (um), stiffness in the axes of the nodes (GPa), displacements.
       real(wp), intent(in) :: x(3, 8), c(6, 6), u(3, 8)
-      !> One of the formulations above, and growth of the layer (see `brick_strain`).
+      !> One of the formulations above.
       integer, intent(in) :: formulation
+      !> Of the layer, see `brick_strain`.
       real(wp), intent(in) :: growth
       real(wp), intent(out) :: stress(6)
       real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
@@ -107,6 +109,7 @@ contains
       real(wp), intent(in) :: x(3, 8)
       !> One of the formulations above.
       integer, intent(in) :: formulation
+      !> Of the layer; 1 outside layers.
       real(wp), intent(in) :: growth
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)

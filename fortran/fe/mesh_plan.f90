@@ -92,9 +92,11 @@ contains
    pure function graded_layers(from, to, contact_radius, refine, plane, material) result(stages)
       !> um.
       real(wp), intent(in) :: from, to, contact_radius
+      !> Layers relative to the default.
       real(wp), intent(in) :: refine
-      !> Of the stages: um, and the material below it.
+      !> Of the stages, um.
       real(wp), intent(in) :: plane
+      !> Below the plane.
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)
       !> Growth at refine = 1, and up to which distance (contact radii).
@@ -194,7 +196,9 @@ contains
       surface_nodes = (nx + 1)**2 + 4*nx*nz
    end function surface_nodes
 
+   !> Facets of the sides and the bottom of a lattice.
    pure integer function surface_facets(nx, nz)
+      !> Cells along x and y, and along z.
       integer, intent(in) :: nx, nz
 
       surface_facets = nx**2 + 4*nx*nz

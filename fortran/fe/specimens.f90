@@ -62,7 +62,7 @@ contains
       film%has_length = .true.
       film%variables = 'thickness_um substrate'
       call require('film', 'thickness_um', settings%thickness_um, film%thickness, error)
-      if (settings%substrate == 'isotropic') then
+      if (settings%substrate /= 'rigid') then
          film%variables = trim(film%variables)//' substrate_young_gpa substrate_nu'
          if (.not. allocated(error)) call require('film', 'substrate_young_gpa', settings%substrate_young_gpa, film%young, error)
          film%poisson = settings%substrate_nu
@@ -80,7 +80,7 @@ contains
       grain%variables = 'grain_radius_um grain_depth_um matrix'
       call require('grain', 'grain_radius_um', settings%grain_radius_um, grain%radius, error)
       if (allocated(settings%grain_depth_um)) grain%depth = settings%grain_depth_um
-      if (settings%matrix == 'isotropic') then
+      if (settings%matrix /= 'self') then
          grain%variables = trim(grain%variables)//' matrix_young_gpa matrix_nu'
          if (.not. allocated(error)) call require('grain', 'matrix_young_gpa', settings%matrix_young_gpa, grain%young, error)
          grain%poisson = settings%matrix_nu

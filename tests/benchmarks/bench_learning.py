@@ -1,8 +1,10 @@
-"""How many simulations a correction needs: error on unseen crystals of four kinds against the number of simulations, and whether its sd is honest.
+"""How many simulations a correction needs: error on unseen crystals of several kinds against the number of simulations, and whether its sd is honest.
 
-The unseen crystals (of the literature in random directions; of the paper's two domains; random orthorhombic ones) are simulated on the paper's
-block once and kept in campaign.sqlite (run again to go on). For each seed a correction is built with its defaults, step by step; beside it
-theory alone, and theory times the one ratio of the correction's simulations. One and the same correction for all kinds of crystals.
+The unseen crystals are simulated once and kept in campaign.sqlite (run again to go on): on the paper's block those of the literature in random
+directions, of the paper's two domains, and random orthorhombic ones; on a film or in a grain cubic, hexagonal and orthorhombic ones that are spread
+over the domain, where there is a scale up to three times as stiff as the surroundings or as compliant, and errors are in per cent. For each seed a
+correction is built with its defaults, step by step; beside it theory alone, and theory times the one ratio of the correction's simulations. One and
+the same correction for all kinds of crystals.
 """
 
 import argparse
@@ -20,27 +22,38 @@ from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.engines import LocalEngine
 from bayesindent.pipeline.simulator import Simulator, simulate_into
 from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
 CRYSTALS = Path(__file__).parents[1] / "reference" / "crystals.csv"
 #: Random crystals of one class: greatest log-anisotropy, and the range of log(3K/2G).
 ORTHORHOMBIC = (1.3, 0.2, 1.6)
-SETS = ("literature", "cubic", "hexagonal", "orthorhombic")
+#: &specimen of each that can be asked for: thickness 4, radii 5 contact radii.
+SPECIMENS: dict[str, dict] = {
+    "block": {"geometry": "block"},
+    "film": {"geometry": "film", "thickness_um": 2.0, "substrate_young_gpa": 160.0, "substrate_nu": 0.22},
+    "grain": {"geometry": "grain", "grain_radius_um": 2.5},
+    "matrix": {"geometry": "grain", "grain_radius_um": 2.5, "matrix": "isotropic", "matrix_young_gpa": 200.0},
+}
 
 
 def main(argv=None) -> int:
     """Simulate, build, tabulate, draw."""
     parser = argparse.ArgumentParser(prog="bench learning", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "--specimen", choices=SPECIMENS, default="block", help="the paper's block; a film; a grain in its own polycrystal or a given matrix"
+    )
     parser.add_argument("--unseen", type=int, default=320, help="unseen crystals of each kind (320)")
     parser.add_argument("--unseen-seed", type=int, default=12345, help="other unseen crystals (12345)")
     parser.add_argument("--seeds", type=int, default=5, help="corrections, each from other candidates (5)")
     parser.add_argument("--sizes", default="8,12,20,30,40,60,100,150", help="numbers of simulations")
     parser.add_argument("--variance-of", default="all_moduli", help="what chooses, see &design (all_moduli)")
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
-    parser.add_argument("--output", type=Path, default=Path("runs/learning"), help="folder (runs/learning)")
+    parser.add_argument("--output", type=Path, help="folder (runs/learning_SPECIMEN)")
     arguments = parser.parse_args(argv)
+    arguments.output = arguments.output or Path("runs") / f"learning_{arguments.specimen}"
     arguments.output.mkdir(parents=True, exist_ok=True)
-    unseen = {name: simulated(arguments, name, points) for name, points in unseen_crystals(arguments.unseen, arguments.unseen_seed).items()}
+    unseen = {name: simulated(arguments, name, points) for name, points in unseen_crystals(arguments).items()}
     for name, (matrices, angles, modulus) in unseen.items():
         ratio = modulus / halfspace_modulus(matrices, angles)
         print(
@@ -51,14 +64,18 @@ def main(argv=None) -> int:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    print_tables(rows)
-    draw(rows, arguments)
+    unit = "GPa" if arguments.specimen == "block" else "%"
+    print_tables(rows, unit)
+    draw(rows, unit, arguments)
     print(f"{arguments.output / 'learning.csv'}, {arguments.output / 'learning.svg'}")
     return 0
 
 
-def unseen_crystals(n: int, seed: int) -> dict[str, list[tuple]]:
-    """n crystals of each kind, those of the literature in n // 16 directions, as (class, constants in GPa, angles in degrees)."""
+def unseen_crystals(arguments) -> dict[str, list[tuple]]:
+    """Crystals of each kind, those of the literature in n // 16 directions, as (class, constants in GPa, angles in degrees)."""
+    n, seed = arguments.unseen, arguments.unseen_seed
+    if arguments.specimen != "block":
+        return {name: spread_over_domain(arguments.specimen, name, n, seed) for name in ("cubic", "hexagonal", "orthorhombic")}
     rng = np.random.default_rng(seed)
     with open(CRYSTALS) as stream:
         table = list(csv.DictReader(line for line in stream if not line.startswith("#")))
@@ -74,6 +91,13 @@ def unseen_crystals(n: int, seed: int) -> dict[str, list[tuple]]:
         found[symmetry] = in_directions(points, rng)
     found["orthorhombic"] = in_directions([random_orthorhombic(rng) for _ in range(n)], rng)
     return found
+
+
+def spread_over_domain(specimen: str, symmetry: str, n: int, seed: int) -> list[tuple]:
+    """Crystals of a class of the domain that a correction of this specimen has by default."""
+    basis = Basis(Problem.from_keywords("learning", specimen=SPECIMENS[specimen], domain={"classes": [symmetry]}))
+    constants, angles = basis.crystals(n, seed)
+    return [(basis.symmetry, tuple(row), tuple(euler)) for row, euler in zip(constants.tolist(), angles.tolist(), strict=True)]
 
 
 def in_directions(points: list[tuple], rng) -> list[tuple]:
@@ -107,7 +131,7 @@ def random_orthorhombic(rng) -> tuple:
 
 def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or simulated now."""
-    problem = Problem.from_keywords("learning", specimen={"geometry": "block"})
+    problem = Problem.from_keywords("learning", specimen=SPECIMENS[arguments.specimen])
     matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
     with Campaign(arguments.output / f"unseen_{name}" / "campaign.sqlite", problem.physics) as campaign:
         missing = [point for point in points if campaign.find(*point) is None]
@@ -123,11 +147,11 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
     """Errors and shares on the unseen crystals, by the number of simulations."""
     rows, folder = [], arguments.output / f"seed_{seed}"
     folder.mkdir(parents=True, exist_ok=True)
+    specimen = ", ".join(f"{name} = {value!r}" for name, value in SPECIMENS[arguments.specimen].items())
     for size in map(int, arguments.sizes.split(",")):
         path = folder / f"build_{size}.nml"
         path.write_text(
-            f"&problem title = 'The paper''s block', seed = {seed} /\n"
-            f"&specimen geometry = 'block' /\n"
+            f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n&specimen {specimen} /\n"
             f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution workers = {arguments.workers} /\n"
         )
         document = build(Problem(path, "build"), folder, Progress(True))
@@ -135,11 +159,17 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
         for name, (matrices, angles, modulus) in unseen.items():
             mean, sd = surrogate.predict(matrices, angles)
             theory, z = halfspace_modulus(matrices, angles), np.abs(mean - modulus) / sd
-            errors = [np.mean(np.abs(value - modulus)) for value in (theory, document["baselines"]["ratio"] * theory, mean)]
+            unit = 1.0 if arguments.specimen == "block" else 0.01 * modulus
+            errors = [np.mean(np.abs(value - modulus) / unit) for value in (theory, document["baselines"]["ratio"] * theory, mean)]
             shares = (np.mean(z <= 1), np.mean(z <= 2), np.quantile(z, 0.99))
-            columns = ("theory_gpa", "ratio_gpa", "correction_gpa", "within_1_sd", "within_2_sd", "z_99")
+            columns = ("theory", "ratio", "correction", "within_1_sd", "within_2_sd", "z_99")
             rows.append({"seed": seed, "set": name, "simulations": size} | dict(zip(columns, (*errors, *shares), strict=True)))
     return rows
+
+
+def kinds(rows: list[dict]) -> list[str]:
+    """The kinds of unseen crystals."""
+    return list(dict.fromkeys(row["set"] for row in rows))
 
 
 def means(rows: list[dict], name: str, size: int, column: str) -> float:
@@ -147,24 +177,24 @@ def means(rows: list[dict], name: str, size: int, column: str) -> float:
     return float(np.mean([row[column] for row in rows if row["set"] == name and row["simulations"] == size]))
 
 
-def print_tables(rows: list[dict]) -> None:
+def print_tables(rows: list[dict], unit: str) -> None:
     """A table for each kind of crystal."""
     sizes = sorted({row["simulations"] for row in rows})
     labels = {
-        "theory_gpa": "theory alone, GPa",
-        "ratio_gpa": "theory x one ratio, GPa",
-        "correction_gpa": "correction, GPa",
+        "theory": f"theory alone, {unit}",
+        "ratio": f"theory x one ratio, {unit}",
+        "correction": f"correction, {unit}",
         "within_1_sd": "within 1 sd",
         "within_2_sd": "within 2 sd",
         "z_99": "99 % of |z|",
     }
-    for name in SETS:
+    for name in kinds(rows):
         print(f"\n| {name} | " + " | ".join(map(str, sizes)) + " |\n|" + "---|" * (len(sizes) + 1))
         for column, label in labels.items():
             print(f"| {label} | " + " | ".join(f"{means(rows, name, size, column):.2f}" for size in sizes) + " |")
 
 
-def draw(rows: list[dict], arguments) -> None:
+def draw(rows: list[dict], unit: str, arguments) -> None:
     """The error of each kind against the number of simulations."""
     import matplotlib
 
@@ -173,10 +203,10 @@ def draw(rows: list[dict], arguments) -> None:
 
     sizes = sorted({row["simulations"] for row in rows})
     figure, axes = pyplot.subplots(figsize=(5.5, 3.6), layout="constrained")
-    for name, marker in zip(SETS, "os^D", strict=True):
-        line = axes.plot(sizes, [means(rows, name, size, "correction_gpa") for size in sizes], marker=marker, ms=4, label=name)[0]
-        axes.axhline(means(rows, name, sizes[-1], "ratio_gpa"), color=line.get_color(), lw=0.8, ls="--")
-    axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)", xscale="log", yscale="log")
+    for name, marker in zip(kinds(rows), "os^D", strict=False):
+        line = axes.plot(sizes, [means(rows, name, size, "correction") for size in sizes], marker=marker, ms=4, label=name)[0]
+        axes.axhline(means(rows, name, sizes[-1], "ratio"), color=line.get_color(), lw=0.8, ls="--")
+    axes.set(xlabel="simulations", ylabel=f"mean absolute error ({unit})", xscale="log", yscale="log")
     axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.minorticks_off()
     axes.legend(title="unseen crystals; dashed: one ratio")

@@ -39,6 +39,8 @@ contains
 
       settings%specimen%geometry = 'halfspace'
       settings%specimen%width_um = 9.6_wp
+      settings%specimen%substrate = 'isotropic'
+      settings%specimen%matrix = 'self'
       settings%specimen%height_um = 4.8_wp
       settings%indenter%shape = 'paraboloid'
       settings%indenter%radius_um = 16.0_wp
@@ -64,6 +66,9 @@ contains
       integer :: i
 
       settings = default_settings()
+      settings%specimen%thickness_um = 1.0_wp
+      settings%specimen%substrate_young_gpa = 100.0_wp
+      settings%specimen%grain_radius_um = 2.0_wp
       allocate (names, source=split_list(geometry_names))
       do i = 1, size(names)
          settings%specimen%geometry = trim(names(i))

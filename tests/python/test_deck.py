@@ -43,9 +43,9 @@ def test_stress_balances_the_force(block):
     mesh, result = block.mesh_arrays(), block.run(ZINC, ANGLES)
     u, stress = block.fields(ZINC, ANGLES)
     assert u[mesh.clamped] == pytest.approx(0.0, abs=0.0)
-    # The indenter pushes the contact nodes down to its surface.
+    # The indenter pushes the contact nodes down to its surface, to what single precision leaves of a depth of 0.016 um.
     clearance = mesh.gap - result.depth_um[-1] - u[mesh.contact, 2]
-    assert clearance.max() > 0 and clearance.min() == pytest.approx(0.0, abs=1e-12)
+    assert clearance.max() > 0 and clearance.min() == pytest.approx(0.0, abs=1e-7)
     volume, force = brick_volumes(mesh), result.force_mn[-1]
     # Virtual work of displacements that grow with the height above the clamped bottom: of the force, normal to the surface.
     assert (volume @ stress)[2:5] == pytest.approx([-4.8 * force, 0.0, 0.0], abs=1e-8 * force)

@@ -111,6 +111,10 @@ def texts(path):
                     yield number, found[2] or found[3] or ""
 
 
+#: An isotropic matrix or substrate is no crystal.
+SURROUNDINGS = {"isotropic, rigid", "self, isotropic", "isotropic"}
+
+
 def test_nothing_but_the_table_names_a_crystal_class():
     names = class_names()
     found = [
@@ -118,6 +122,7 @@ def test_nothing_but_the_table_names_a_crystal_class():
         for path in NOT_TABLE
         for number, text in texts(path)
         if {item.strip().lower() for item in text.split(",")} & names
+        and not (text in SURROUNDINGS and path.name == "settings_schema.f90")
     ]
     assert not found, "\n".join(found)
 
