@@ -26,8 +26,10 @@ def block():
         {"refine": 0.6, "depths": 1, "element": "c3d8"},
         {"geometry": "block", "refine": 0.65, "depths": 2, "shape": "sphere", "radius_um": 0.7},
         {"geometry": "block", "refine": 0.65, "depths": 1, "shape": "cone", "width_um": 6.0},
+        {"geometry": "film", "refine": 0.55, "depths": 2, "thickness_um": 0.25, "substrate_young_gpa": 160.0, "element": "c3d8"},
+        {"geometry": "grain", "refine": 0.55, "depths": 2, "grain_radius_um": 1.6, "element": "c3d8"},
     ],
-    ids=["half-space with springs and hanging nodes", "sphere on a block", "cone"],
+    ids=["half-space with springs and hanging nodes", "sphere on a block", "cone", "film", "grain in its polycrystal"],
 )
 def test_calculix_solves_the_deck_to_the_same_curve(options, tmp_path):
     model = bi.Indentation(integration="full", **options)
@@ -37,6 +39,25 @@ def test_calculix_solves_the_deck_to_the_same_curve(options, tmp_path):
     force = [-float(step.splitlines()[2].split()[3]) for step in steps]
     # Both solve the same discrete problem; what is left is CalculiX' convergence and printing.
     assert force == pytest.approx(model.run(ZINC, ANGLES).force_mn, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "around"),
+    [
+        ({"geometry": "film", "thickness_um": 0.3, "substrate_young_gpa": 160.0, "substrate_nu": 0.25}, "the substrate, E = 160 GPa and nu = 0.25"),
+        ({"geometry": "grain", "grain_radius_um": 2.0}, "the matrix around it, E = "),
+        ({"refine": 0.6}, None),
+    ],
+    ids=["film", "grain", "half-space"],
+)  # fmt: skip
+def test_the_header_of_a_deck_names_what_each_material_is(options, around):
+    model = bi.Indentation(**({"refine": 0.6} | options))
+    deck = model.deck(ZINC, ANGLES, depth_um=[0.01])
+    header = deck.split("*NODE, NSET=ALL")[0]
+    named = [line.split(":")[0].split()[-1] for line in header.splitlines() if line.startswith("** Material")]
+    assert named == [line.split("=")[-1] for line in deck.splitlines() if line.startswith("*MATERIAL")][:-1]
+    assert f"{model.settings.specimen.geometry if around else 'specimen'}, anisotropic" in header
+    assert around is None or f"SURROUNDINGS: {around}" in header
 
 
 def test_stress_balances_the_force(block):

@@ -9,26 +9,33 @@ __all__ = ["write_deck"]
 #: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
-#: What bricks are made of.
+#: What bricks are made of, and what that is where a specimen has two parts.
 MATERIALS = ("CRYSTAL", "SURROUNDINGS")
+PARTS = {"film": ("the film", "the substrate"), "grain": ("the grain", "the matrix around it")}
 
 #: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX' penalties. Closed gaps then give way by
 #: less than 1e-8 um.
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
-def write_deck(mesh, stiffness, infinite, depths, element: str, title: str) -> str:
+def write_deck(mesh, stiffness, infinite, depths, element: str, title: str, geometry: str) -> str:
     """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
 
-    Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
+    The header says what each material is, which depends on the geometry of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
     are networks of springs with the same stiffness matrix; hanging nodes are equations.
     """
     nodes = len(mesh.x)
     indenter = nodes + 1
-    lines = ["*HEADING", title, "*NODE, NSET=ALL"]
+    used = MATERIALS[: 1 + mesh.material.max()]
+    lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
+    for name, part, matrix in zip(used, PARTS.get(geometry, ("the specimen",)), stiffness, strict=False):
+        lines += [f"** Material {name}: {part}, {in_words(matrix)}"]
+    if len(mesh.facet):
+        lines += ["** Springs: infinite elements, beyond the mesh"]
+    lines += ["*NODE, NSET=ALL"]
     lines += [f"{i}, {x:.10g}, {y:.10g}, {z:.10g}" for i, (x, y, z) in enumerate(mesh.x, start=1)]
     lines += ["*NODE, NSET=INDENTER", f"{indenter}, 0, 0, 0"]
-    for material, name in enumerate(MATERIALS[: 1 + mesh.material.max()]):
+    for material, name in enumerate(used):
         lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
         lines += [f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e]) for e in np.flatnonzero(mesh.material == material)]
         lines += [f"*MATERIAL, NAME={name}", "*ELASTIC, TYPE=ANISO", *elastic_constants(stiffness[material])]
@@ -47,6 +54,17 @@ def write_deck(mesh, stiffness, infinite, depths, element: str, title: str) -> s
         lines += ["*BOUNDARY", f"{indenter}, 3, 3, {-depth:.12g}"]
         lines += ["*NODE PRINT, NSET=INDENTER", "U, RF", "*END STEP"]
     return "\n".join(lines) + "\n"
+
+
+def in_words(stiffness) -> str:
+    """What a stiffness (6, 6), GPa, is in short."""
+    lame, shear = stiffness[0, 1], stiffness[3, 3]
+    isotropic = np.diag([2 * shear] * 3 + [shear] * 3)
+    isotropic[:3, :3] += lame
+    if not np.allclose(stiffness, isotropic, rtol=0, atol=1e-6 * shear):
+        return "anisotropic"
+    nu = lame / (2 * (lame + shear))
+    return f"E = {2 * shear * (1 + nu):.6g} GPa and nu = {nu:.4g} in all directions"
 
 
 def elastic_constants(stiffness) -> list[str]:
@@ -97,5 +115,6 @@ def springs(facet, infinite, offset: int) -> list[str]:
             number += 1
             ends = key if isinstance(key, tuple) else (key,)
             lines += [f"*ELEMENT, TYPE={kind}, ELSET={name}{i}", f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)]
-            lines += [f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12g}"]
+            # CalculiX takes a number without a decimal point for another degree of freedom.
+            lines += [f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12e}"]
     return lines

@@ -224,8 +224,9 @@ class Indentation(NativeObject):
         rotated, infinite = call("indentation_stiffness", self.handle, self.materials, self.infinite_elements, matrix, angles)
         depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
         return write_deck(
-            self.mesh_arrays(), np.moveaxis(rotated, -1, 0), np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title
-        )
+            self.mesh_arrays(), np.moveaxis(rotated, -1, 0), np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title,
+            self.settings.specimen.geometry,
+        )  # fmt: skip
 
 
 def _made_anew(kind: type, settings: dict) -> Indentation:
