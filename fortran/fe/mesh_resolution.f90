@@ -1,8 +1,7 @@
 !> How far a mesh may be wrong near elastic instability, where bricks resolve neither the soft modes nor the far field.
 !>
-!> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): the largest error grows with
-!> the cube
-!> of the log-anisotropy, is twice as large with c3d8 as with c3d8i, and falls with about the 1.4th power of the fineness.
+!> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
+!> largest error grows with its power 3.5, and falls with the square of the fineness.
 module mesh_resolution
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
@@ -17,10 +16,11 @@ module mesh_resolution
    public :: largest_mesh_error, resolution_warning
 
    !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius), relative.
-   real(wp), parameter :: worst_incompatible = 0.8e-3_wp, worst_plain = 1.6e-3_wp, studied_fineness = 9.5_wp
-   real(wp), parameter :: order = 1.4_wp
-   !> Extrapolation divides the mean error by five, but the largest by less than two.
-   real(wp), parameter :: extrapolated = 0.6_wp
+   real(wp), parameter :: worst_incompatible = 1.0e-3_wp, worst_plain = 1.3e-3_wp, studied_fineness = 9.5_wp
+   !> Powers of the log-anisotropy and of the fineness.
+   real(wp), parameter :: growth = 3.5_wp, order = 2.0_wp
+   !> Extrapolation divides the mean error by some five, but the largest by less than two.
+   real(wp), parameter :: extrapolated = 0.7_wp
    !> From this error on a result is warned of.
    real(wp), parameter :: limit = 0.01_wp
 
@@ -48,7 +48,7 @@ contains
       if (settings%simulation%extrapolate) scale = extrapolated*scale
       scale = scale*(studied_fineness/fineness)**order
       do i = 1, size(largest)
-         largest(i) = scale*log_anisotropy(stiffness(:, :, i))**3
+         largest(i) = scale*log_anisotropy(stiffness(:, :, i))**growth
       end do
    end function largest_mesh_error
 
