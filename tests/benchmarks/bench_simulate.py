@@ -2,12 +2,18 @@
 
 - accuracy: zinc, copper and Fe-3%Si at the reference orientations, default and extrapolated, against the half-space theory
 - indenters: sphere and cone against Sneddon's closed forms on an isotropic half-space, and M of anisotropic crystals under them
+- films: every film of coated_halfspace.csv, default and extrapolated
+- alike: films and grains among what is like them against the half-space; thick films and large grains of anisotropic crystals likewise;
+  unlike isotropic films a hundred times as thick as the contact radius against the theory
+- specimens: elements, work, memory and CPU time of films and grains
 - random: crystals drawn uniformly from the paper's two domains, against the theory
-- soft: crystals with soft modes of shear, towards elastic instability, against the theory and the error that a warning states
+- soft: crystals with soft modes of shear, towards elastic instability, against the theory and the error that a warning states, and the
+  constants of that
 - convergence: the error over mesh size, element, distance of the infinite elements and growth of the layers, with a figure
-- cost: one curve of ten depths on the paper's block against its bare numeric factorisation, and the rate against DGEMM
+- cost: one curve of ten depths on the paper's block against its bare numeric factorisation, and the rate against SGEMM
 - ccx: CPU time of CalculiX on the exported deck of the paper's block, four depths, against our curve of four depths with the set-up of
-  the model (mesh, ordering, symbolic factorisation) that CalculiX does too, and against the further crystals of a model
+  the model (mesh, ordering, symbolic factorisation) that CalculiX does too, and against the further crystals of a model; the
+  forces of a film and a grain
 - memory: peak of a process with one and with two simulations at a time
 - workers: two threads against one
 - size: factorisation time and factor size over mesh size, with a figure
@@ -26,11 +32,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+import simulate_specimens as specimens
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, log_anisotropy
 
-SECTIONS = ("accuracy", "indenters", "random", "soft", "convergence", "cost", "ccx", "memory", "workers", "size")
+SECTIONS = ("accuracy", "indenters", "films", "alike", "specimens", "random", "soft", "convergence", "cost", "ccx", "memory", "workers",
+            "size")  # fmt: skip
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"
 #: Boxes and caps of the paper's domains: constants in the order of `constant_names`, GPa.
 DOMAINS = {
@@ -49,6 +57,7 @@ def main(argv=None) -> int:
     parser = argparse.ArgumentParser(prog="bench simulate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", choices=[*SECTIONS, []], help="sections to run (all)")
     parser.add_argument("--random", type=int, default=100, help="random crystals of each domain (100)")
+    parser.add_argument("--seed", type=int, default=7, help="of the crystals of `soft` (7: those its constants were taken from)")
     parser.add_argument("--workers", type=int, default=0, help="threads of the accuracy sections (0: all cores)")
     parser.add_argument("--largest", type=int, default=60000, help="elements of the largest mesh of `size` (60000)")
     parser.add_argument("--figures", type=Path, default=None, help="folder for figures (none are drawn)")
@@ -79,7 +88,8 @@ def reference_crystals():
 def run_accuracy(arguments) -> None:
     """Errors at the reference crystals."""
     names, matrices, angles, exact = reference_crystals()
-    models = {"default": bi.Indentation(), "extrapolate": bi.Indentation(extrapolate=True)}
+    models = {"default": bi.Indentation(), "extrapolate": bi.Indentation(extrapolate=True),
+              "extrapolate, growth = 1.35": bi.Indentation(**specimens.EXTRAPOLATED)}  # fmt: skip
     errors = {}
     for label, model in models.items():
         results = model.run_many(matrices, angles, workers=arguments.workers)
@@ -105,7 +115,7 @@ def run_indenters(arguments) -> None:
     rows, angles = [], (200, 50, 25)
     for extrapolate in (False, True):
         for name, settings in INDENTERS.items():
-            model = bi.Indentation(extrapolate=extrapolate, **settings)
+            model = bi.Indentation(**(specimens.EXTRAPOLATED if extrapolate else {}), **settings)
             result = model.run(ISOTROPIC, angles)
             # a of the closed form: dP/dh = 2 a M, and equal steps to the last.
             radius = np.linspace(0, 0.5, model.depths + 1)[1:]
@@ -121,6 +131,31 @@ def run_indenters(arguments) -> None:
                          *(f"{error:+.3f}" for error in errors)))  # fmt: skip
     header = ("indenter", "mesh", "isotropic: force by depth, %", "contact radius, elements", "M, %", "M of Zn, %", "M of Cu, %")
     table(header, rows)
+
+
+def run_films(arguments) -> None:
+    """Isotropic films against exact values."""
+    header = ("layer: E, GPa, nu", "substrate", "thickness, um", "force, default, %", "force, extrapolate, %", "contact radius, elements",
+              "elements", "elements, extrapolate")  # fmt: skip
+    table(header, specimens.coated())
+
+
+def run_alike(arguments) -> None:
+    """Films and grains that are half-spaces, nearly or quite."""
+    ratios = [f"nu = {nu}, {mesh}, %" for mesh in ("default", "extrapolate") for nu in (0.1, 0.3, 0.45)]
+    table(("specimen, alike, against the half-space", *ratios), specimens.alike())
+    print()
+    errors = [f"{mesh}, against {other}, %" for other in ("the half-space", "exact theory") for mesh in ("default", "extrapolate")]
+    table(("crystal", "class", "specimen", *errors), specimens.large())
+    print()
+    header = ("layer: E, GPa, nu", "substrate", "what the substrate adds, %", "force, default, %", "force, extrapolate, %")
+    table(header, specimens.unlike())
+
+
+def run_specimens(arguments) -> None:
+    """What films and grains cost."""
+    header = ("specimen", "elements", "unknowns", "Gflop", "workspace, MB", "set-up, CPU s", "curve of 10 depths, CPU s")
+    table(header, specimens.costs(ZINC))
 
 
 def random_crystals(symmetry: str, count: int, seed: int = 1):
@@ -141,7 +176,7 @@ def random_crystals(symmetry: str, count: int, seed: int = 1):
 def run_random(arguments) -> None:
     """Errors at random crystals."""
     rows = []
-    for label, model in (("default", bi.Indentation()), ("extrapolate", bi.Indentation(extrapolate=True))):
+    for label, model in (("default", bi.Indentation()), ("extrapolate", bi.Indentation(**specimens.EXTRAPOLATED))):
         for symmetry in DOMAINS:
             matrices, angles, index = random_crystals(symmetry, arguments.random)
             results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
@@ -156,7 +191,7 @@ def run_random(arguments) -> None:
     table(("settings", "domain", "index", "crystals", "failed", "mean error, %", "worst, %", "its index"), rows)
 
 
-def soft_crystals(count: int, seed: int = 7):
+def soft_crystals(count: int, seed: int):
     """Stiffness and angles of crystals with one soft mode, of four kinds in turn, softened by up to 150 times."""
     random = np.random.default_rng(seed)
     drawn = []
@@ -178,15 +213,17 @@ def soft_crystals(count: int, seed: int = 7):
 
 def run_soft(arguments) -> None:
     """Errors towards instability, by log-anisotropy, beside the largest that the program states."""
-    matrices, angles = soft_crystals(arguments.random)
+    matrices, angles = soft_crystals(arguments.random, arguments.seed)
     exact, size = bi.halfspace_modulus(matrices, angles), log_anisotropy(matrices)
-    rows = []
-    variants = {"default": {}, "extrapolate": {"extrapolate": True}, "c3d8": {"element": "c3d8"}, "refine = 0.6": {"refine": 0.6}}
+    rows, worst = [], {}
+    variants = {"default": {}, "extrapolate": specimens.EXTRAPOLATED, "c3d8": {"element": "c3d8"}, "refine = 0.6": {"refine": 0.6},
+                "c3d8, refine = 0.6": {"refine": 0.6, "element": "c3d8"}}  # fmt: skip
     for label, options in variants.items():
         model = bi.Indentation(**options)
         results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
         moduli = np.array([np.nan if isinstance(r, Exception) else r.indentation_modulus_gpa for r in results])
         errors, stated = 100 * np.abs(moduli / exact - 1), 100 * model.largest_error(matrices)
+        worst[label] = np.nanmax((errors / size**3.5)[size > 1.5])
         for low, high in ((0, 1), (1, 2), (2, 2.5), (2.5, 3), (3, 3.5), (3.5, 4), (4, 4.5), (4.5, 5), (5, 9)):
             part = (size >= low) & (size < high)
             done = part & np.isfinite(errors)
@@ -196,6 +233,7 @@ def run_soft(arguments) -> None:
                              (errors > stated)[done].sum()))  # fmt: skip
     header = ("settings", "log-anisotropy", "crystals", "failed", "mean error, %", "worst, %", "stated, %", "beyond what is stated")
     table(header, rows)
+    print("\nlargest error over L^3.5, L > 1.5, %: " + ", ".join(f"{label} {value:.3f}" for label, value in worst.items()))
 
 
 def run_convergence(arguments) -> None:
@@ -214,9 +252,11 @@ def run_convergence(arguments) -> None:
     studies = {
         "elements per contact radius, C3D8I": [(f"{9.5 * r:.3g}", {"refine": r}) for r in (0.6, 0.8, 1.0, 1.25, 1.5)],
         "elements per contact radius, C3D8": [(f"{9.5 * r:.3g}", {"refine": r, "element": "c3d8"}) for r in (0.6, 0.8, 1.0, 1.25)],
-        "elements per contact radius, extrapolated": [(f"{9.5 * r:.3g}", {"refine": r, "extrapolate": True}) for r in (0.8, 1.0, 1.25)],
+        "elements per contact radius, extrapolated": [(f"{9.5 * r:.3g}", specimens.EXTRAPOLATED | {"refine": r}) for r in (0.8, 1.0, 1.25)],
         "infinite elements begin at, contact radii": [(f"{r:g}", {"outer": r}) for r in (2, 3, 5, 8)],
-        "growth of the layers": [(f"{g:g}", {"growth": g}) for g in (1.05, 1.09, 1.13, 1.2, 1.3)],
+        "growth of the layers, C3D8I": [(f"{g:g}", {"growth": g}) for g in (1.13, 1.2, 1.4, 1.5, 1.7)],
+        "growth of the layers, C3D8": [(f"{g:g}", {"growth": g, "element": "c3d8"}) for g in (1.05, 1.13, 1.2, 1.4)],
+        "growth of the layers, extrapolated": [(f"{g:g}", {"growth": g, "extrapolate": True}) for g in (1.2, 1.35, 1.4, 1.5)],
     }
     rows, curves = [], {}
     for study, variants in studies.items():
@@ -237,7 +277,7 @@ def draw_convergence(path: Path, curves: dict, names: list[str]) -> None:
     for study, points in curves.items():
         x, y = np.array([p[0] for p in points]), np.array([p[1] for p in points])
         axis = axes[0] if study.startswith("elements") else axes[1] if study.startswith("infinite") else axes[2]
-        kind = study.split(", ")[-1] if study.startswith("elements") else "C3D8I"
+        kind = "C3D8I" if study.startswith("infinite") else study.split(", ")[-1]
         axis.set_prop_cycle(None)
         axis.plot(x, y, styles[kind], ms=4, lw=1, label=[f"{name}, {kind}" for name in names] if axis is axes[0] else names)
         axis.set_xlabel(study.split(", C3D8I")[0].replace(", extrapolated", "").replace(", C3D8", ""))
@@ -252,8 +292,8 @@ def draw_convergence(path: Path, curves: dict, names: list[str]) -> None:
 
 
 def run_cost(arguments) -> None:
-    """One curve against its factorisation, and the factorisation against DGEMM."""
-    peak = dgemm_rate()
+    """One curve against its factorisation, and the factorisation against SGEMM."""
+    peak = sgemm_rate()
     rows = []
     for geometry in ("block", "halfspace"):
         model = bi.Indentation(geometry=geometry)
@@ -264,9 +304,9 @@ def run_cost(arguments) -> None:
         rate = 1e-9 * model.factor_operations / (cpu * bare / total)
         rows.append((geometry, model.elements, model.unknowns, f"{1e-9 * model.factor_operations:.1f}", f"{bare:.3f}", f"{total:.3f}",
                      f"{total / bare:.2f}", f"{cpu:.3f}", f"{rate:.1f}", f"{100 * rate / peak:.0f}"))  # fmt: skip
-    print(f"DGEMM on one core: {peak:.1f} Gflop/s\n")
+    print(f"SGEMM on one core: {peak:.1f} Gflop/s\n")
     table(("specimen", "elements", "unknowns", "Gflop", "factorisation, s", "curve of 10 depths, s", "ratio", "CPU, s", "Gflop/s",
-           "% of DGEMM"), rows)  # fmt: skip
+           "% of SGEMM"), rows)  # fmt: skip
 
 
 def timed(work):
@@ -276,22 +316,22 @@ def timed(work):
     return time.process_time() - start, value
 
 
-def dgemm_rate(n: int = 2000) -> float:
-    """Gflop/s of the matrix product of the BLAS that the simulations use, best of five, one thread."""
+def sgemm_rate(n: int = 2000) -> float:
+    """Gflop/s of the matrix product in single precision of the BLAS that the simulations use, best of five, one thread."""
     blas = ctypes.CDLL("libopenblas.so.0")
     blas.openblas_set_num_threads(1)
-    a, b, c = np.ones((n, n)), np.ones((n, n)), np.zeros((n, n))
+    a, b, c = (np.full((n, n), value, dtype=np.float32) for value in (1, 1, 0))
     pointers = [ctypes.c_void_p(matrix.ctypes.data) for matrix in (a, b, c)]
-    one, zero = ctypes.c_double(1.0), ctypes.c_double(0.0)
+    one, zero = ctypes.c_float(1.0), ctypes.c_float(0.0)
 
     def product():
-        blas.cblas_dgemm(102, 111, 111, n, n, n, one, pointers[0], n, pointers[1], n, zero, pointers[2], n)
+        blas.cblas_sgemm(102, 111, 111, n, n, n, one, pointers[0], n, pointers[1], n, zero, pointers[2], n)
 
     return 2e-9 * n**3 / min(timed(product)[0] for _ in range(5))
 
 
 def run_ccx(arguments) -> None:
-    """CalculiX on the same problem."""
+    """CalculiX on the same problems."""
     if shutil.which("ccx") is None:
         print("CalculiX is not installed (Debian package calculix-ccx)")
         return
@@ -300,24 +340,38 @@ def run_ccx(arguments) -> None:
     )
     ours = min((timed(lambda: model.run(ZINC, (0, 30, 0))) for _ in range(5)), key=lambda pair: pair[0])
     first = set_up + ours[0]
+    seconds, memory, force = calculix(model, (0, 30, 0))
+    table(
+        ("program", "elements", "CPU, s", "ratio", "peak memory, MB", "largest difference of P"),
+        [
+            ("bayesindent, set-up and curve", model.elements, f"{first:.2f}", "1", "see memory", ""),
+            ("bayesindent, a further crystal", model.elements, f"{ours[0]:.2f}", f"{ours[0] / first:.2f}", "see memory", ""),
+            ("ccx", model.elements, f"{seconds:.1f}", f"{seconds / first:.0f}", f"{memory:.0f}",
+             f"{np.abs(force / ours[1].force_mn - 1).max():.1e}"),
+        ],
+    )  # fmt: skip
+    print()
+    rows = []
+    for name in ("film, 1.0 um", "hemisphere, 2.5 um"):
+        settings = specimens.around(specimens.SPECIMENS[name], 160.0, 0.25)
+        model = bi.Indentation(**settings, element="c3d8", integration="full", depths=2)
+        seconds, _, force = calculix(model, (20, 35, 10))
+        cpu, result = timed(lambda model=model: model.run(ZINC, (20, 35, 10)))
+        rows.append((name, model.elements, f"{cpu:.2f}", f"{seconds:.1f}", f"{np.abs(force / result.force_mn - 1).max():.1e}"))
+    table(("specimen", "elements", "bayesindent, CPU s", "ccx, CPU s", "largest difference of P"), rows)
+
+
+def calculix(model, angles) -> tuple[float, float, np.ndarray]:
+    """CPU seconds, peak memory (MB) and the forces (mN) of CalculiX on the deck of a simulation of zinc."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "deck.inp").write_text(model.deck(ZINC, (0, 30, 0)))
+        (Path(folder) / "deck.inp").write_text(model.deck(ZINC, angles))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
         subprocess.run(["ccx", "deck"], cwd=folder, check=True, capture_output=True, env=one_thread)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         steps = (Path(folder) / "deck.dat").read_text().split("forces (fx,fy,fz)")[1:]
     force = np.array([-float(step.splitlines()[2].split()[3]) for step in steps])
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    table(
-        ("program", "elements", "CPU, s", "ratio", "peak memory, MB", "largest difference of P"),
-        [
-            ("bayesindent, set-up and curve", model.elements, f"{first:.2f}", "1", "see memory", ""),
-            ("bayesindent, a further crystal", model.elements, f"{ours[0]:.2f}", f"{ours[0] / first:.2f}", "see memory", ""),
-            ("ccx", model.elements, f"{seconds:.1f}", f"{seconds / first:.0f}", f"{after.ru_maxrss / 1024:.0f}",
-             f"{np.abs(force / ours[1].force_mn - 1).max():.1e}"),
-        ],
-    )  # fmt: skip
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, after.ru_maxrss / 1024, force
 
 
 MEMORY = """
