@@ -91,9 +91,9 @@ def test_fields_and_decks(bayesindent, tmp_path):
     output = tmp_path / "runs" / "files"
     mesh = meshio.read(output / "crystal_0001.vtu")
     depth = json.loads(done.stdout)["results"][0]["depth_um"][-1]
-    # The surface under the tip goes down with it.
+    # The surface under the tip goes down with it, to what single precision leaves.
     tip = np.argmin(np.linalg.norm(mesh.points, axis=1))
-    assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-9)
+    assert mesh.point_data["displacement_um"][tip] == pytest.approx([0, 0, -depth], abs=1e-7)
     assert (output / "crystal_0001.inp").read_text().startswith("*HEADING\n")
 
 
