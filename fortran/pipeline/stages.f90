@@ -21,7 +21,7 @@ module stages
       character(len=320) :: description
    end type stage_type
 
-   type(stage_type), parameter :: all_stages(5) = [ &
+   type(stage_type), parameter :: all_stages(6) = [ &
       & stage_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json', &
       & 'finite element indentation of the crystals in a namelist', &
       & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the fields ' &
@@ -30,6 +30,10 @@ module stages
       & stage_type('theory', 'crystals', 'problem crystals specimen execution', 'theory.json', &
       & 'exact half-space theory of the same crystals', &
       & 'Willis'' elliptical contact on the anisotropic half-space. Writes theory.csv.'), &
+      & stage_type('size', '', 'problem crystals specimen indenter simulation execution', 'size.json', &
+      & 'how thick a film, or how large a grain, must be', &
+      & 'Simulates the crystals in films or grains of growing size, in the surroundings of &specimen and in softer and stiffer ' &
+      & //'ones, and says from which size on their modulus is that of a half-space within 1 %. Writes size.png.'), &
       & stage_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json', &
       & 'step 1: a surrogate, taught by simulations chosen one after another', &
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &

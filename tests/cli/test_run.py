@@ -28,7 +28,7 @@ FILES = [
 def reduced_quickstart(folder, **replacements):
     """The quickstart with few simulations and short chains."""
     text = (SOURCE / "inputs" / "quickstart.nml").read_text()
-    text = text.replace("data/iron_block.csv", str(SOURCE / "inputs" / "data" / "iron_block.csv"))
+    text = text.replace("data/copper_film.csv", str(SOURCE / "inputs" / "data" / "copper_film.csv"))
     for old, new in replacements.items():
         lines = [line for line in text.splitlines() if line.strip().startswith(f"{old} =")]
         assert lines, f"the quickstart has no {old}"
@@ -41,7 +41,7 @@ def reduced_quickstart(folder, **replacements):
 
 SMALL = {"budget": 10, "samples": 2000}
 #: What the synthetic moduli of the quickstart were made with, GPa.
-TRUTH = {"C11": 230, "C12": 135, "C44": 117}
+TRUTH = {"C11": 168.4, "C12": 121.4, "C44": 75.4}
 
 
 @pytest.fixture
@@ -58,11 +58,11 @@ def test_whole_path(finished, bayesindent):
     assert list(document) == ["build", "extract", "next", "report", "warnings"]
     assert document["build"]["new_simulations"] == document["build"]["simulations"] == 10
     assert set(document["extract"]["parameters"]) == {"C11", "C12", "C44"}
-    # The constants of the crystal in the block, which theory of the half-space alone misses.
+    # The constants of the film and not of the pair, which theory of the half-space alone misses.
     for name, item in document["extract"]["parameters"].items():
         assert abs(item["mean"] - TRUTH[name]) < 3.5 * item["sd"]
-    alone = document["extract"]["theory_alone"]["C44"]
-    assert abs(alone["mean"] - TRUTH["C44"]) > 2.5 * alone["sd"]
+    alone = document["extract"]["theory_alone"]["C11"]
+    assert abs(alone["mean"] - TRUTH["C11"]) > 2.5 * alone["sd"]
     assert json.loads((output / "summary.json").read_text()) == document["extract"]
     page = (output / "report.html").read_text()
     check_page(page)
@@ -76,8 +76,8 @@ def test_whole_path(finished, bayesindent):
     header, row = predicted.stdout.splitlines()
     assert header == "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"
     modulus, sd = map(float, row.split(",")[-2:])
-    # The block is some 9 % stiffer than a half-space.
-    assert 1.05 * 200 / 0.91 < modulus < 1.13 * 200 / 0.91
+    # The silicon below is more compliant than this film: exact, of bonded isotropic layers, at this thickness within a few per cent.
+    assert 0.85 * 200 / 0.91 < modulus < 0.97 * 200 / 0.91
     assert 0 < sd < 10
 
 

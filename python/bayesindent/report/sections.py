@@ -53,6 +53,21 @@ def simulation(results: Results) -> Section | None:
     )
 
 
+def size(results: Results) -> Section | None:
+    """How thick a film or how large a grain must be."""
+    document = results.documents["size"]
+    if not document:
+        return None
+    name = document["variable"].removesuffix("_um").replace("_", " ")
+    rows = [
+        [orientation(row["euler_deg"]), row["surroundings"], number(row["young_gpa"], 0), number(row["smallest_um"], 3)]
+        for row in document["results"]
+    ]
+    header = ["φ₁, Φ, φ₂ (degrees)", "surroundings", "Young's modulus (GPa)", f"least {name} (µm)"]
+    words = f"Contact radius {document['contact_radius_um']:g} µm; the bias of the modulus stays below {100 * document['limit']:g} % from the least {name} on."
+    return Section("How far is far enough", words, after=[Table(f"Least {name}", header, rows)])
+
+
 def surrogate(results: Results) -> Section | None:
     """How the surrogate was taught, and how well it knows the simulations."""
     build = results.documents["build"]
@@ -213,6 +228,7 @@ def constants_table(results: Results) -> Table | None:
 #: Sections by the name by which figures belong to them, in order.
 SECTIONS = {
     "simulation": simulation,
+    "size": size,
     "surrogate": surrogate,
     "posterior": posterior,
     "identifiability": identifiability,

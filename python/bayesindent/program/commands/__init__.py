@@ -1,6 +1,6 @@
 """The commands, in the order of the help and of `run`."""
 
-from . import build, extract, next_grain, predict, report, run, simulate, source_tree, theory
+from . import build, extract, next_grain, predict, report, run, simulate, size, source_tree, theory
 
 __all__ = ["COMMANDS"]
 
@@ -8,6 +8,7 @@ COMMANDS = (
     run.COMMAND,
     simulate.COMMAND,
     theory.COMMAND,
+    size.COMMAND,
     build.COMMAND,
     extract.COMMAND,
     next_grain.COMMAND,

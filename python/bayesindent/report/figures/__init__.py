@@ -1,6 +1,6 @@
 """The figures of the report: functions of `Results` that give a `Picture`, or None where there is nothing to show."""
 
-from . import learning, mesh, orientations, posterior, simulations
+from . import learning, mesh, orientations, posterior, simulations, specimen_size
 
 __all__ = ["FIGURES"]
 
@@ -9,6 +9,7 @@ FIGURES = (
     ("simulation", mesh.mesh),
     ("simulation", simulations.load_depth),
     ("simulation", simulations.theory),
+    ("size", specimen_size.specimen_size),
     ("surrogate", learning.learning_curve),
     ("surrogate", learning.coefficients),
     ("surrogate", learning.parity),

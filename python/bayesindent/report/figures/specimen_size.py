@@ -1,0 +1,53 @@
+"""The bias of moduli by the size of the specimen."""
+
+import numpy as np
+
+from .style import BLACK, CYCLE, Picture, new_figure
+
+__all__ = ["draw_bias", "specimen_size"]
+
+LINES = {"softer": "--", "stiffer": ":"}
+
+
+def specimen_size(results) -> Picture | None:
+    """The bias against thickness or radius."""
+    document = results.documents["size"]
+    if not document:
+        return None
+    words = f"Bias of the indentation modulus against the half-space, by {document['variable'].removesuffix('_um').replace('_', ' ')}."
+    return Picture(
+        draw_bias(document),
+        words,
+        f"{words} Each colour is a crystal; full lines: the surroundings as stated; dashed: half as stiff, dotted: twice. "
+        f"Grey: within {100 * document['limit']:g} %.",
+    )
+
+
+def draw_bias(document: dict):
+    """The figure of a document of `size`."""
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    limit = 100 * document["limit"]
+    axes.axhspan(-limit, limit, color="0.9")
+    axes.axhline(0, color=BLACK, lw=0.8)
+    crystals = list(dict.fromkeys(crystal_of(row) for row in document["results"]))
+    for row in document["results"]:
+        number = crystals.index(crystal_of(row))
+        label = f"crystal {number + 1}" if row["surroundings"] not in LINES and len(crystals) > 1 else None
+        axes.plot(
+            row["size_um"],
+            100 * np.array(row["bias"]),
+            LINES.get(row["surroundings"], "-"),
+            marker=".",
+            color=CYCLE[number % len(CYCLE)],
+            label=label,
+        )
+    axes.set(xscale="log", xlabel=f"{document['variable'].removesuffix('_um').replace('_', ' ')} (µm)", ylabel="bias of the modulus (%)")
+    if len(crystals) > 1:
+        axes.legend()
+    return figure
+
+
+def crystal_of(row: dict) -> str:
+    """What a crystal is in a row."""
+    return f"{row['constants']} {row['euler_deg']}"
