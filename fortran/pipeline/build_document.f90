@@ -10,7 +10,7 @@ module build_document
    use learning, only: history_type, left_out, learning_type
    use physics_identity, only: identity_text
    use problem, only: problem_type
-   use simulate, only: simulation_error
+   use simulate, only: simulation_error, specimen_contact_radius
    use step_1, only: build_type
    use surrogate_domain, only: domain_type
    use surrogate_file, only: save_surrogate
@@ -43,6 +43,7 @@ contains
          associate (last => learning%history(size(learning%history)), known => learning%learner%simulations)
             call surrogate_of(learning%learner, provenance(build), surrogate, error)
             if (allocated(error)) return
+            surrogate%contact_radius = specimen_contact_radius(problem%settings)
             file = output//'/'//problem%settings%surrogate%file
             call save_surrogate(surrogate, file, error)
             if (allocated(error)) return

@@ -13,6 +13,7 @@ module extraction
       & sample_without_knowledge
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
+   use size_verdicts, only: mean_addition
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use threads, only: thread_count
    implicit none
@@ -50,6 +51,8 @@ module extraction
       integer :: simulations = 0
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
+      !> See `surrogate_model`, um; and how far its simulations are from the theory on average, relative.
+      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_addition = 0.0_wp
       !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd; else of size 0.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
@@ -100,6 +103,8 @@ contains
 
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
+      self%surrogate_contact_radius = surrogate%contact_radius
+      if (surrogate%contact_radius > 0.0_wp) self%surrogate_addition = mean_addition(surrogate)
       if (self%simulations == 0) return
       k = self%posterior%n_constants
       do i = 1, self%posterior%n_grains

@@ -8,6 +8,7 @@ module extraction_document
    use posterior_summary, only: combination_type
    use prior_words, only: describe_prior
    use problem, only: problem_type
+   use size_verdicts, only: judge_sizes
    use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_knowledge, judge_mixing, judge_open, judge_ridges, &
       & judge_theory, powers_text
    use warning_lists, only: warning_type
@@ -240,6 +241,7 @@ contains
       k = found%posterior%n_constants
       call judge_coverage(found%posterior%prior%share_inside, found%posterior%prior%known_scale, warnings)
       call judge_theory(found%field_error, warnings)
+      call judge_sizes(problem, found%surrogate_contact_radius, found%surrogate_addition, warnings)
       call judge_knowledge(found%posterior%prior%knowledge, found%conflict, warnings)
       do i = 1, size(found%names)
          call judge_mixing(trim(found%names(i)), found%parameters(i)%diagnostics, size(found%chains%draws, 3), &

@@ -16,7 +16,8 @@ module simulate
    use specimens, only: new_specimen
    implicit none
    private
-   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, specimen_stiffness
+   public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error
+   public :: specimen_stiffness, specimen_contact_radius
    public :: outcome_waiting, outcome_done, outcome_failed
 
    !> What became of a crystal.
@@ -97,17 +98,39 @@ contains
       type(settings_type), intent(in) :: settings
       class(specimen_mesh_type), allocatable :: specimen
       type(indenter_type) :: tip
-      type(error_type), allocatable :: error
       real(wp) :: poisson, anisotropy, own(6, 6)
 
       scale = 0.0_wp
-      if (settings%simulation%simulator == 'theory') return
-      call new_indenter(settings%indenter, tip, error)
-      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
-      if (allocated(error)) return
+      call find_specimen(settings, tip, specimen)
+      if (.not. allocated(specimen)) return
       own = specimen%own_stiffness()
       if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
    end function specimen_stiffness
+
+   !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of its own, um; 0 of one without.
+   real(wp) function specimen_contact_radius(settings) result(radius)
+      type(settings_type), intent(in) :: settings
+      class(specimen_mesh_type), allocatable :: specimen
+      type(indenter_type) :: tip
+
+      radius = 0.0_wp
+      call find_specimen(settings, tip, specimen)
+      if (.not. allocated(specimen)) return
+      if (specimen%has_length) radius = tip%contact_radius
+   end function specimen_contact_radius
+
+   !> What finite elements, ours or others', indent; not allocated where theory takes their place, or it cannot be.
+   subroutine find_specimen(settings, tip, specimen)
+      type(settings_type), intent(in) :: settings
+      type(indenter_type), intent(out) :: tip
+      class(specimen_mesh_type), allocatable, intent(out) :: specimen
+      type(error_type), allocatable :: error
+
+      if (settings%simulation%simulator == 'theory') return
+      call new_indenter(settings%indenter, tip, error)
+      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      if (allocated(error) .and. allocated(specimen)) deallocate (specimen)
+   end subroutine find_specimen
 
    !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)

@@ -39,11 +39,12 @@ module stages
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
       & //'their moduli.'), &
-      & stage_type('extract', 'measurements', 'problem surrogate measurements prior knowledge sampler execution', 'summary.json', &
+      & stage_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &
+      & 'summary.json', &
       & 'step 2: the constants behind measured moduli', &
       & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: ' &
       & //'the exact theory, the correction that comes with the package (''block'') or one made by build serves.'), &
-      & stage_type('next', 'next', 'problem surrogate measurements prior knowledge sampler next execution', &
+      & stage_type('next', 'next', 'problem surrogate indenter measurements prior knowledge sampler next execution', &
       & 'next.json', &
       & 'the grain orientations worth measuring next', &
       & 'Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.')]

@@ -27,12 +27,15 @@ module point_tables
       real(wp), allocatable :: euler_deg(:, :)
       !> Moduli and their sds, GPa, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
-      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees, and its group, 1, 2, .., (n).
-      real(wp), allocatable :: orientation_sd_deg(:)
+      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth of the indentation and radius of the
+      !> grain, um; and its group, 1, 2, .., (n).
+      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   !> Of depths and grains, um.
+   real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
    real(wp), parameter :: modulus_least = 1.0_wp, modulus_most = 2000.0_wp, stiffness_most = 5000.0_wp
 
@@ -94,7 +97,11 @@ contains
       call read_angles(points, radians, error)
       if (.not. allocated(error)) call read_moduli(points, .true., error)
       if (.not. allocated(error)) call read_sds(points, sd_optional, error)
-      if (.not. allocated(error)) call read_tilts(points, error)
+      if (.not. allocated(error)) call read_optional(points, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', &
+         & points%orientation_sd_deg, error)
+      if (.not. allocated(error)) call read_optional(points, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
+      if (.not. allocated(error)) call read_optional(points, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, &
+         & error)
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measured
 
@@ -284,25 +291,30 @@ contains
       end do
    end subroutine read_sds
 
-   !> Uncertainties of the orientations; NaN where none is given.
-   subroutine read_tilts(points, error)
-      type(points_type), intent(inout) :: points
+   !> A column that may be absent, and whose cells may be empty: NaN there.
+   subroutine read_optional(points, name, allowed, unit, values, error)
+      type(points_type), intent(in) :: points
+      character(len=*), intent(in) :: name
+      !> The least and the greatest.
+      real(wp), intent(in) :: allowed(2)
+      !> After a blank.
+      character(len=*), intent(in) :: unit
+      real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: most = 20.0_wp
       integer :: column, i
 
-      allocate (points%orientation_sd_deg(points%n), source=not_a_number())
-      column = points%table%find('orientation_sd_deg')
+      allocate (values(points%n), source=not_a_number())
+      column = points%table%find(name)
       if (column == 0) return
       do i = 1, points%n
          if (len_trim(points%table%cell(column, i)) == 0) cycle
-         call points%table%number(column, i, points%orientation_sd_deg(i), error)
+         call points%table%number(column, i, values(i), error)
          if (allocated(error)) return
-         if (points%orientation_sd_deg(i) >= 0.0_wp .and. points%orientation_sd_deg(i) <= most) cycle
-         call refuse_cell(points%table, column, i, ' degrees; allowed 0 to '//to_text(most), error)
+         if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
+         call refuse_cell(points%table, column, i, unit//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), error)
          return
       end do
-   end subroutine read_tilts
+   end subroutine read_optional
 
    !> Groups are numbered in the order in which their names appear.
    subroutine read_groups(points)

@@ -86,7 +86,7 @@ contains
 
       name = basis_name(basis)
       call visitor%text('model', name)
-      call exchange_domain(basis%domain, visitor, basis%domain%has_scale())
+      call exchange_domain(basis%domain, visitor)
       call basis%exchange(visitor)
       call visitor%integer('n_terms', basis%n_terms)
       call visitor%real('least_noise', basis%least_noise)

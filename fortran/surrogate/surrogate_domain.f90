@@ -137,11 +137,9 @@ contains
    end function has_scale
 
    !> Write a domain, or read what was written.
-   subroutine exchange_domain(domain, file, with_scale)
+   subroutine exchange_domain(domain, file)
       type(domain_type), intent(inout) :: domain
       class(labelled_values_type), intent(inout) :: file
-      !> The range of the scale, too.
-      logical, intent(in) :: with_scale
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
       real(wp), allocatable :: poisson(:), scale(:)
@@ -158,7 +156,7 @@ contains
       call file%real('anisotropy_cap', domain%anisotropy_cap)
       call file%real('log_anisotropy_max', domain%log_anisotropy_max)
       call file%reals('poisson', poisson)
-      if (with_scale) call file%reals('stiffness', scale)
+      call file%reals('stiffness', scale)
       if (allocated(file%error) .or. .not. file%reading) return
       call new_crystal_class(name, domain%class, error)
       if (allocated(error)) then
@@ -168,9 +166,11 @@ contains
          call file%fail('the limits of the domain are not those of a '//name//' crystal')
       else
          domain%poisson = poisson
-         if (.not. with_scale) return
-         if (size(scale) == 2) call set_scale(domain, scale, error)
-         if (size(scale) /= 2) call file%fail('the stiffness is no range')
+         if (size(scale) /= 2) then
+            call file%fail('the stiffness is no range')
+         else if (scale(2) < huge(1.0_wp)) then
+            call set_scale(domain, scale, error)
+         end if
          if (allocated(error)) call file%fail(error%message)
       end if
    end subroutine exchange_domain

@@ -16,8 +16,7 @@ module surrogate_file
    public :: save_surrogate, load_surrogate, check_replaceable, check_values, exchange_surrogate
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   !> The latter has the range of the scale: only what has one is written so.
-   integer, parameter :: version = 2, version_with_scale = 3
+   integer, parameter :: version = 3
 
 contains
 
@@ -106,23 +105,24 @@ contains
 
       if (.not. file%reading) then
          name = basis_name(surrogate%basis)
-         number = merge(version_with_scale, version, surrogate%basis%domain%has_scale())
+         number = version
       end if
       call file%integer(label, number)
-      if (all(number /= [version, version_with_scale])) call file%fail('it has version '//to_text(number)//' of the format; ' &
-         & //'versions '//to_text(version)//' and '//to_text(version_with_scale)//' are known')
+      if (number /= version) call file%fail('it has version '//to_text(number)//' of the format; version '//to_text(version) &
+         & //' is known')
       call file%text('model', name)
       if (file%reading .and. .not. allocated(file%error)) then
          call allocate_basis(name, surrogate%basis, error)
          if (allocated(error)) call file%fail(error%message)
       end if
       if (allocated(file%error)) return
-      call exchange_domain(surrogate%basis%domain, file, number == version_with_scale)
+      call exchange_domain(surrogate%basis%domain, file)
       if (allocated(file%error)) return
       call surrogate%basis%exchange(file)
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
       call file%real('fall', surrogate%fall)
+      call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance(surrogate, file)
       call exchange_simulations(surrogate, file)

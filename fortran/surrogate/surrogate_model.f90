@@ -28,6 +28,8 @@ module surrogate_model
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
       !> What the prior's sd of a coefficient falls by from degree to degree.
       real(wp) :: fall = 1.0_wp
+      !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no length of its own.
+      real(wp) :: contact_radius = 0.0_wp
       type(simulations_type) :: simulations
       !> Where it comes from: a JSON object.
       character(len=:), allocatable :: provenance

@@ -362,7 +362,7 @@ contains
       call check_damage(whole, 'bandlimit 4', 'bandlimit 6', '20 coefficients and 210 covariances', '')
       call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')
       call check_damage(whole, 'degree 2', 'degre 2', '''degree'' is expected, not ''degre 2''', '')
-      call check_damage(whole, 'surrogate 2', 'surrogate 1', 'version 1', 'versions 2 and 3 are known')
+      call check_damage(whole, 'surrogate 3', 'surrogate 2', 'version 2', 'version 3 is known')
       call check_damage(whole, 'model paper', 'model plastic', '''plastic'' is unknown', '')
       call check_damage(whole, 'title', 'tiger', 'checksum', '')
       call check('no surrogate at all', is_refused('phi1_deg, Phi_deg'//newline))

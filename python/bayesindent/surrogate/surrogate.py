@@ -126,8 +126,8 @@ class Surrogate(NativeObject):
             return ""
         words = f"{len(outside)} of {len(covered)} rows are outside the surrogate's domain: "
         words += ", ".join(map(str, outside[:10] + 1)) + (", .." if len(outside) > 10 else "")
-        if len(self.basis.stiffness) and not len(self.basis.c_min):
-            low, high = self.basis.stiffness
+        low, high = self.basis.stiffness
+        if high < np.finfo(float).max and not len(self.basis.c_min):
             beyond = np.count_nonzero((scale < low) | (scale > high))
             if beyond:
                 words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), which it knows from {low:.3g} to {high:.3g} GPa"
