@@ -14,8 +14,8 @@ module size_verdicts
 
    !> A bias is small, and two contact radii are alike, below these.
    real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
-   !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10 and 20
-   !> contact radii among neighbours 0.8 and 1.25 times as stiff (docs/case_studies/films.md).
+   !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10
+   !> and 20 contact radii among neighbours 0.8 and 1.25 times as stiff (docs/case_studies/films.md).
    real(wp), parameter :: slope = 0.95_wp
 
 contains

@@ -137,7 +137,7 @@ contains
          plan%stages(1)%shape = to_ball
          plan%stages(1)%radius = 3.0_wp
          plan%stages(2)%material = 2
-      case ('cylinder')
+      case default
          plan%half_cells = 4
          plan%stages = [stage, layers_of_ratio(1.6_wp, 1.6_wp, 1.0_wp)]
          plan%stages(1)%shape = to_cylinder
@@ -151,13 +151,13 @@ contains
    subroutine test_mesh_patch()
       character(len=*), parameter :: kinds(5) = ['layers    ', 'thin film ', 'thick film', 'ball      ', 'cylinder  ']
       !> Of materials 1 and 2, um3.
-      real(wp) :: expected(2), whole
+      real(wp) :: expected(2)
       integer :: i
 
       do i = 1, size(kinds)
-         whole = 4.0_wp*0.9_wp*(1.69_wp*1.6_wp)**3
-         expected = [whole, 0.0_wp]
          select case (kinds(i))
+         case ('layers')
+            expected = [4.0_wp*0.9_wp*(1.69_wp*1.6_wp)**3, 0.0_wp]
          case ('thin film')
             expected = 4.0_wp*1.69_wp**2*[0.9_wp, 0.8_wp*1.69_wp]
          case ('thick film')
@@ -165,7 +165,7 @@ contains
          case ('ball')
             ! Of many flat facets it would be 2/3 pi R3.
             expected = 2.0_wp/3.0_wp*pi*27.0_wp*[1.0_wp, 1.6_wp**3 - 1.0_wp]
-         case ('cylinder')
+         case default
             ! The base is a polygon of 32 corners, not evenly spaced.
             expected = pi*9.0_wp*1.5_wp*[1.0_wp, 1.6_wp**3 - 1.0_wp]
          end select

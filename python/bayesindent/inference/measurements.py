@@ -12,7 +12,7 @@ from ..settings.problem import Problem, schema
 __all__ = ["measurements_of", "problem_of"]
 
 #: Groups whose variables are keywords of `extract` and `next_grain`.
-GROUPS = ("measurements", "prior", "sampler", "next")
+GROUPS = ("indenter", "measurements", "prior", "sampler", "next")
 
 
 def problem_of(
@@ -117,7 +117,7 @@ def measurements_of(table) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
 
 
 #: Columns that a table of measurements may have beside those that it must.
-FURTHER = ("orientation_sd_deg", "group")
+FURTHER = ("orientation_sd_deg", "depth_um", "grain_radius_um", "group")
 
 
 def further_columns(table) -> dict[str, list]:

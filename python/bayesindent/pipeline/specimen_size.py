@@ -81,12 +81,13 @@ def surroundings(stated: dict, around: str, stiffness) -> list[tuple[str, dict]]
     """The name and the settings of what may be around the crystal."""
     if stated[around] == "rigid":
         return [("rigid", {})]
-    young, nu = stated.get(f"{around}_young_gpa"), stated[f"{around}_nu"]
     of_itself = stated[around] == "self"
     if of_itself:
         averages = polycrystal_averages(stiffness)
         bulk, shear = (0.5 * (averages[f"{name}_voigt"] + averages[f"{name}_reuss"]) for name in ("bulk", "shear"))
         young, nu = float(9 * bulk * shear / (3 * bulk + shear)), float((3 * bulk - 2 * shear) / (6 * bulk + 2 * shear))
+    else:
+        young, nu = stated[f"{around}_young_gpa"], stated[f"{around}_nu"]
     return [
         (name, {} if of_itself and factor == 1 else {around: "isotropic", f"{around}_young_gpa": factor * young, f"{around}_nu": nu})
         for name, factor in FACTORS.items()

@@ -1,0 +1,50 @@
+"""What is said of measurements whose depths, or whose grains' sizes, are given."""
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+
+RNG = np.random.default_rng(3)
+N = 12
+ANGLES = np.column_stack([RNG.uniform(0, 360, N), np.degrees(np.arccos(RNG.uniform(-1, 1, N))), RNG.uniform(0, 360, N)])
+COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+MODULI = bi.halfspace_modulus(np.array(N * [COPPER]), ANGLES)
+
+
+def warnings_of(surrogate="halfspace", moduli=MODULI, **columns):
+    """The warnings of a short Step 2."""
+    table = {"phi1_deg": ANGLES[:, 0], "Phi_deg": ANGLES[:, 1], "phi2_deg": ANGLES[:, 2], "modulus_gpa": moduli, "sd_gpa": np.full(N, 2.0)}
+    posterior = bi.extract(
+        table | columns, symmetry="cubic", modulus_kind="indentation_modulus", surrogate=surrogate, samples=500, chains=2
+    )
+    return bi.summary(posterior)["warnings"]
+
+
+def test_small_grains():
+    """(mean/modulus)^(0.95 a/R) - 1 of the worst grain; large grains, and grains without a size, are not warned of."""
+    radius = np.full(N, 1000.0)
+    worst = int(np.argmax(np.abs(np.log(MODULI.mean() / MODULI))))
+    radius[worst] = 1.5
+    bias = (MODULI.mean() / MODULI[worst]) ** (0.95 * 0.5 / 1.5) - 1
+    assert abs(bias) > 0.01
+    [words] = [words for words in warnings_of(grain_radius_um=radius) if "so small" in words]
+    assert words.startswith(f"1 of {N} grains are so small") and f"(grain {worst + 1}: {100 * bias:.1f} %)" in words
+    assert not any("so small" in words for words in warnings_of(grain_radius_um=np.full(N, 1000.0)))
+    assert not any("so small" in words for words in warnings_of())
+
+
+def test_another_depth():
+    """The surrogate of the block is of a contact radius of 0.5 um; a depth four times as large has twice that."""
+    block = bi.Surrogate.load("block")
+    for factor, warned in ((1.0, False), (4.0, True)):
+        found = [words for words in warnings_of(block, 1.1 * MODULI, depth_um=np.full(N, factor * 0.5**2 / 16)) if "contact radii" in words]
+        assert bool(found) == warned
+    assert "contact radii of 1.0 to 1.0 um, the surrogate is of 0.5 um" in found[0]
+    # 11 % on average, times 1/0.5 - 1.
+    assert 9 < float(found[0].split("off by up to ")[1].split(" %")[0]) < 13
+
+
+def test_what_cannot_be_a_size():
+    with pytest.raises(bi.InputError, match=r"grain_radius_um.*allowed"):
+        warnings_of(grain_radius_um=np.full(N, -1.0))
