@@ -27,8 +27,8 @@ def test_films_of_copper(bayesindent, tmp_path):
     assert [row["surroundings"] for row in document["results"]] == ["softer", "as stated", "stiffer"]
     assert [row["young_gpa"] for row in document["results"]] == [81.5, 163, 326]
     for row, sign in ((softer, -1), (stated, 1), (stiffer, 1)):
-        # Meshes of different sizes differ by some 0.1 %.
-        large = [bias for bias in row["bias"] if abs(bias) > 0.002]
+        # Meshes of different sizes differ by some 0.2 % at this refine.
+        large = [bias for bias in row["bias"] if abs(bias) > 0.004]
         assert len(large) >= 4 and all(sign * bias > 0 for bias in large)
         assert large == sorted(large, key=abs, reverse=True)
         beyond = [abs(bias) for size, bias in zip(row["size_um"], row["bias"], strict=True) if size >= row["smallest_um"]]
