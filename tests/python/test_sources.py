@@ -121,7 +121,8 @@ def test_nothing_but_the_table_names_a_crystal_class():
         f"{relative(path)}:{number}: '{text}'"
         for path in NOT_TABLE
         for number, text in texts(path)
-        if {item.strip().lower() for item in text.split(",")} & names and not (text in SURROUNDINGS and path.name in ("settings_schema.f90", "specimen_size.py"))
+        if {item.strip().lower() for item in text.split(",")} & names
+        and not (text in SURROUNDINGS and path.name in ("settings_schema.f90", "specimen_size.py"))
     ]
     assert not found, "\n".join(found)
 
