@@ -444,7 +444,7 @@ def draw_size(path: Path, n, seconds, entries) -> None:
     """Time and storage over the number of unknowns beside their theoretical growth."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
-    for axis, y, power, label in ((axes[0], seconds, 2, "factorisation, CPU s"), (axes[1], 8e-6 * entries, 4 / 3, "factor, MB")):
+    for axis, y, power, label in ((axes[0], seconds, 2, "factorisation, CPU s"), (axes[1], 4e-6 * entries, 4 / 3, "factor, MB")):
         axis.loglog(n, y, "o", label="measured")
         axis.loglog(n, y[0] * (n / n[0]) ** power, "--", color="0.4", label="$n^2$" if power == 2 else "$n^{4/3}$")
         axis.set_xlabel("unknowns n")
