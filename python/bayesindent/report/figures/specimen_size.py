@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..words import orientation
 from .style import BLACK, CYCLE, Picture, new_figure
 
 __all__ = ["draw_bias", "specimen_size"]
@@ -33,18 +34,15 @@ def draw_bias(document: dict):
     crystals = list(dict.fromkeys(crystal_of(row) for row in document["results"]))
     for row in document["results"]:
         number = crystals.index(crystal_of(row))
-        label = f"crystal {number + 1}" if row["surroundings"] not in LINES and len(crystals) > 1 else None
-        axes.plot(
-            row["size_um"],
-            100 * np.array(row["bias"]),
-            LINES.get(row["surroundings"], "-"),
-            marker=".",
-            color=CYCLE[number % len(CYCLE)],
-            label=label,
-        )
+        line, colour = LINES.get(row["surroundings"], "-"), CYCLE[number % len(CYCLE)]
+        label = f"crystal {number + 1}, {orientation(row['euler_deg'])}" if row["surroundings"] not in LINES else None
+        axes.plot(row["size_um"], 100 * np.array(row["bias"]), line, marker=".", color=colour, label=label)
+    for name in dict.fromkeys(row["surroundings"] for row in document["results"]):
+        axes.plot([], [], LINES.get(name, "-"), color=BLACK, label=f"surroundings {name}")
+    axes.set_yscale("symlog", linthresh=limit)
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set(xscale="log", xlabel=f"{document['variable'].removesuffix('_um').replace('_', ' ')} (µm)", ylabel="bias of the modulus (%)")
-    if len(crystals) > 1:
-        axes.legend()
+    axes.legend()
     return figure
 
 
