@@ -20,9 +20,9 @@ from bayesindent.pipeline.campaign import Campaign
 from bayesindent.pipeline.simulator import Simulator, engine_of, simulate_into
 
 folder = sys.argv[1]
-problem = bi.Problem.from_keywords("test", simulation={"refine": 0.6}, execution={"workers": 2})
+problem = bi.Problem.from_keywords("test", execution={"workers": 2})
 crystals = [("cubic", (168.4, 121.4, 75.4), (0.0, 10.0 * k, 0.0)) for k in range(3)]
-workspace = bi.Indentation(refine=0.6).workspace_bytes
+workspace = bi.Indentation().workspace_bytes
 theory = Simulator(bi.Problem.from_keywords("test", simulation={"simulator": "theory"}))
 theory(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), (0, 0, 0))
 
