@@ -476,6 +476,7 @@ contains
       surrogate = random_surrogate(stiffness)
       surrogate%provenance = '{}'
       surrogate%fall = 1.0_wp/3.0_wp
+      surrogate%contact_radius = 0.3_wp
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
       call load_surrogate(path, copy, error)
@@ -483,8 +484,9 @@ contains
       open (newunit=unit, file=path, status='old')
       read (unit, '(a)') first
       close (unit, status='delete')
-      call check('in the format that it needs', first == 'bayesindent-surrogate '//merge('3', '2', present(stiffness)))
+      call check('in its format', first == 'bayesindent-surrogate 3')
       if (allocated(error)) return
+      call check_close('with the contact radius of its simulations', copy%contact_radius, 0.3_wp, 0.0_wp)
       associate (domain => surrogate%basis%domain, other => copy%basis%domain)
          call check('with its domain', other%class%name == domain%class%name .and. other%members == domain%members &
             & .and. all(abs([other%anisotropy_cap - domain%anisotropy_cap, other%log_anisotropy_max - domain%log_anisotropy_max, &
