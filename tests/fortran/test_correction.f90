@@ -470,7 +470,6 @@ contains
       type(surrogate_type) :: surrogate, copy
       type(error_type), allocatable :: error
       character(len=*), parameter :: path = 'test_correction.txt'
-      character(len=24) :: first
       integer :: unit
 
       surrogate = random_surrogate(stiffness)
@@ -482,9 +481,7 @@ contains
       call load_surrogate(path, copy, error)
       call check_success('and read', error)
       open (newunit=unit, file=path, status='old')
-      read (unit, '(a)') first
       close (unit, status='delete')
-      call check('in its format', first == 'bayesindent-surrogate 3')
       if (allocated(error)) return
       call check_close('with the contact radius of its simulations', copy%contact_radius, 0.3_wp, 0.0_wp)
       associate (domain => surrogate%basis%domain, other => copy%basis%domain)
