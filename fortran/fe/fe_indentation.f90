@@ -20,7 +20,7 @@ module fe_indentation
    public :: numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
-   integer, parameter :: numerics_revision = 5
+   integer, parameter :: numerics_revision = 6
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type

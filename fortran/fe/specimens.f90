@@ -45,7 +45,7 @@ contains
       type(simulation_settings_type), intent(in) :: settings
       type(halfspace_mesh_type) :: specimen
       !> Growth of layers that interpolate as displacements decay, and of ordinary ones (docs/simulation.md).
-      real(wp), parameter :: decaying = 1.4_wp, ordinary = 1.13_wp
+      real(wp), parameter :: decaying = 1.35_wp, ordinary = 1.13_wp
 
       specimen%variables = 'outer growth'
       specimen%outer = settings%outer

@@ -78,7 +78,7 @@ contains
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%optional_real('growth', s%simulation%growth, 'unset', '[1.01, 2]', '', &
-         & 'half-space, for studies: growth of the layers of bricks before them; unset: 1.4 with c3d8i, 1.13 with c3d8')
+         & 'half-space, for studies: growth of the layers of bricks before them; unset: 1.35 with c3d8i, 1.13 with c3d8')
       call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', '', 'points of the load-depth curve')
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')

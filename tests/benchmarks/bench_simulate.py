@@ -88,8 +88,7 @@ def reference_crystals():
 def run_accuracy(arguments) -> None:
     """Errors at the reference crystals."""
     names, matrices, angles, exact = reference_crystals()
-    models = {"default": bi.Indentation(), "extrapolate": bi.Indentation(extrapolate=True),
-              "extrapolate, growth = 1.35": bi.Indentation(**specimens.EXTRAPOLATED)}  # fmt: skip
+    models = {"default": bi.Indentation(), "extrapolate": bi.Indentation(extrapolate=True)}
     errors = {}
     for label, model in models.items():
         results = model.run_many(matrices, angles, workers=arguments.workers)
@@ -115,7 +114,7 @@ def run_indenters(arguments) -> None:
     rows, angles = [], (200, 50, 25)
     for extrapolate in (False, True):
         for name, settings in INDENTERS.items():
-            model = bi.Indentation(**(specimens.EXTRAPOLATED if extrapolate else {}), **settings)
+            model = bi.Indentation(extrapolate=extrapolate, **settings)
             result = model.run(ISOTROPIC, angles)
             # a of the closed form: dP/dh = 2 a M, and equal steps to the last.
             radius = np.linspace(0, 0.5, model.depths + 1)[1:]
@@ -176,7 +175,7 @@ def random_crystals(symmetry: str, count: int, seed: int = 1):
 def run_random(arguments) -> None:
     """Errors at random crystals."""
     rows = []
-    for label, model in (("default", bi.Indentation()), ("extrapolate", bi.Indentation(**specimens.EXTRAPOLATED))):
+    for label, model in (("default", bi.Indentation()), ("extrapolate", bi.Indentation(extrapolate=True))):
         for symmetry in DOMAINS:
             matrices, angles, index = random_crystals(symmetry, arguments.random)
             results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
@@ -216,7 +215,7 @@ def run_soft(arguments) -> None:
     matrices, angles = soft_crystals(arguments.random, arguments.seed)
     exact, size = bi.halfspace_modulus(matrices, angles), log_anisotropy(matrices)
     rows, worst = [], {}
-    variants = {"default": {}, "extrapolate": specimens.EXTRAPOLATED, "c3d8": {"element": "c3d8"}, "refine = 0.6": {"refine": 0.6},
+    variants = {"default": {}, "extrapolate": {"extrapolate": True}, "c3d8": {"element": "c3d8"}, "refine = 0.6": {"refine": 0.6},
                 "c3d8, refine = 0.6": {"refine": 0.6, "element": "c3d8"}}  # fmt: skip
     for label, options in variants.items():
         model = bi.Indentation(**options)
@@ -252,7 +251,7 @@ def run_convergence(arguments) -> None:
     studies = {
         "elements per contact radius, C3D8I": [(f"{9.5 * r:.3g}", {"refine": r}) for r in (0.6, 0.8, 1.0, 1.25, 1.5)],
         "elements per contact radius, C3D8": [(f"{9.5 * r:.3g}", {"refine": r, "element": "c3d8"}) for r in (0.6, 0.8, 1.0, 1.25)],
-        "elements per contact radius, extrapolated": [(f"{9.5 * r:.3g}", specimens.EXTRAPOLATED | {"refine": r}) for r in (0.8, 1.0, 1.25)],
+        "elements per contact radius, extrapolated": [(f"{9.5 * r:.3g}", {"extrapolate": True, "refine": r}) for r in (0.8, 1.0, 1.25)],
         "infinite elements begin at, contact radii": [(f"{r:g}", {"outer": r}) for r in (2, 3, 5, 8)],
         "growth of the layers, C3D8I": [(f"{g:g}", {"growth": g}) for g in (1.13, 1.2, 1.4, 1.5, 1.7)],
         "growth of the layers, C3D8": [(f"{g:g}", {"growth": g, "element": "c3d8"}) for g in (1.05, 1.13, 1.2, 1.4)],

@@ -365,7 +365,7 @@ contains
       settings = default_settings()
       call check('of the half-space', identity_text(settings) == '{"contact_radius_um": 0.5, "depths": 10, "element": "", ' &
          & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
-         & //'"integration": "selective", "numerics": 5, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
+         & //'"integration": "selective", "numerics": 6, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
          & //'"simulator": "fe"}', identity_text(settings))
       settings%specimen%geometry = 'block'
       settings%indenter%shape = 'cone'
@@ -373,7 +373,7 @@ contains
       deallocate (settings%indenter%contact_radius_um)
       call check('of a block', identity_text(settings) == '{"depth_um": 0.25, "depths": 10, "element": "", ' &
          & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "block", ' &
-         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 5, "refine": 1.0, ' &
+         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 6, "refine": 1.0, ' &
          & //'"shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
       settings%simulation%simulator = 'theory'
       call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', identity_text(settings))
