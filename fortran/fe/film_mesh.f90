@@ -4,28 +4,24 @@
 !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
 !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
 module film_mesh
-   use crystal_elasticity, only: isotropic_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, finest_edge, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
+   use mesh_plan, only: core_of_contact, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
    use specimen_mesh, only: specimen_mesh_type
    use text, only: to_text
    implicit none
    private
    public :: film_mesh_type
 
+   !> A substrate of no stiffness that is given is rigid.
    type, extends(specimen_mesh_type) :: film_mesh_type
       !> um.
       real(wp) :: thickness = 0.0_wp
-      !> Of an isotropic substrate: Young's modulus (GPa) and Poisson's ratio; 0: rigid.
-      real(wp) :: young = 0.0_wp, poisson = 0.0_wp
    contains
       procedure :: check
-      procedure :: element_size
       procedure :: make
       procedure :: materials
-      procedure :: own_stiffness
    end type film_mesh_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
@@ -49,16 +45,6 @@ contains
          & //' um under a contact of radius '//to_text(contact_radius, 3)//' um; allowed from ' &
          & //to_text(2.0_wp*self%element_size(contact_radius), 3)//' um, or indent less deeply', exit_bad_input)
    end subroutine check
-
-   pure real(wp) function element_size(self, contact_radius)
-      class(film_mesh_type), intent(in) :: self
-      !> um.
-      real(wp), intent(in) :: contact_radius
-
-      associate (unused => self)
-      end associate
-      element_size = finest_edge(contact_radius)
-   end function element_size
 
    !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
    subroutine make(self, refine, contact_radius, mesh, error)
@@ -115,16 +101,7 @@ contains
 
       c = spread(crystal, 3, 3)
       if (.not. self%young > 0.0_wp) return
-      c(:, :, 2) = isotropic_stiffness(self%young, self%poisson)
+      c(:, :, 2) = self%own_stiffness()
       c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
    end function materials
-
-   !> That of the substrate, GPa; zero where it is rigid.
-   pure function own_stiffness(self) result(c)
-      class(film_mesh_type), intent(in) :: self
-      real(wp) :: c(6, 6)
-
-      c = 0.0_wp
-      if (self%young > 0.0_wp) c = isotropic_stiffness(self%young, self%poisson)
-   end function own_stiffness
 end module film_mesh

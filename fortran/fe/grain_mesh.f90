@@ -1,11 +1,11 @@
 !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite elements of
 !> the matrix around it.
 module grain_mesh
-   use crystal_elasticity, only: isotropic_stiffness, polycrystal_stiffness
+   use crystal_elasticity, only: polycrystal_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, finest_edge, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, &
+   use mesh_plan, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, &
       & to_cylinder
    use specimen_mesh, only: specimen_mesh_type
    use text, only: to_text
@@ -13,17 +13,14 @@ module grain_mesh
    private
    public :: grain_mesh_type
 
+   !> A matrix of no stiffness that is given is the polycrystal of the grain's own crystal.
    type, extends(specimen_mesh_type) :: grain_mesh_type
       !> um; depth 0: a hemisphere, else a cylinder.
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
-      !> Of an isotropic matrix: Young's modulus (GPa) and Poisson's ratio; 0: the polycrystal of the grain's own crystal.
-      real(wp) :: young = 0.0_wp, poisson = 0.0_wp
    contains
       procedure :: check
-      procedure :: element_size
       procedure :: make
       procedure :: materials
-      procedure :: own_stiffness
    end type grain_mesh_type
 
    !> The boundary is at least so far from the box under the contact, over the box's size.
@@ -72,16 +69,6 @@ contains
          & exit_bad_input)
    end subroutine refuse_below
 
-   pure real(wp) function element_size(self, contact_radius)
-      class(grain_mesh_type), intent(in) :: self
-      !> um.
-      real(wp), intent(in) :: contact_radius
-
-      associate (unused => self)
-      end associate
-      element_size = finest_edge(contact_radius)
-   end function element_size
-
    !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
    subroutine make(self, refine, contact_radius, mesh, error)
       class(grain_mesh_type), intent(in) :: self
@@ -118,18 +105,9 @@ contains
 
       c = spread(crystal, 3, 2)
       if (self%young > 0.0_wp) then
-         c(:, :, 2) = isotropic_stiffness(self%young, self%poisson)
+         c(:, :, 2) = self%own_stiffness()
       else
          c(:, :, 2) = polycrystal_stiffness(crystal)
       end if
    end function materials
-
-   !> That of the matrix, GPa; zero where it is the crystal's own.
-   pure function own_stiffness(self) result(c)
-      class(grain_mesh_type), intent(in) :: self
-      real(wp) :: c(6, 6)
-
-      c = 0.0_wp
-      if (self%young > 0.0_wp) c = isotropic_stiffness(self%young, self%poisson)
-   end function own_stiffness
 end module grain_mesh

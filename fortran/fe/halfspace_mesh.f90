@@ -3,7 +3,7 @@ module halfspace_mesh
    use errors, only: error_type
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, finest_edge, layers_of_ratio, mesh_plan_type
+   use mesh_plan, only: core_of_contact, layers_of_ratio, mesh_plan_type
    use specimen_mesh, only: specimen_mesh_type
    implicit none
    private
@@ -13,21 +13,10 @@ module halfspace_mesh
       !> Where the infinite elements begin, in contact radii, and growth of the layers before them at refine = 1.
       real(wp) :: outer = 0.0_wp, growth = 0.0_wp
    contains
-      procedure :: element_size
       procedure :: make
    end type halfspace_mesh_type
 
 contains
-
-   pure real(wp) function element_size(self, contact_radius)
-      class(halfspace_mesh_type), intent(in) :: self
-      !> um.
-      real(wp), intent(in) :: contact_radius
-
-      associate (unused => self)
-      end associate
-      element_size = finest_edge(contact_radius)
-   end function element_size
 
    !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
    subroutine make(self, refine, contact_radius, mesh, error)

@@ -1,8 +1,10 @@
 !> What is indented, as the simulation sees it: a specimen makes its own mesh, for any fineness and contact radius.
 module specimen_mesh
+   use crystal_elasticity, only: isotropic_stiffness
    use errors, only: error_type
    use fe_mesh, only: mesh_type
    use kinds, only: wp
+   use mesh_plan, only: finest_edge
    implicit none
    private
    public :: specimen_mesh_type
@@ -14,24 +16,18 @@ module specimen_mesh
       logical :: has_length = .false.
       !> Names of the variables that only this specimen reads, separated by blanks.
       character(len=80) :: variables = ''
+      !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing is.
+      real(wp) :: young = 0.0_wp, poisson = 0.0_wp
    contains
       procedure :: check
       procedure :: materials
-      procedure :: own_stiffness
-      procedure(size_of_element), deferred :: element_size
+      procedure :: element_size
       procedure(make_mesh), deferred :: make
+      procedure, non_overridable :: own_stiffness
       procedure, non_overridable :: element_of
    end type specimen_mesh_type
 
    abstract interface
-      !> Edge of the bricks under the contact at refine = 1; um.
-      pure real(wp) function size_of_element(self, contact_radius)
-         import :: specimen_mesh_type, wp
-         class(specimen_mesh_type), intent(in) :: self
-         !> At the last depth (half-space), um.
-         real(wp), intent(in) :: contact_radius
-      end function size_of_element
-
       !> The mesh with `refine` times the default's elements per contact radius.
       subroutine make_mesh(self, refine, contact_radius, mesh, error)
          import :: error_type, mesh_type, specimen_mesh_type, wp
@@ -57,6 +53,17 @@ contains
       end associate
    end subroutine check
 
+   !> Edge of the bricks under the contact at refine = 1; um.
+   pure real(wp) function element_size(self, contact_radius)
+      class(specimen_mesh_type), intent(in) :: self
+      !> At the last depth (half-space), um.
+      real(wp), intent(in) :: contact_radius
+
+      associate (unused => self)
+      end associate
+      element_size = finest_edge(contact_radius)
+   end function element_size
+
    !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
    pure function materials(self, crystal) result(c)
       class(specimen_mesh_type), intent(in) :: self
@@ -75,9 +82,8 @@ contains
       class(specimen_mesh_type), intent(in) :: self
       real(wp) :: c(6, 6)
 
-      associate (unused => self)
-      end associate
       c = 0.0_wp
+      if (self%young > 0.0_wp) c = isotropic_stiffness(self%young, self%poisson)
    end function own_stiffness
 
    !> Name of the brick element: as asked for, or the specimen's own where the word is empty.

@@ -4,7 +4,11 @@ import json
 
 import pytest
 
+import bayesindent.pipeline.specimen_size as specimen_size_module
+from bayesindent.common.progress import Progress
+from bayesindent.fe.indentation import Indentation
 from bayesindent.pipeline.specimen_size import LIMIT, smallest_size
+from bayesindent.settings.problem import Problem
 from conftest import SOURCE
 
 FILE = """
@@ -53,3 +57,24 @@ def test_the_smallest_size():
     assert smallest_size([(1.0, 0.08), (4.0, -0.02)]) == pytest.approx(8.0)
     assert smallest_size([(1.0, 0.005), (4.0, 0.002)]) == 1.0
     assert smallest_size([]) is None
+
+
+def test_a_cylinder_keeps_its_proportions(monkeypatch, tmp_path):
+    """Every size that is simulated has the depth over radius of the file."""
+    made = []
+
+    class Recorder(Indentation):
+        def __init__(self, **settings):
+            made.append(settings)
+            super().__init__(**settings | {"refine": 0.6, "depths": 1})
+
+    monkeypatch.setattr(specimen_size_module, "Indentation", Recorder)
+    (tmp_path / "copper.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    (tmp_path / "grain.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&crystals points = 'copper.csv' /\n"
+        "&specimen geometry = 'grain', grain_radius_um = 4.0, grain_depth_um = 6.0 /\n"
+    )
+    specimen_size_module.specimen_size(Problem(tmp_path / "grain.nml", "size"), Progress(False))
+    cylinders = [settings for settings in made if settings["geometry"] == "grain"]
+    assert len(cylinders) == 21
+    assert all(settings["grain_depth_um"] == pytest.approx(1.5 * settings["grain_radius_um"]) for settings in cylinders)

@@ -41,6 +41,9 @@ def specimen_size(problem, progress: Progress) -> dict:
         if name not in ("given", "geometry", "grain_depth_um", variable, *NOT_OURS) and value is not None
     }
     half_space = Indentation(geometry="halfspace", **stated)
+    # A cylinder keeps its proportions.
+    depth, radius = problem.settings.specimen.grain_depth_um, problem.settings.specimen.grain_radius_um
+    further = {"grain_depth_um": depth / radius} if geometry == "grain" and depth else {}
     contact_radius = half_space.contact_radius_max_um
     points = problem.crystals
     cases = [(i, name, settings) for i in range(len(points)) for name, settings in surroundings(stated, around, points.stiffness[i])]
@@ -52,7 +55,8 @@ def specimen_size(problem, progress: Progress) -> dict:
         indentation, i = half_space, value
         if what != "half-space":
             i, _, settings = cases[what]
-            indentation = Indentation(**stated | settings | {"geometry": geometry, variable: value * contact_radius})
+            sizes = {name: share * value * contact_radius for name, share in ({variable: 1.0} | further).items()}
+            indentation = Indentation(**stated | settings | {"geometry": geometry} | sizes)
         try:
             return indentation.run(points.stiffness[i], points.euler_deg[i]).indentation_modulus_gpa
         except InputError:
