@@ -4,6 +4,9 @@
 #include "multifrontal.h"
 
 #include <new>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 
@@ -32,6 +35,12 @@ void *bayesindent_cholesky_new(std::int32_t n, const std::int32_t *column_start,
     *status = bayesindent_cholesky_internal;
   }
   return nullptr;
+}
+
+void bayesindent_return_memory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 void bayesindent_cholesky_delete(void *handle) { delete static_cast<analysis *>(handle); }

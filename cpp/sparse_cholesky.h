@@ -24,6 +24,9 @@ void *bayesindent_cholesky_new(std::int32_t n, const std::int32_t *column_start,
                                std::int32_t kept, std::int32_t *status);
 void bayesindent_cholesky_delete(void *analysis);
 
+// What is free goes back to the system, where the C library can: an analysis needs much for a short time.
+void bayesindent_return_memory();
+
 // Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
 void bayesindent_cholesky_size(const void *analysis, double *entries, double *operations, double *bytes);
 

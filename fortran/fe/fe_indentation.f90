@@ -57,8 +57,6 @@ module fe_indentation
    real(wp), parameter :: least_elements = 5.0_wp
    !> Contact radii are multiplied by this where the contact leaves the refined zone.
    real(wp), parameter :: shrink = 0.85_wp
-   !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
-   real(wp), parameter :: coarse_ratio = 2.0_wp/3.0_wp
 
 contains
 
@@ -87,7 +85,8 @@ contains
 
          allocate (model%grid(merge(2, 1, simulation%extrapolate)))
          do i = 1, size(model%grid)
-            call new_grid(model%specimen, tip, merge(1.0_wp, coarse_ratio, i == 1)*simulation%refine, model%grid(i), error)
+            call new_grid(model%specimen, tip, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
+               & model%grid(i), error)
             if (allocated(error)) then
                call free_indentation_model(model)
                return

@@ -38,6 +38,8 @@ module sparse_cholesky
          integer(c_int32_t), intent(out) :: status
          type(c_ptr) :: handle
       end function c_new
+      subroutine return_memory() bind(c, name='bayesindent_return_memory')
+      end subroutine return_memory
       subroutine c_delete(analysis) bind(c, name='bayesindent_cholesky_delete')
          import :: c_ptr
          type(c_ptr), value :: analysis
@@ -93,6 +95,7 @@ contains
       cholesky%n = size(group)
       cholesky%kept = kept
       cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, kept, status)
+      call return_memory()
       if (status == status_no_memory) then
          call raise_no_memory('the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       else if (status /= status_ok) then

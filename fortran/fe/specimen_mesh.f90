@@ -18,6 +18,8 @@ module specimen_mesh
       character(len=80) :: variables = ''
       !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing is.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
+      !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
+      real(wp) :: coarse_ratio = 2.0_wp/3.0_wp
    contains
       procedure :: check
       procedure :: materials

@@ -77,6 +77,8 @@ contains
       type(grain_mesh_type) :: grain
 
       grain%has_length = .true.
+      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/simulation.md).
+      grain%coarse_ratio = 0.75_wp
       grain%variables = 'grain_radius_um grain_depth_um matrix'
       call require('grain', 'grain_radius_um', settings%grain_radius_um, grain%radius, error)
       if (allocated(settings%grain_depth_um)) grain%depth = settings%grain_depth_um

@@ -54,6 +54,9 @@ contains
          if (allocated(specimen)) collector%wanted = collector%wanted//trim(specimen%variables)//' '
          call add_pair(collector, 'estimator', '"least squares through the origin"')
          call add_pair(collector, 'numerics', to_text(numerics_revision))
+         if (allocated(specimen) .and. settings%simulation%extrapolate) then
+            call add_pair(collector, 'coarse_ratio', to_text(specimen%coarse_ratio))
+         end if
       end if
       copy = settings
       call visit_settings(collector, copy)

@@ -194,7 +194,7 @@ contains
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
       call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', '', &
          & 'samples kept of each chain, after burn-in')
-      call v%integer('burn_in', s%sampler%burn_in, '8000', '[0, 100000000]', '', &
+      call v%integer('burn_in', s%sampler%burn_in, '6000', '[0, 100000000]', '', &
          & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
       call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', '', 'independent chains')
       call v%choice('surrogate_variance', s%sampler%surrogate_variance, 'full', 'full, none', &

@@ -115,27 +115,40 @@ contains
       end function is_wave
    end function new_axial_polynomials
 
-   !> All at a point.
+   !> All at points, which are worked on side by side.
    pure subroutine evaluate_polynomials(self, x, values)
       type(axial_polynomials_type), intent(in) :: self
-      !> Coordinates about the axis, (self%n_coordinates).
-      real(wp), intent(in) :: x(:)
-      !> (n).
-      real(wp), intent(out) :: values(:)
-      complex(wp) :: z(0:n_factors), product
-      integer :: i, k
+      !> Coordinates about the axis of each point, (point, self%n_coordinates).
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> (point, n).
+      real(wp), intent(out), contiguous :: values(:, :)
+      real(wp) :: re(size(x, 1)), im(size(x, 1)), old, turn
+      integer :: i, j, k, p, factor, wave
 
-      z(0) = 1.0_wp
-      z(1:n_axial) = x(:n_axial)
-      z(n_axial + 1:n_axial + n_waves) = cmplx(x(n_axial + 1:n_axial + n_waves), x(n_axial + n_waves + 1:n_axial + 2*n_waves), wp)
-      z(n_axial + n_waves + 1:n_axial + 2*n_waves) = conjg(z(n_axial + 1:n_axial + n_waves))
-      if (size(x) == n_coordinates) z(scale_factor) = x(n_coordinates) - self%centre
       do k = 1, self%n
-         product = z(self%factors(1, k))
-         do i = 2, self%degrees(k)
-            product = product*z(self%factors(i, k))
+         re = self%weights(k)
+         im = 0.0_wp
+         do i = 1, self%degrees(k)
+            factor = self%factors(i, k)
+            if (factor == scale_factor) then
+               re = re*(x(:, n_coordinates) - self%centre)
+               im = im*(x(:, n_coordinates) - self%centre)
+            else if (factor <= n_axial) then
+               re = re*x(:, factor)
+               im = im*x(:, factor)
+            else
+               wave = factor
+               if (factor > n_axial + n_waves) wave = factor - n_waves
+               turn = merge(1.0_wp, -1.0_wp, wave == factor)
+               j = wave + n_waves
+               do p = 1, size(re)
+                  old = re(p)
+                  re(p) = old*x(p, wave) - im(p)*(turn*x(p, j))
+                  im(p) = im(p)*x(p, wave) + old*(turn*x(p, j))
+               end do
+            end if
          end do
-         values(k) = self%weights(k)*real(product, wp)
+         values(:, k) = re
       end do
    end subroutine evaluate_polynomials
 end module axial_polynomials

@@ -19,13 +19,15 @@ module correction_basis
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text
    use theory_basis, only: theory_grain_model_type
-   use vector_math, only: dot
    implicit none
    private
    public :: correction_basis_type, new_correction_basis
 
    !> Relative: least sd of the noise that is believed, and sds of a coefficient of degree 1 and of the noise before they are learnt.
    real(wp), parameter :: least_noise = 7.0e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
+
+   !> Grains that are worked on side by side.
+   integer, parameter :: at_once = 64
 
    type, extends(basis_type) :: correction_basis_type
       integer :: degree = 0
@@ -42,7 +44,7 @@ module correction_basis
       private
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
-      !> From coordinates of log K to those about the axis of each grain, (coordinate, n_constants, n_grains).
+      !> From coordinates of log K to those about the axis of each grain, (n_grains, coordinate, n_constants).
       real(wp), allocatable :: maps(:, :, :)
       !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
@@ -50,6 +52,7 @@ module correction_basis
       procedure :: set_grains
       procedure :: evaluate_moduli
       procedure :: evaluate_columns
+      procedure, private :: terms_of_grains
    end type correction_grain_model_type
 
 contains
@@ -88,12 +91,13 @@ contains
       real(wp), intent(out) :: terms(:), scale
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
-      real(wp) :: x(n_coordinates)
+      real(wp) :: x(1, n_coordinates), values(1, self%polynomials%n)
 
       call halfspace_modulus(c, euler, theory, error)
       scale = theory%modulus
-      x = turned_coordinates(logarithm_of(c), euler)
-      call evaluate_polynomials(self%polynomials, x(:self%polynomials%n_coordinates), terms)
+      x(1, :) = turned_coordinates(logarithm_of(c), euler)
+      call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
+      terms = values(1, :)
    end subroutine evaluate_terms
 
    !> Coordinates about the indenter's axis of a matrix in crystal axes.
@@ -240,26 +244,43 @@ contains
       call self%theory_grain_model_type%set_grains(euler, error)
       if (allocated(error)) return
       if (allocated(self%maps)) deallocate (self%maps)
-      allocate (self%maps(self%polynomials%n_coordinates, self%logarithms%n, size(euler, 2)))
+      allocate (self%maps(size(euler, 2), self%polynomials%n_coordinates, self%logarithms%n))
       do i = 1, size(euler, 2)
          map = axial_map(self%logarithms, euler(:, i))
-         self%maps(:, :, i) = map(:self%polynomials%n_coordinates, :)
+         self%maps(i, :, :) = map(:self%polynomials%n_coordinates, :)
       end do
    end subroutine set_grains
+
+   !> The polynomials of a crystal in the grains from first to last, (grain, n_terms).
+   pure function terms_of_grains(self, w, first, last) result(terms)
+      class(correction_grain_model_type), intent(in) :: self
+      !> log K in the coordinates of its class.
+      real(wp), intent(in) :: w(:)
+      integer, intent(in) :: first, last
+      real(wp) :: terms(last - first + 1, self%polynomials%n)
+      real(wp) :: x(last - first + 1, self%polynomials%n_coordinates)
+      integer :: k
+
+      x = 0.0_wp
+      do k = 1, size(w)
+         x = x + w(k)*self%maps(first:last, :, k)
+      end do
+      call evaluate_polynomials(self%polynomials, x, terms)
+   end function terms_of_grains
 
    pure subroutine evaluate_moduli(self, c, modulus, slope)
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      real(wp) :: w(self%logarithms%n), terms(self%polynomials%n)
-      integer :: i
+      real(wp) :: w(self%logarithms%n)
+      integer :: first, last
 
       call self%theory_grain_model_type%evaluate_moduli(c, modulus, slope)
       w = self%logarithms%to_logarithms(c)
-      do i = 1, size(modulus)
-         call evaluate_polynomials(self%polynomials, matmul(self%maps(:, :, i), w), terms)
-         modulus(i) = modulus(i)*exp(dot(self%coefficients, terms))
+      do first = 1, size(modulus), at_once
+         last = min(first + at_once - 1, size(modulus))
+         modulus(first:last) = modulus(first:last)*exp(matmul(self%terms_of_grains(w, first, last), self%coefficients))
       end do
       slope = modulus
    end subroutine evaluate_moduli
@@ -269,15 +290,13 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: w(self%logarithms%n), terms(self%polynomials%n)
-      integer :: i, j
+      real(wp) :: w(self%logarithms%n)
+      integer :: first, last
 
       w = self%logarithms%to_logarithms(c)
-      do i = 1, size(columns, 1)
-         call evaluate_polynomials(self%polynomials, matmul(self%maps(:, :, i), w), terms)
-         do j = 1, size(columns, 2)
-            columns(i, j) = dot(terms, self%factor(:, j))
-         end do
+      do first = 1, size(columns, 1), at_once
+         last = min(first + at_once - 1, size(columns, 1))
+         columns(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
       end do
    end subroutine evaluate_columns
 end module correction_basis

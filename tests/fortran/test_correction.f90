@@ -201,18 +201,20 @@ contains
       integer, parameter :: n_angles = 64, n_points = 300
       type(axial_polynomials_type) :: polynomials
       type(error_type), allocatable :: error
-      real(wp), allocatable :: p(:), q(:), gram(:, :), values(:)
-      real(wp) :: x(n_coordinates), y(n_coordinates), other(n_coordinates), kernel(0:greatest_degree)
+      real(wp), allocatable :: p(:, :), gram(:, :), values(:)
+      real(wp) :: x(n_coordinates), y(n_coordinates), other(n_coordinates), points(n_points, n_coordinates)
+      real(wp) :: kernel(0:greatest_degree)
       integer :: d, i, k, n
 
       polynomials = new_axial_polynomials(greatest_degree, centre)
       n = polynomials%n_coordinates
       call check('coordinates that count', n == n_coordinates - merge(0, 1, present(centre)))
-      allocate (p(polynomials%n), q(polynomials%n))
+      allocate (p(2, polynomials%n))
       call draw(x)
       call draw(y)
-      call evaluate_polynomials(polynomials, x(:n), p)
-      call evaluate_polynomials(polynomials, y(:n), q)
+      points(1, :) = x
+      points(2, :) = y
+      call evaluate_polynomials(polynomials, points(:2, :n), p)
       if (present(centre)) then
          x(n) = x(n) - centre
          y(n) = y(n) - centre
@@ -227,25 +229,21 @@ contains
          end do
       end do
       do d = 0, greatest_degree
-         call check_close('the kernel of degree '//achar(48 + d), sum(p*q, mask=polynomials%degrees == d), kernel(d), &
+         call check_close('the kernel of degree '//achar(48 + d), sum(p(1, :)*p(2, :), mask=polynomials%degrees == d), kernel(d), &
             & 1.0e-11_wp*max(1.0_wp, abs(kernel(d))))
       end do
       polynomials = new_axial_polynomials(3, centre)
       n = polynomials%n
       deallocate (p)
-      allocate (p(n), gram(n, n), values(n))
-      gram = 0.0_wp
+      allocate (p(n_points, n), values(n))
       do i = 1, n_points
-         call draw(x)
-         call evaluate_polynomials(polynomials, x(:polynomials%n_coordinates), p)
-         do k = 1, n
-            gram(:, k) = gram(:, k) + p*p(k)
-         end do
+         call draw(points(i, :))
       end do
-      p = [(1.0_wp/sqrt(gram(k, k)), k=1, n)]
+      call evaluate_polynomials(polynomials, points(:, :polynomials%n_coordinates), p)
       do k = 1, n
-         gram(:, k) = p*p(k)*gram(:, k)
+         p(:, k) = p(:, k)/norm2(p(:, k))
       end do
+      gram = matmul(transpose(p), p)
       call symmetric_eigen(gram, values, error)
       call check('no polynomial is a sum of others', minval(values) > 1.0e-6_wp)
    end subroutine test_polynomials
