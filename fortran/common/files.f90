@@ -1,6 +1,6 @@
 !> Whole text files in, whole text files out, and the paths between them.
 module files
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_size_t
    use errors, only: error_type, exit_bad_input, raise
    use text, only: to_text
    implicit none
@@ -10,6 +10,8 @@ module files
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
+
+   integer(c_int), parameter :: read_only = 0
 
    interface
       integer(c_int) function c_rename(from, to) bind(c, name='rename')
@@ -30,6 +32,12 @@ module files
          import :: c_int
          integer(c_int), value :: descriptor
       end function c_fsync
+      integer(c_size_t) function c_read(descriptor, bytes, n) bind(c, name='read')
+         import :: c_char, c_int, c_size_t
+         integer(c_int), value :: descriptor
+         character(kind=c_char), intent(out) :: bytes(*)
+         integer(c_size_t), value :: n
+      end function c_read
       integer(c_int) function c_close(descriptor) bind(c, name='close')
          import :: c_int
          integer(c_int), value :: descriptor
@@ -54,13 +62,13 @@ module files
 
 contains
 
-   !> The bytes of a file, without a UTF-8 byte order mark. The message of a refusal does not name the file.
+   !> The text of a file or a pipe, without a UTF-8 byte order mark. The message of a refusal does not name the file.
    !> `content` is all of it.
    subroutine read_text_file(path, content, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      integer :: unit, bytes, status
+      integer :: wrong, i
       logical :: here
 
       inquire (file=path, exist=here)
@@ -70,32 +78,80 @@ contains
          call raise(error, 'is a folder; a file is needed', exit_bad_input)
       else if (.not. here) then
          call raise(error, 'the file does not exist', exit_bad_input)
+      else
+         call read_bytes(path, content, error)
       end if
       if (allocated(error)) return
-      open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=status)
-      if (status /= 0) then
-         call raise(error, 'the file cannot be opened for reading', exit_bad_input)
-         return
-      end if
-      inquire (unit=unit, size=bytes)
-      if (bytes > largest .or. bytes < 0) then
-         close (unit)
-         call raise(error, 'the file is too large; at most '//to_text(largest)//' bytes', exit_bad_input)
-         return
-      end if
-      allocate (character(len=bytes) :: content)
-      if (bytes > 0) read (unit, iostat=status) content
-      close (unit)
-      if (status /= 0) then
-         call raise(error, 'the file cannot be read', exit_bad_input)
-      else if (index(content, char(255)//char(254)) == 1 .or. index(content, char(254)//char(255)) == 1 &
-         & .or. index(content, achar(0)) > 0) then
+      wrong = not_utf8(content)
+      if (index(content, achar(0)) > 0 .or. wrong == 1) then
          call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
+      else if (wrong > 0) then
+         call raise(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
+            & //": '"//printable(content(index(content(:wrong - 1), achar(10), back=.true.) + 1:wrong - 1)) &
+            & //"' is followed by what is not UTF-8 (save the file as UTF-8)", exit_bad_input)
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
          if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call raise(error, 'the file is empty', exit_bad_input)
       end if
    end subroutine read_text_file
+
+   !> All that can be read of a file or a pipe.
+   subroutine read_bytes(path, content, error)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable, intent(out) :: content
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: grown
+      integer(c_int) :: descriptor, outcome
+      integer :: n, got
+
+      descriptor = c_open(path//c_null_char, read_only)
+      if (descriptor < 0) then
+         call raise(error, 'the file cannot be opened for reading', exit_bad_input)
+         return
+      end if
+      allocate (character(len=65536) :: content)
+      n = 0
+      do
+         got = int(c_read(descriptor, content(n + 1:), int(len(content) - n, c_size_t)))
+         if (got <= 0) exit
+         n = n + got
+         if (n < len(content)) cycle
+         if (n > largest) exit
+         allocate (character(len=2*n) :: grown)
+         grown(:n) = content
+         call move_alloc(grown, content)
+      end do
+      outcome = c_close(descriptor)
+      if (got < 0) call raise(error, 'the file cannot be read', exit_bad_input)
+      if (n > largest) call raise(error, 'the file is too large; at most '//to_text(largest)//' bytes', exit_bad_input)
+      content = content(:n)
+   end subroutine read_bytes
+
+   !> Place of the first byte that UTF-8 does not allow there, 0 where there is none.
+   pure integer function not_utf8(string) result(i)
+      character(len=*), intent(in) :: string
+      integer :: first, second, more, k
+
+      i = 1
+      do while (i <= len(string))
+         first = ichar(string(i:i))
+         ! Bytes that must follow; below, second bytes that would make a sequence too long, a surrogate or beyond the last character.
+         more = 0
+         if (first >= 128) more = 1
+         if (first >= 224) more = 2
+         if (first >= 240) more = 3
+         if ((first >= 128 .and. first < 194) .or. first > 244 .or. i + more > len(string)) return
+         do k = 1, more
+            second = ichar(string(i + k:i + k))
+            if (second < 128 .or. second > 191) return
+            if (k > 1) cycle
+            if ((first == 224 .and. second < 160) .or. (first == 237 .and. second > 159)) return
+            if ((first == 240 .and. second < 144) .or. (first == 244 .and. second > 143)) return
+         end do
+         i = i + 1 + more
+      end do
+      i = 0
+   end function not_utf8
 
    !> The rest of the first line that begins with `key` in a file of the system; '' where there is none.
    subroutine read_entry(path, key, rest)
@@ -152,7 +208,6 @@ contains
    subroutine finish(self, error)
       class(new_file_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer(c_int), parameter :: read_only = 0
       integer(c_int) :: descriptor, outcome
       integer :: status
 

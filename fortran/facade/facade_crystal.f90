@@ -131,6 +131,7 @@ end subroutine region_representatives
 subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status, message)
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use interoperation, only: c_double, c_int, error_type
+   use parallelism, only: thread_count
    use text, only: to_text
    implicit none
    !f2py threadsafe
@@ -146,7 +147,7 @@ subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status
    status = 0
    message = ''
    first = n + 1
-   !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(result, error)
+   !$omp parallel do num_threads(thread_count(threads)) schedule(dynamic, 16) private(result, error)
    do i = 1, n
       call halfspace_modulus(stiffness(:, :, i), euler(:, i), result, error)
       if (allocated(error)) then

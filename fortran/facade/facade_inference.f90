@@ -93,6 +93,7 @@ subroutine posterior_sample(handle, method, burn_in, samples, chains, threads, s
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use abstract_sampler, only: sampler_type
    use errors, only: error_to_status, error_type
+   use parallelism, only: thread_count
    use posterior_objects, only: posterior_object_type, posterior_of_handle
    use samplers, only: new_sampler, run_settings_type, sample_chains
    implicit none
@@ -108,8 +109,8 @@ subroutine posterior_sample(handle, method, burn_in, samples, chains, threads, s
 
    call posterior_of_handle(handle, self, error)
    if (.not. allocated(error)) call new_sampler(method, burn_in, sampler, error)
-   if (.not. allocated(error)) call sample_chains(self%density, sampler, run_settings_type(samples, chains, threads, seed), &
-      & self%chains, error)
+   if (.not. allocated(error)) call sample_chains(self%density, sampler, &
+      & run_settings_type(samples, chains, thread_count(threads), seed), self%chains, error)
    call error_to_status(error, status, message)
 end subroutine posterior_sample
 

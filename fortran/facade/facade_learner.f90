@@ -131,6 +131,7 @@ end subroutine learner_evidence
 !> The next `count` candidates, as `chosen`, and the variance of y at each.
 subroutine learner_choose(handle, count, threads, chosen, variance, status, message)
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use parallelism, only: thread_count
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: choose_next, learner_type
    implicit none
@@ -147,7 +148,7 @@ subroutine learner_choose(handle, count, threads, chosen, variance, status, mess
    chosen = 0
    variance = 0
    call find_learner(handle, learner, error)
-   if (.not. allocated(error)) call choose_next(learner, threads, chosen, variance, error)
+   if (.not. allocated(error)) call choose_next(learner, thread_count(threads), chosen, variance, error)
    chosen = chosen - 1
    call error_to_status(error, status, message)
 end subroutine learner_choose

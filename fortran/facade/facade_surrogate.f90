@@ -256,6 +256,7 @@ subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, 
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_surrogate_object
    use surrogate_model, only: check_crystals, predict, surrogate_type
+   use parallelism, only: thread_count
    implicit none
    !f2py threadsafe
    integer(c_int64_t), intent(in) :: handle
@@ -274,7 +275,7 @@ subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, 
    if (.not. allocated(error)) call check_crystals(surrogate, stiffness, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   !$omp parallel do num_threads(threads) schedule(static)
+   !$omp parallel do num_threads(thread_count(threads)) schedule(static)
    do i = 1, n
       call predict(surrogate, stiffness(:, :, i), euler(:, i), modulus(i), sd(i))
    end do

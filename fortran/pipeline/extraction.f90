@@ -15,7 +15,7 @@ module extraction
    use samplers, only: chains_type
    use size_verdicts, only: mean_addition
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    implicit none
    private
    public :: extraction_type, extract

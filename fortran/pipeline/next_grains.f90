@@ -14,7 +14,7 @@ module next_grains
    use random, only: new_random_stream, random_stream_type
    use sorting, only: sort_order
    use text, only: fixed, to_text
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
    implicit none
    private

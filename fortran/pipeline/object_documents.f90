@@ -172,7 +172,7 @@ contains
       call visitor%document%begin_array(name//'_symmetry')
       if (allocated(points%class)) then
          do i = 1, points%n
-            call visitor%document%put('', points%class(i)%name)
+            call visitor%document%put('', points%classes(points%class(i))%name)
          end do
       end if
       call visitor%document%end_array()

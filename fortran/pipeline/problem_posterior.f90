@@ -16,7 +16,7 @@ module problem_posterior
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_model, only: surrogate_type
    use text, only: to_text
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    implicit none
    private
    public :: check_step_2, check_target, new_problem_posterior

@@ -25,7 +25,7 @@ module step_1
    use simulate, only: outcome_done, outcome_type, outcome_waiting
    use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, set_learner_candidates
    use text, only: to_text
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
    implicit none
    private

@@ -14,7 +14,7 @@ module batch_build
    use step_1, only: build_type, open_build
    use surrogate_file, only: check_replaceable
    use text, only: to_text
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    use warning_lists, only: warning_type
    implicit none
    private

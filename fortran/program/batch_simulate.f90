@@ -11,7 +11,7 @@ module batch_simulate
    use simulate, only: new_simulator, outcome_failed, outcome_type, outcome_waiting, simulation_error, simulator_type
    use sorting, only: sort_order
    use text, only: to_text
-   use threads, only: thread_count
+   use parallelism, only: thread_count
    implicit none
    private
    public :: simulate_crystals, simulate_into
@@ -39,8 +39,10 @@ contains
          call store%open(output//'/'//campaign_name, identity_text(settings), error)
          do i = 1, points%n
             if (allocated(error)) return
-            rows(i)%symmetry = points%class(i)%name
-            rows(i)%constants = points%constants(:points%class(i)%n_constants, i)
+            associate (class => points%classes(points%class(i)))
+               rows(i)%symmetry = class%name
+               rows(i)%constants = points%constants(:class%n_constants, i)
+            end associate
             rows(i)%euler_deg = points%euler_deg(:, i)
             call store%find(rows(i)%symmetry, rows(i)%constants, rows(i)%euler_deg, stored, found, error)
             if (found) rows(i) = stored

@@ -45,6 +45,8 @@ module namelist_file
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
    !> More repetitions than any array of ours has elements are refused before they are made.
    integer, parameter :: most_repeats = 10000
+   !> Of groups, and of variables: more are no input of ours.
+   integer, parameter :: most_names = 2000
 
 contains
 
@@ -140,6 +142,10 @@ contains
             return
          end if
       end do
+      if (groups == most_names) then
+         call fault(scanner, group, '', 'more than '//to_text(most_names)//' groups', error)
+         return
+      end if
       if (groups == size(file%groups)) then
          allocate (grown(2*groups))
          grown(:groups) = file%groups
@@ -221,6 +227,10 @@ contains
             return
          end if
       end do
+      if (entries == most_names) then
+         call fault(scanner, group, entry%name, 'more than '//to_text(most_names)//' variables', error)
+         return
+      end if
       call parse_values(scanner, entry, error)
       if (allocated(error)) return
       if (entries == size(file%entries)) then
@@ -351,24 +361,30 @@ contains
       type(entry_type), intent(in) :: entry
       type(value_type), intent(inout) :: value
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: rest, text
       character :: quote
-      integer :: line
+      integer :: i, n
 
       quote = peek(scanner)
-      line = scanner%line
-      value%text = ''
+      rest = rest_of_line(scanner)
+      allocate (character(len=len(rest)) :: text)
       value%quoted = .true.
-      do
-         scanner%at = scanner%at + 1
-         if (scanner%at > len(scanner%text)) exit
-         if (scanner%text(scanner%at:scanner%at) == newline) exit
-         if (scanner%text(scanner%at:scanner%at) == quote) then
-            scanner%at = scanner%at + 1
-            if (peek(scanner) /= quote) return
+      n = 0
+      i = 2
+      do while (i <= len(rest))
+         if (rest(i:i) == quote) then
+            if (rest(i + 1:min(i + 1, len(rest))) /= quote) then
+               value%text = text(:n)
+               scanner%at = scanner%at + i
+               return
+            end if
+            i = i + 1
          end if
-         value%text = value%text//scanner%text(scanner%at:scanner%at)
+         n = n + 1
+         text(n:n) = rest(i:i)
+         i = i + 1
       end do
-      call fault(scanner, entry%group, entry%name, 'line '//to_text(line)//': the closing quote is missing', error)
+      call fault(scanner, entry%group, entry%name, 'line '//to_text(scanner%line)//': the closing quote is missing', error)
    end subroutine take_quoted
 
    !> Everything up to a blank, a comma, an end, a comment, = or a quote.

@@ -17,8 +17,9 @@ module point_tables
       integer :: n = 0
       !> The cells as written.
       type(table_type) :: table
-      !> Crystal class of each row, (n); none in measurements.
-      type(crystal_class_type), allocatable :: class(:)
+      !> The crystal classes that rows have, and the number of each row's, (n); none in measurements.
+      type(crystal_class_type), allocatable :: classes(:)
+      integer, allocatable :: class(:)
       !> In the order of the class, padded with NaN, GPa, (21, n).
       real(wp), allocatable :: constants(:, :)
       !> Crystal frame, GPa, (6, 6, n).
@@ -154,13 +155,14 @@ contains
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: general, usual
+      type(crystal_class_type) :: general, usual, class
       character(len=3), allocatable :: names(:)
       integer :: column(21), symmetry_column, i, j
+      logical :: same
       character(len=:), allocatable :: cell
 
       allocate (points%constants(21, points%n), source=not_a_number())
-      allocate (points%stiffness(6, 6, points%n), points%class(points%n))
+      allocate (points%stiffness(6, 6, points%n), points%class(points%n), points%classes(0))
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
       names = general%constants
@@ -171,20 +173,27 @@ contains
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
       usual = default_class
       if (all(column > 0) .and. symmetry_column == 0) usual = general
+      points%class = 0
       do i = 1, points%n
          cell = ''
          if (symmetry_column > 0) cell = points%table%cell(symmetry_column, i)
-         if (len(cell) == 0) then
-            points%class(i) = usual
-         else
-            if (i > 1) then
-               if (cell == points%table%cell(symmetry_column, i - 1)) points%class(i) = points%class(i - 1)
-            end if
-            if (points%class(i)%n_constants == 0) call new_crystal_class(cell, points%class(i), error)
+         if (i > 1) then
+            same = symmetry_column == 0
+            if (.not. same) same = cell == points%table%cell(symmetry_column, i - 1)
+            if (same) points%class(i) = points%class(i - 1)
+         end if
+         if (points%class(i) == 0) then
+            class = usual
+            if (len(cell) > 0) call new_crystal_class(cell, class, error)
             if (allocated(error)) then
                error%message = 'line '//to_text(points%table%line(i))//', column symmetry: '//error%message
                return
             end if
+            do j = 1, size(points%classes)
+               if (points%classes(j)%name == class%name) exit
+            end do
+            if (j > size(points%classes)) points%classes = [points%classes, class]
+            points%class(i) = j
          end if
          call read_row(points, i, names, column, error)
          if (allocated(error)) return
@@ -203,7 +212,7 @@ contains
       logical :: needed
       integer :: j, k
 
-      associate (class => points%class(i))
+      associate (class => points%classes(points%class(i)))
          do k = 1, class%n_constants
             j = findloc(names, class%constants(k), dim=1)
             if (column(j) == 0) then

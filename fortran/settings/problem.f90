@@ -161,7 +161,7 @@ contains
       if (allocated(error)) return
       do i = 1, self%candidates%n
          if (.not. allocated(self%class%name)) exit
-         if (self%candidates%class(i)%name /= self%class%name) then
+         if (self%candidates%classes(self%candidates%class(i))%name /= self%class%name) then
             call raise(error, prefix//printable(name)//': line '//to_text(self%candidates%table%line(i)) &
                & //': the crystal is not of the symmetry of &problem', exit_bad_input)
             return

@@ -56,7 +56,7 @@ def check(status: int, message: bytes | str) -> None:
     """Raise the exception that a status and a message of the core stand for; return on status 0."""
     if status == 0:
         return
-    text = message.decode() if isinstance(message, bytes) else str(message)
+    text = message.decode(errors="replace") if isinstance(message, bytes) else str(message)
     raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(text.strip())
 
 

@@ -37,7 +37,10 @@ def constants_array(symmetry: str, constants: dict) -> np.ndarray:
     names = constant_names(symmetry)
     if set(constants) != set(names):
         raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
-    return np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
+    values = np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
+    if not np.isfinite(values).all():
+        raise InputError(f"a constant of a {symmetry} crystal is not finite")
+    return values
 
 
 def stiffness(symmetry: str, **constants) -> np.ndarray:
@@ -104,6 +107,8 @@ def crystal_columns(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray, tuple
         shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
     except ValueError:
         raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
+    if 0 in shape:
+        raise InputError("there are no crystals")
     matrices = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
     angles = np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)
     return np.moveaxis(matrices, 0, -1), angles.T, shape

@@ -1,0 +1,119 @@
+"""Files and arguments that nobody means: refused in words, or right; never slow, never a crash."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.settings.problem import Problem, read_measurements
+
+COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+HEADER = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa\n"
+START = "&problem symmetry = 'cubic' /\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "cause"),
+    [
+        (b"&problem\n title = 'Kr\xfcmmung' /\n", "line 2: ' title = 'Kr' is followed by what is not UTF-8 (save the file as UTF-8)"),
+        (b"! ok\n! \xed\xa0\x80 is half a pair\n", "line 2: '! ' is followed by what is not UTF-8 (save the file as UTF-8)"),
+        (b"&problem\n title = '\xc3", "line 2: ' title = '' is followed by what is not UTF-8 (save the file as UTF-8)"),
+        ("&problem /".encode("utf-16"), "the file is not plain text (save it as UTF-8)"),
+        (b"\x89PNG\r\n\x1a\n\x00", "the file is not plain text (save it as UTF-8)"),
+    ],
+)
+def test_what_is_not_utf8(tmp_path, content, cause):
+    path = tmp_path / "a.nml"
+    path.write_bytes(content)
+    with pytest.raises(bi.InputError) as error:
+        Problem(path, "run")
+    assert str(error.value) == f"{path}: {cause}"
+
+
+def test_every_character_of_utf8_is_read(tmp_path):
+    title = "µ €  \u07ff \u0800 \ud7ff \ue000 \uffff \U00010000 \U0010ffff"
+    path = tmp_path / "a.nml"
+    path.write_text(f"\ufeff&problem symmetry = 'cubic', title = '{title}' /\n", encoding="utf-8")
+    with pytest.raises(bi.InputError, match="group is missing|nothing to do"):
+        Problem(path, "extract")
+    path.write_text(f"{START[:-2]}, title = '{title}' /\n&measurements file = 'a.csv', modulus_kind = 'indentation_modulus' /\n")
+    (tmp_path / "a.csv").write_text(HEADER + "1,2,3,200,4\n", encoding="utf-8")
+    assert Problem(path, "extract").settings.problem.title == title
+
+
+def test_a_pipe_is_read_like_a_file(tmp_path):
+    reading, writing = os.pipe()
+    rows = 9000
+    if os.fork() == 0:
+        # More than a pipe holds at once.
+        with open(writing, "w") as stream:
+            stream.write(HEADER + "10.25,20.125,30.0625,200.5,4\n" * rows)
+        os._exit(0)
+    os.close(writing)
+    points = read_measurements(f"/dev/fd/{reading}")
+    os.close(reading)
+    os.wait()
+    assert len(points) == rows and points.euler_deg[-1].tolist() == [10.25, 20.125, 30.0625]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        START + " " * 1000000,
+        "! " + "a" * 1000000 + "\n" + START,
+        "&problem title = '" + "a" * 1000000 + "' /",
+        "&problem title = '" + "''" * 500000 + "' /",
+        "&problem title = '" + "a" * 1000000,
+        "&problem " + " ".join(f"a{i} = 1" for i in range(100000)) + " /",
+        "\n".join(f"&a{i} /" for i in range(100000)),
+        START + "&domain c_min = " + "1.0, " * 200000 + "1 /",
+    ],
+    ids=["blanks", "comment", "text", "quotes", "open text", "variables", "groups", "values"],
+)
+def test_long_texts_are_read_in_no_time(tmp_path, text):
+    path = tmp_path / "a.nml"
+    path.write_text(text)
+    start = time.process_time()
+    with pytest.raises(bi.InputError, match=f"^{path}: ") as error:
+        Problem(path, "extract")
+    assert time.process_time() - start < 10
+    assert len(str(error.value)) < 500
+
+
+@pytest.mark.parametrize("threads", [-1, 0, 3, 100000, 2**31 - 1])
+def test_any_number_of_threads_gives_the_same(threads):
+    angles = np.random.default_rng(1).uniform(0, 90, (50, 3))
+    assert np.array_equal(bi.halfspace_modulus(COPPER, angles, threads=threads), bi.halfspace_modulus(COPPER, angles))
+
+
+def test_a_forked_process_works_alone():
+    # A child has none of its parent's threads, for which OpenMP would wait for ever.
+    angles = np.random.default_rng(1).uniform(0, 90, (50, 3))
+    expected = bi.halfspace_modulus(COPPER, angles, threads=2)
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)
+        os._exit(0 if np.array_equal(bi.halfspace_modulus(COPPER, angles, threads=2), expected) else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: bi.stiffness("cubic", C11=float("nan"), C12=1, C44=1), "not finite"),
+        (lambda: bi.stiffness("cubic", C11=[1.0, np.inf], C12=1, C44=1), "not finite"),
+        (lambda: bi.halfspace_modulus(COPPER * np.nan, [0, 0, 0]), "not finite"),
+        (lambda: bi.halfspace_modulus(COPPER, [0, np.nan, 0]), "not finite"),
+        (lambda: bi.halfspace_modulus(np.zeros((0, 6, 6)), np.zeros((0, 3))), "there are no crystals"),
+        (lambda: bi.Surrogate.load("block").predict(np.zeros((0, 6, 6)), np.zeros((0, 3))), "there are no crystals"),
+        (lambda: bi.halfspace_modulus(np.zeros((6, 6)), [0, 0, 0]), "unstable"),
+        (lambda: bi.halfspace_modulus(np.eye(5), [0, 0, 0]), "shape"),
+        (lambda: bi.halfspace_modulus([COPPER] * 2, [[0, 0, 0]] * 3), "broadcast"),
+    ],
+)
+def test_arrays_that_are_none(call, words):
+    with pytest.raises(bi.InputError, match=words):
+        call()
