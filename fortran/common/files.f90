@@ -35,6 +35,7 @@ module files
       integer(c_size_t) function c_read(descriptor, bytes, n) bind(c, name='read')
          import :: c_char, c_int, c_size_t
          integer(c_int), value :: descriptor
+         ! allow(C072)
          character(kind=c_char), intent(out) :: bytes(*)
          integer(c_size_t), value :: n
       end function c_read
