@@ -1,7 +1,7 @@
 !> Whole text files in, whole text files out, and the paths between them.
 module files
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_size_t
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, machine_failure, raise
    use text, only: to_text
    implicit none
    private
@@ -39,6 +39,10 @@ module files
          character(kind=c_char), intent(out) :: bytes(*)
          integer(c_size_t), value :: n
       end function c_read
+      integer(c_int) function c_unlink(path) bind(c, name='unlink')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+      end function c_unlink
       integer(c_int) function c_close(descriptor) bind(c, name='close')
          import :: c_int
          integer(c_int), value :: descriptor
@@ -217,16 +221,25 @@ contains
          self%is_open = self%status /= 0
       end if
       if (self%status /= 0) then
-         call raise(error, self%path//': cannot be written: '//trim(self%reason))
+         ! What the library says of a disk that is full.
+         if (index(self%reason, 'No space left') > 0) self%reason = 'the disk is full'
+         call raise(error, self%path//': cannot be written: '//trim(self%reason), machine_failure)
          if (self%is_open) close (self%unit, status='delete', iostat=status)
+         outcome = c_unlink(self%beside//c_null_char)
          return
       end if
       descriptor = c_open(self%beside//c_null_char, read_only)
+      outcome = -1_c_int
       if (descriptor >= 0) then
          outcome = c_fsync(descriptor)
-         outcome = c_close(descriptor)
+         if (c_close(descriptor) /= 0) outcome = -1_c_int
       end if
-      if (c_rename(self%beside//c_null_char, self%path//c_null_char) /= 0) call raise(error, self%path//': cannot be replaced')
+      if (outcome /= 0) then
+         call raise(error, self%path//': cannot be written: the disk does not take it', machine_failure)
+      else if (c_rename(self%beside//c_null_char, self%path//c_null_char) /= 0) then
+         call raise(error, self%path//': cannot be replaced', machine_failure)
+      end if
+      if (allocated(error)) outcome = c_unlink(self%beside//c_null_char)
    end subroutine finish
 
    !> Make a folder and those above it, where they are missing.
@@ -241,7 +254,7 @@ contains
          if (path(i:i) == '/') status = c_mkdir(path(:i - 1)//c_null_char, int(all_may, c_int))
       end do
       status = c_mkdir(path//c_null_char, int(all_may, c_int))
-      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made')
+      if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made', machine_failure)
    end subroutine make_folder
 
    !> The folder part of a path with its last slash, '' for the current folder.

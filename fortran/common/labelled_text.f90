@@ -7,6 +7,7 @@
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
 !> before it.
 module labelled_text
+   use checksums, only: checksum
    use errors, only: exit_bad_input, raise
    use files, only: printable
    use kinds, only: i8, wp
@@ -172,21 +173,18 @@ contains
    subroutine finish(self)
       class(labelled_text_type), intent(inout) :: self
       character(len=:), allocatable :: rest
-      character(len=16) :: sum
       integer :: last
 
       if (.not. self%reading) then
-         write (sum, '(z16.16)') checksum(self%content(:self%filled))
-         call put(self, 'checksum '//sum//newline)
+         call put(self, 'checksum '//checksum(self%content(:self%filled))//newline)
          return
       end if
       last = self%position - 1
       call expect(self, 'checksum', rest)
       if (allocated(self%error)) return
-      write (sum, '(z16.16)') checksum(self%content(:last))
       if (self%position <= len(self%content)) then
          call self%fail('goes on after its checksum')
-      else if (rest /= sum) then
+      else if (rest /= checksum(self%content(:last))) then
          call self%fail('the checksum is not that of the content, which was changed')
       end if
    end subroutine finish
@@ -263,16 +261,4 @@ contains
       self%content(self%filled + 1:self%filled + len(piece)) = piece
       self%filled = self%filled + len(piece)
    end subroutine put
-
-   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a); products wrap around.
-   pure integer(i8) function checksum(bytes) result(hash)
-      character(len=*), intent(in) :: bytes
-      integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
-      integer :: i
-
-      hash = basis
-      do i = 1, len(bytes)
-         hash = ieor(hash, int(iachar(bytes(i:i)), i8))*prime
-      end do
-   end function checksum
 end module labelled_text

@@ -133,10 +133,8 @@ end subroutine build_conclude
 !> The next n candidates, before the moduli of the first of them are known: constants of the surrogate's class, k of them, and angles.
 subroutine build_ask(handle, k, n, constants, euler_deg, status, message)
    use build_handles, only: find_build
-   use errors, only: exit_bad_input, raise
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use step_1, only: build_type, look_ahead
-   use text, only: to_text
    implicit none
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: k, n
@@ -150,12 +148,6 @@ subroutine build_ask(handle, k, n, constants, euler_deg, status, message)
    constants = 0
    euler_deg = 0
    call find_build(handle, build, error)
-   if (.not. allocated(error)) then
-      associate (left => count(build%learning%learner%design%available))
-         if (n < 1 .or. n > left) call raise(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left) &
-            & //', the candidates that are left', exit_bad_input)
-      end associate
-   end if
    if (.not. allocated(error)) call look_ahead(build, n, numbers, error)
    call error_to_status(error, status, message)
    if (status /= 0) return

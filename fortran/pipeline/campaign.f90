@@ -5,6 +5,7 @@
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use checksums, only: checksum
    use campaign_file, only: name_file, open_campaign_file, raise_damaged
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
@@ -37,6 +38,8 @@ module campaign
    !> The rows of one physics in a campaign file.
    type :: campaign_type
       character(len=:), allocatable :: path
+      !> Of the physics: JSON, keys sorted.
+      character(len=:), allocatable, private :: identity
       type(database_type), private :: file
       type(statement_type), private :: lookup, insertion
       integer(i8), private :: physics = 0
@@ -56,14 +59,17 @@ module campaign
 
    !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
    character(len=*), parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, message, ' &
-      & //'indentation_modulus_gpa, elements, seconds, depth_um, force_mn'
+      & //'indentation_modulus_gpa, elements, seconds, depth_um, force_mn, checksum'
    character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE physics_id = ? AND symmetry = ? ' &
       & //'AND constants = ? AND euler_deg = ?'
    character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
       & //'COALESCE(?2, (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
-      & //'?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
+      & //'?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
       & //'ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING'
    character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', failed = 'failed'
+
+   !> Between the texts of a row, for its checksum.
+   character, parameter :: separator = achar(10)
 
    !> Relative difference of two moduli below which an imported row says the same as a stored one.
    real(wp), parameter :: same = 1.0e-6_wp
@@ -80,6 +86,7 @@ contains
 
       call self%close()
       self%path = path
+      self%identity = identity
       call open_campaign_file(path, self%file, error)
       if (.not. allocated(error)) call find_physics(self, identity, error)
       if (.not. allocated(error)) call self%file%prepare(lookup, self%lookup, error)
@@ -198,7 +205,7 @@ contains
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: message
+      character(len=:), allocatable :: message, words
       logical :: is_done, found
 
       associate (to => self%insertion, outcome => row%outcome)
@@ -213,20 +220,22 @@ contains
          call to%bind(1, self%physics)
          call to%bind_null(2)
          if (row%position >= 0) call to%bind(2, int(row%position, i8))
-         call to%bind(3, trim(row%symmetry))
-         call to%bind(4, list_text(row%constants))
-         call to%bind(5, list_text(row%euler_deg))
-         call to%bind(6, trim(merge(told//'     ', simulated, row%imported)))
-         call to%bind(7, trim(merge(done//'  ', failed, is_done)))
-         call to%bind(8, message)
+         words = self%identity
+         call bind_word(3, trim(row%symmetry))
+         call bind_word(4, list_text(row%constants))
+         call bind_word(5, list_text(row%euler_deg))
+         call bind_word(6, trim(merge(told//'     ', simulated, row%imported)))
+         call bind_word(7, trim(merge(done//'  ', failed, is_done)))
+         call bind_word(8, message)
+         call bind_curve(12, outcome%depth)
+         call bind_curve(13, outcome%force)
          call to%bind_null(9)
          if (is_done) call to%bind(9, outcome%modulus)
          call to%bind_null(10)
          if (outcome%elements > 0) call to%bind(10, int(outcome%elements, i8))
          call to%bind_null(11)
          if (outcome%seconds > 0.0_wp) call to%bind(11, outcome%seconds)
-         call bind_curve(12, outcome%depth)
-         call bind_curve(13, outcome%force)
+         call to%bind(14, row_checksum(words, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, outcome%seconds))
          call to%step(found, error)
          call to%reset()
       end associate
@@ -234,13 +243,26 @@ contains
 
    contains
 
+      subroutine bind_word(i, word)
+         integer, intent(in) :: i
+         character(len=*), intent(in) :: word
+
+         call self%insertion%bind(i, word)
+         words = words//separator//word
+      end subroutine bind_word
+
       subroutine bind_curve(i, values)
          integer, intent(in) :: i
          real(wp), allocatable, intent(in) :: values(:)
 
+         if (allocated(values)) then
+            if (size(values) > 0) then
+               call bind_word(i, list_text(values))
+               return
+            end if
+         end if
          call self%insertion%bind_null(i)
-         if (.not. allocated(values)) return
-         if (size(values) > 0) call self%insertion%bind(i, list_text(values))
+         words = words//separator
       end subroutine bind_curve
    end subroutine add
 
@@ -378,31 +400,44 @@ contains
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: angles(:)
-      character(len=:), allocatable :: word
-      logical :: good(4)
+      character(len=:), allocatable :: word, words
+      logical :: good(5)
 
+      words = self%identity
       row%position = int(statement%integer(1))
-      call statement%text(2, word)
+      call read_word(2)
       row%symmetry = word
       call read_list(3, row%constants, good(1))
       call read_list(4, angles, good(2))
-      call statement%text(5, word)
+      call read_word(5)
       row%imported = word == told
-      call statement%text(6, word)
+      call read_word(6)
       row%outcome%status = merge(outcome_done, outcome_failed, word == done)
-      call statement%text(7, row%outcome%message)
+      call read_word(7)
+      row%outcome%message = word
       row%outcome%modulus = statement%real(8)
       row%outcome%elements = int(statement%integer(9))
       row%outcome%seconds = statement%real(10)
       call read_list(11, row%outcome%depth, good(3))
       call read_list(12, row%outcome%force, good(4))
+      ! Rows of the first version of the layout have none.
+      call statement%text(13, word)
+      good(5) = len(word) == 0
+      if (.not. good(5)) good(5) = word == row_checksum(words, row%outcome%modulus, row%outcome%elements, row%outcome%seconds)
       if (all(good) .and. size(angles) == size(row%euler_deg)) then
          row%euler_deg = angles
       else
-         call raise_damaged(self%path, 'the numbers of position '//to_text(row%position), error)
+         call raise_damaged(self%path, 'the row of position '//to_text(row%position)//' was changed', error)
       end if
 
    contains
+
+      subroutine read_word(i)
+         integer, intent(in) :: i
+
+         call statement%text(i, word)
+         words = words//separator//word
+      end subroutine read_word
 
       !> The numbers of a JSON list, none of NULL.
       subroutine read_list(i, values, good)
@@ -411,7 +446,7 @@ contains
          logical, intent(out) :: good
          integer :: j, n, status
 
-         call statement%text(i, word)
+         call read_word(i)
          n = 0
          if (len(word) > 2) n = 1 + count([(word(j:j) == ',', j=1, len(word))])
          allocate (values(n))
@@ -420,6 +455,18 @@ contains
          good = status == 0
       end subroutine read_list
    end subroutine read_row
+
+   !> The checksum of a row: of the identity of its physics and its texts, in `words`, and of its numbers, to the last bit.
+   pure function row_checksum(words, modulus, elements, seconds) result(digits)
+      character(len=*), intent(in) :: words
+      !> GPa; number; s. Each is 0 where there is none.
+      real(wp), intent(in) :: modulus, seconds
+      integer, intent(in) :: elements
+      character(len=16) :: digits
+
+      digits = checksum(words//separator//to_text(transfer(modulus, 1_i8))//separator//to_text(max(0, elements))//separator &
+         & //to_text(transfer(max(0.0_wp, seconds), 1_i8)))
+   end function row_checksum
 
    !> Numbers as the file spells them: a JSON list, every double to its last bit.
    pure function list_text(values) result(list)

@@ -8,7 +8,9 @@ module campaign_file
    public :: open_campaign_file, name_file, raise_damaged
 
    !> Marks the file as ours ('bayi'), and the version of its layout.
-   character(len=*), parameter :: application_id = '1650555241', layout_version = '1'
+   character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
+   !> What version 2 has more than version 1, whose rows stay without a checksum.
+   character(len=*), parameter :: from_version_1 = 'ALTER TABLE simulation ADD COLUMN checksum TEXT; PRAGMA user_version = 2'
 
    character, parameter :: newline = achar(10)
 
@@ -33,6 +35,7 @@ module campaign_file
       & '    depth_um TEXT,                          -- JSON list'//newline// &
       & '    force_mn TEXT,                          -- JSON list'//newline// &
       & '    created TEXT NOT NULL,                  -- UTC'//newline// &
+      & '    checksum TEXT,                          -- of all before but id, position, created'//newline// &
       & '    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline// &
       & ');'//newline// &
       & 'CREATE INDEX simulation_by_position ON simulation (physics_id, position);'//newline// &
@@ -56,6 +59,7 @@ contains
       if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
       if (.not. allocated(error)) call create(file, error)
       if (.not. allocated(error)) call verify(path, file, error)
+      if (.not. allocated(error)) call migrate(file, error)
       call name_file(path, error)
    end subroutine open_campaign_file
 
@@ -109,9 +113,26 @@ contains
             & exit_bad_input)
          return
       end if
-      call file%value('PRAGMA quick_check', found, error)
+      call file%value('PRAGMA integrity_check(1)', found, error)
       if (.not. allocated(error) .and. found /= 'ok') call raise_damaged(path, found, error)
    end subroutine verify
+
+   !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
+   subroutine migrate(file, error)
+      type(database_type), intent(in) :: file
+      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable :: aborted
+      character(len=:), allocatable :: version
+
+      call file%value('PRAGMA user_version', version, error)
+      if (allocated(error) .or. version == layout_version) return
+      call file%run('BEGIN IMMEDIATE', error)
+      if (allocated(error)) return
+      call file%value('PRAGMA user_version', version, error)
+      if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
+      if (.not. allocated(error)) call file%run('COMMIT', error)
+      if (allocated(error)) call file%run('ROLLBACK', aborted)
+   end subroutine migrate
 
    !> The error of a file that cannot be read as a campaign: `why`.
    subroutine raise_damaged(path, why, error)

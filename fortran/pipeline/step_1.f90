@@ -15,15 +15,16 @@ module step_1
    use build_candidates, only: candidates_type, initial_set, new_candidates
    use build_checks, only: basis_of_problem
    use campaign, only: campaign_name, campaign_type, row_type
-   use crystal_class, only: crystal_class_type, new_crystal_class
-   use errors, only: error_type, raise
+   use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use known_rows, only: known_rows_type, select_rows
    use learning, only: batch_end, close_batch, learn, learning_type, new_learning, refit_all, why_to_stop
    use physics_identity, only: identity_text
    use problem, only: problem_type
-   use sequential_design, only: update_posterior_mean
+   use sequential_design, only: design_type, update_posterior_mean
    use simulate, only: outcome_done, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, set_learner_candidates
+   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, forget_last, predict_moduli, &
+      & set_learner_candidates
    use text, only: to_text
    use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
@@ -47,14 +48,18 @@ module step_1
       integer :: n_new = 0, n_failed = 0
       !> What to validate with: constants (n_constants, n), angles (3, n), moduli (n).
       real(wp), allocatable :: unseen_constants(:, :), unseen_euler_deg(:, :), unseen_modulus(:)
-      !> The rest of the initial set; rows that the budget leaves over.
+      !> The rest of the initial set.
       integer, allocatable, private :: initial(:)
-      type(row_type), allocatable, private :: unused(:)
+      !> Rows of the campaign that are not learnt: of a batch that was interrupted, or what the budget leaves over.
+      type(known_rows_type), private :: unused
+      !> The design before the present choice, which may be taken back.
+      type(design_type), allocatable, private :: before
       !> The candidates of the batch under way and what became of each; which of them must be simulated; whether the variance chose them.
       integer, allocatable, private :: batch(:), wanted(:)
       type(outcome_type), allocatable, private :: outcomes(:)
       logical, private :: by_variance = .false.
-      integer, private :: first_position = 0
+      !> In the campaign, of what is wanted.
+      integer, allocatable, private :: positions(:)
    contains
       procedure :: advance
       procedure :: n_wanted
@@ -91,7 +96,7 @@ contains
          if (allocated(error)) return
          call initial_set(build%candidates, basis, design, build%initial)
       end associate
-      allocate (build%batch(0), build%wanted(0), build%outcomes(0))
+      allocate (build%batch(0), build%wanted(0), build%outcomes(0), build%positions(0))
       build%stopped = ''
       call build%campaign%open(output//'/'//campaign_name, identity_text(problem%settings), error)
       if (.not. allocated(error)) call build%campaign%rows('', rows, error)
@@ -105,105 +110,94 @@ contains
       call replay(build, rows, error)
    end subroutine open_build
 
-   !> Learn from the rows of the campaign as they were learnt from when they were made.
+   !> Learn from the rows of the campaign as they were learnt from when they were made: whole batches. What is there of a batch that was
+   !> interrupted may be chosen once more, so that its moduli are learnt in the order of choice; see `settle`.
    subroutine replay(build, rows, error)
       type(build_type), intent(inout) :: build
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: constants(:, :)
-      integer, allocatable :: kept(:)
-      integer :: start, end_of_part, i
+      integer, allocatable :: taken(:)
+      integer :: beyond
 
-      call select_rows(build, rows, kept, constants, error)
-      if (allocated(error)) return
-      start = 1
-      do while (start <= size(kept) .and. build%learning%n() < build%learning%budget)
-         if (len(why_to_stop_now(build)) > 0) exit
-         end_of_part = min(size(kept), start - 1 + batch_end(build%learning) - build%learning%n())
-         associate (part => kept(start:end_of_part), complete => batch_end(build%learning))
-            call learn(build%learning, constants(:, start:end_of_part), angles_of(rows(part)), &
-               & [(rows(part(i))%outcome%modulus, i=1, size(part))], .false., error)
-            if (allocated(error)) return
-            if (build%learning%n() == complete) call close_batch(build%learning, .false., error)
-            if (allocated(error)) return
-         end associate
-         start = end_of_part + 1
-      end do
-      call update_posterior_mean(build%learning%learner%design, .true., error)
-      build%unused = rows(kept(start:))
-      build%unseen_constants = constants(:, start:)
+      associate (learner => build%learning%learner)
+         call select_rows(rows, learner%basis, build%candidates, build%problem%settings%design%reuse == 'chosen', build%unused, &
+            & beyond, error)
+         if (allocated(error)) return
+         if (beyond > 0) call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside the surrogate''s ' &
+            & //'domain and are not used')
+         build%n_failed = build%unused%failed
+         call learn_unused(build, .true., error)
+         if (allocated(error)) return
+         call build%unused%divide(taken)
+         call exclude_candidates(learner, taken, error)
+         if (allocated(error)) return
+         if (build%unused%may_be_chosen()) then
+            call update_posterior_mean(learner%design, .true., error)
+         else
+            call take_unused(build, error)
+         end if
+      end associate
    end subroutine replay
 
-   !> Rows of the campaign that are data from the start, in order of choice, by the constants of the domain's class; all others that are
-   !> about candidates are not simulated again.
-   subroutine select_rows(build, rows, kept, constants, error)
+   !> Learn from the rows that are not learnt yet, batch by batch; `whole`: as long as they fill a batch.
+   subroutine learn_unused(build, whole, error)
       type(build_type), intent(inout) :: build
-      type(row_type), intent(in) :: rows(:)
-      integer, allocatable, intent(out) :: kept(:)
-      !> (n_constants, n), GPa.
-      real(wp), allocatable, intent(out) :: constants(:, :)
+      logical, intent(in) :: whole
       type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: class
-      real(wp) :: c(6, 6)
-      integer :: i, n, beyond
-      logical :: chosen_only
+      integer :: complete, last
 
-      chosen_only = build%problem%settings%design%reuse == 'chosen'
-      beyond = 0
-      associate (basis => build%learning%learner%basis)
-         n = 0
-         allocate (kept(size(rows)), constants(basis%domain%class%n_constants, size(rows)))
-         do i = 1, size(rows)
-            if (.not. allocated(class%name)) call new_crystal_class(rows(i)%symmetry, class, error)
-            if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
+      associate (unused => build%unused, learning => build%learning)
+         do while (unused%n() > 0 .and. learning%n() < learning%budget)
+            complete = batch_end(learning)
+            if (len(why_to_stop_now(build)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
+            last = unused%taken + min(unused%n(), complete - learning%n())
+            call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, unused%taken + 1:last), &
+               & unused%modulus(unused%taken + 1:last), .false., error)
+            unused%taken = last
+            if (learning%n() == complete .and. .not. allocated(error)) call close_batch(learning, .false., error)
             if (allocated(error)) return
-            c = class%stiffness(rows(i)%constants)
-            if (.not. basis%domain%is_of_class(c)) cycle
-            if (chosen_only .and. .not. rows(i)%imported) cycle
-            call exclude_points(build, basis%domain%class%constants_of(c), rows(i)%euler_deg, error)
-            if (allocated(error)) return
-            if (rows(i)%outcome%status /= outcome_done) then
-               build%n_failed = build%n_failed + 1
-            else if (basis%covers(c)) then
-               n = n + 1
-               kept(n) = i
-               constants(:, n) = basis%domain%class%constants_of(c)
-            else
-               beyond = beyond + 1
-            end if
          end do
       end associate
-      kept = kept(:n)
-      constants = constants(:, :n)
-      if (beyond > 0) call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside the surrogate''s ' &
-         & //'domain and are not used')
-   end subroutine select_rows
+   end subroutine learn_unused
 
-   !> Candidates that are this point may not be chosen any more.
-   subroutine exclude_points(build, constants, euler_deg, error)
+   !> Learn from what is not learnt yet in the order in which it was stored; none of it is chosen any more.
+   subroutine take_unused(build, error)
       type(build_type), intent(inout) :: build
-      real(wp), intent(in) :: constants(:), euler_deg(3)
       type(error_type), allocatable, intent(out) :: error
-      integer :: j
+      integer, allocatable :: open(:)
 
-      do j = 1, build%candidates%n()
-         if (abs(build%candidates%constants(1, j) - constants(1)) > 0.0_wp) cycle
-         if (any(abs(build%candidates%constants(:, j) - constants) > 0.0_wp)) cycle
-         if (any(abs(build%candidates%euler_deg(:, j) - euler_deg) > 0.0_wp)) cycle
-         call exclude_candidates(build%learning%learner, [j], error)
-         if (allocated(error)) return
-      end do
-   end subroutine exclude_points
+      call build%unused%close(open)
+      call exclude_candidates(build%learning%learner, open, error)
+      if (allocated(error) .or. build%phase /= teaching) return
+      call learn_unused(build, .false., error)
+      if (.not. allocated(error)) call update_posterior_mean(build%learning%learner%design, .true., error)
+   end subroutine take_unused
 
-   pure function angles_of(rows) result(euler_deg)
-      type(row_type), intent(in) :: rows(:)
-      real(wp) :: euler_deg(3, size(rows))
-      integer :: i
+   !> What of a batch that was interrupted is in the campaign must be in the batch chosen now, which is then the same one. If something else
+   !> is there, and something of the batch is not, another &design chose: the choice is taken back, and the rows are learnt as they are.
+   subroutine settle(build, error)
+      type(build_type), intent(inout) :: build
+      type(error_type), allocatable, intent(out) :: error
 
-      do i = 1, size(rows)
-         euler_deg(:, i) = rows(i)%euler_deg
-      end do
-   end function angles_of
+      if (build%n_wanted() == 0 .or. .not. build%unused%others_than(build%batch)) then
+         call build%unused%choose(build%batch)
+         return
+      end if
+      call take_back(build)
+      if (allocated(build%unseen_modulus)) deallocate (build%unseen_modulus)
+      call take_unused(build, error)
+   end subroutine settle
+
+   !> Let the design be as it was before the present choice, which ends.
+   subroutine take_back(build)
+      type(build_type), intent(inout) :: build
+
+      build%batch = [integer ::]
+      build%wanted = [integer ::]
+      build%learning%learner%design = build%before
+      deallocate (build%before)
+      call forget_last(build%learning%learner)
+   end subroutine take_back
 
    !> Why to stop before the budget, or ''.
    function why_to_stop_now(build) result(reason)
@@ -230,7 +224,8 @@ contains
          if (self%phase == teaching) call choose_lesson(self, error)
          if (self%phase == validating .and. .not. allocated(error)) call choose_unseen(self, error)
          if (allocated(error) .or. self%phase == finished) return
-         call find_in_campaign(self, error)
+         if (size(self%batch) > 0) call find_in_campaign(self, error)
+         if (.not. allocated(error) .and. self%unused%may_be_chosen()) call settle(self, error)
          if (allocated(error) .or. self%n_wanted() > 0) return
       end do
    end subroutine advance
@@ -250,6 +245,7 @@ contains
             & //'n_candidates to go on')
       end if
       if (len(build%stopped) == 0) then
+         if (build%unused%may_be_chosen()) build%before = build%learning%learner%design
          call choose(build, min(batch_end(build%learning) - build%learning%n(), n_left), error)
          return
       end if
@@ -266,22 +262,25 @@ contains
    subroutine choose_unseen(build, error)
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      integer :: stored, wanted, i
+      integer :: stored, wanted
 
       wanted = build%problem%settings%design%validation
       if (allocated(build%unseen_modulus) .or. wanted == 0) then
          build%phase = finished
          return
       end if
-      stored = min(wanted, size(build%unused))
-      build%unseen_constants = build%unseen_constants(:, :stored)
-      build%unseen_euler_deg = angles_of(build%unused(:stored))
-      build%unseen_modulus = [(build%unused(i)%outcome%modulus, i=1, stored)]
+      associate (unused => build%unused)
+         stored = merge(0, min(wanted, unused%n()), unused%may_be_chosen())
+         build%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
+         build%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
+         build%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
+      end associate
       wanted = min(wanted - stored, count(build%learning%learner%design%available))
       if (wanted == 0) then
          build%phase = finished
          return
       end if
+      build%before = build%learning%learner%design
       if (stored > 0) call assume(build, build%unseen_constants, build%unseen_euler_deg, error)
       if (.not. allocated(error)) call choose(build, wanted, error)
    end subroutine choose_unseen
@@ -322,21 +321,26 @@ contains
       end associate
    end subroutine assume
 
-   !> The next `count` candidates, before the moduli of the first of them are known.
-   subroutine look_ahead(build, count, numbers, error)
+   !> The next `n` candidates, before the moduli of the first of them are known.
+   subroutine look_ahead(build, n, numbers, error)
       type(build_type), intent(inout) :: build
-      integer, intent(in) :: count
+      integer, intent(in) :: n
       !> From 1.
       integer, allocatable, intent(out) :: numbers(:)
       type(error_type), allocatable, intent(out) :: error
 
-      call choose(build, count, error)
+      if (build%unused%may_be_chosen()) call take_unused(build, error)
+      if (allocated(error)) return
+      if (n < 1 .or. n > count(build%learning%learner%design%available)) call raise(error, '--ask '//to_text(n) &
+         & //': allowed are 1 .. '//to_text(count(build%learning%learner%design%available))//', the candidates that are left', &
+         & exit_bad_input)
+      if (.not. allocated(error)) call choose(build, n, error)
       if (allocated(error)) return
       numbers = build%batch
-      if (size(numbers) < count) then
+      if (size(numbers) < n) then
          ! The initial set is at its end: the variance, given that set, chooses the rest.
          call assume(build, build%candidates%constants(:, numbers), build%candidates%euler_deg(:, numbers), error)
-         if (.not. allocated(error)) call choose(build, count - size(numbers), error)
+         if (.not. allocated(error)) call choose(build, n - size(numbers), error)
          if (allocated(error)) return
          numbers = [numbers, build%batch]
       end if
@@ -347,20 +351,26 @@ contains
    subroutine find_in_campaign(build, error)
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: row
-      logical :: found
-      integer :: i
+      type(row_type) :: wanted, row
+      logical :: found(size(build%batch))
+      integer :: first(size(build%batch)), next, i
 
       deallocate (build%outcomes)
       allocate (build%outcomes(size(build%batch)))
       do i = 1, size(build%batch)
-         row = wanted_row(build, build%batch(i))
-         call build%campaign%find(row%symmetry, row%constants, row%euler_deg, row, found, error)
+         wanted = wanted_row(build, build%batch(i))
+         call build%campaign%find(wanted%symmetry, wanted%constants, wanted%euler_deg, row, found(i), error)
          if (allocated(error)) return
-         if (found) build%outcomes(i) = row%outcome
+         if (found(i)) build%outcomes(i) = row%outcome
+         first(i) = row%position - i + 1
       end do
       build%wanted = pack([(i, i=1, size(build%batch))], build%outcomes%status == outcome_waiting)
-      call build%campaign%next_position(build%first_position, error)
+      call build%campaign%next_position(next, error)
+      build%positions = next - 1 + [(i, i=1, size(build%wanted))]
+      ! What is missing of a batch that was interrupted takes the places that it left.
+      if (build%unused%may_be_chosen() .and. any(found)) then
+         if (minval(first, found) == maxval(first, found)) build%positions = minval(first, found) - 1 + build%wanted
+      end if
    end subroutine find_in_campaign
 
    !> A row of the campaign for a candidate, without an outcome.
@@ -382,13 +392,14 @@ contains
       if (size(self%wanted) > 0) n_wanted = count(self%outcomes(self%wanted)%status == outcome_waiting)
    end function n_wanted
 
-   !> Simulation i as a row of the campaign, without an outcome.
+   !> Simulation i as a row of the campaign at its position, without an outcome.
    function row(self, i)
       class(build_type), intent(in) :: self
       integer, intent(in) :: i
       type(row_type) :: row
 
       row = wanted_row(self, self%batch(self%wanted(i)))
+      row%position = self%positions(i)
    end function row
 
    !> The crystal of simulation i, GPa, in its axes.
@@ -419,8 +430,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(row_type) :: row
 
-      row = wanted_row(self, self%batch(self%wanted(i)))
-      row%position = self%first_position + i - 1
+      row = self%row(i)
       row%outcome = outcome
       call self%campaign%add(row, error)
       if (allocated(error)) return
@@ -446,6 +456,8 @@ contains
             build%unseen_constants = reshape([build%unseen_constants, constants], [size(constants, 1), n])
             build%unseen_euler_deg = reshape([build%unseen_euler_deg, euler_deg], [3, n])
             build%unseen_modulus = [build%unseen_modulus, modulus]
+            ! The surrogate has not learnt what it is validated with.
+            call take_back(build)
          else
             complete = batch_end(learning)
             call learn(learning, constants, euler_deg, modulus, build%by_variance, error)

@@ -86,7 +86,7 @@ contains
       !> Of each row, GPa (6, 6, rows).
       real(wp), intent(in) :: stiffness(:, :, :)
       integer, intent(in) :: n_threads
-      !> Points, in the order of their positions.
+      !> Points, in the order of their positions; those without one get the next.
       type(row_type), intent(inout) :: rows(:)
       !> How many were simulated.
       integer, intent(out) :: new
@@ -105,7 +105,7 @@ contains
       call store%next_position(position, error)
       if (allocated(error)) return
       do i = 1, size(rows)
-         if (rows(i)%outcome%status /= outcome_waiting .or. first(i) /= i) cycle
+         if (rows(i)%outcome%status /= outcome_waiting .or. first(i) /= i .or. rows(i)%position >= 0) cycle
          rows(i)%position = position
          position = position + 1
       end do

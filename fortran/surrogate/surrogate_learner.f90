@@ -14,7 +14,7 @@ module surrogate_learner
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, fit_learner, &
+   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, forget_last, fit_learner, &
       & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner
 
    type :: learner_type
@@ -129,6 +129,18 @@ contains
       end associate
       learner%scale = [learner%scale, scale]
    end subroutine add_simulations
+
+   !> Forget the last simulations, which the design does not have: it was put back to what it was before them.
+   subroutine forget_last(learner)
+      type(learner_type), intent(inout) :: learner
+
+      associate (n => learner%design%regression%n_data, known => learner%simulations)
+         known%constants = known%constants(:, :n)
+         known%euler_deg = known%euler_deg(:, :n)
+         known%modulus = known%modulus(:n)
+         learner%scale = learner%scale(:n)
+      end associate
+   end subroutine forget_last
 
    !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
    subroutine fit_learner(learner, error, precisions)

@@ -167,10 +167,10 @@ contains
       call store%open(path, theory, error)
       call store%close()
       call database%open(path, error)
-      call database%run('PRAGMA user_version = 2', error)
+      call database%run('PRAGMA user_version = 3', error)
       call database%close()
       call store%open(path, theory, error)
-      call check_refused('a newer version', error, path//': was written by a newer version (format 2, known: 1)')
+      call check_refused('a newer version', error, path//': was written by a newer version (format 3, known: 2)')
       call store%open('test_campaign', theory, error)
       call check_refused('a folder', error, 'test_campaign: the campaign cannot be used: unable to open database file')
    end subroutine test_foreign

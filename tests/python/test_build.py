@@ -144,13 +144,11 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, model,
             build(problem(tmp_path / "b", 24), tmp_path / "b")
     assert 10 <= len(stored(tmp_path / "b")) <= 11
     resumed = build(problem(tmp_path / "b", 24), tmp_path / "b")
-    if batch == 1:
-        # To the last bit, but for where it was and how much was new.
-        assert numbers_of(resumed) == numbers_of(whole)
-        assert posterior_of(tmp_path / "b") == posterior_of(tmp_path / "a")
+    # To the last bit, but for where it was and how much was new.
+    assert numbers_of(resumed) == numbers_of(whole)
+    assert posterior_of(tmp_path / "b") == posterior_of(tmp_path / "a")
+    assert stored(tmp_path / "b") == stored(tmp_path / "a")
     assert resumed["new_simulations"] + len(made) in (24, 25)
-    assert {row[1:] for row in stored(tmp_path / "b")} == {row[1:] for row in stored(tmp_path / "a")}
-    assert resumed["loocv_gpa"] == pytest.approx(whole["loocv_gpa"], rel=1e-5)
     # Once more: nothing new; then more points for a finished campaign, the same as with the larger budget at once.
     assert build(problem(tmp_path / "b", 24), tmp_path / "b")["new_simulations"] == 0
     assert build(problem(tmp_path / "b", 32), tmp_path / "b")["new_simulations"] == 8

@@ -1,0 +1,174 @@
+!> What a campaign has for a build: its rows by the constants of the domain's class, in order of choice, and which candidates they are.
+module known_rows
+   use abstract_basis, only: basis_type
+   use build_candidates, only: candidates_type
+   use campaign, only: row_type
+   use crystal_class, only: crystal_class_type, new_crystal_class
+   use errors, only: error_type
+   use kinds, only: wp
+   use simulate, only: outcome_done
+   implicit none
+   private
+   public :: known_rows_type, select_rows
+
+   !> Rows to learn from, of which the first `taken` are learnt.
+   type :: known_rows_type
+      integer :: taken = 0
+      !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
+      !> Simulations that failed.
+      integer :: failed = 0
+      !> The candidate that a row is, 0: none.
+      integer, allocatable, private :: candidate(:)
+      !> How many rows were stored before that of each candidate, done or failed; below 0: it has none.
+      integer, allocatable, private :: earlier(:)
+      !> Candidates that have a row which is not taken, and may be chosen once more.
+      logical, allocatable, private :: open(:)
+   contains
+      procedure :: n => count_left
+      procedure :: divide
+      procedure :: may_be_chosen
+      procedure :: others_than
+      procedure :: choose
+      procedure :: close => close_rows
+   end type known_rows_type
+
+contains
+
+   !> The rows of a campaign that are data from the start.
+   subroutine select_rows(rows, basis, candidates, chosen_only, known, beyond, error)
+      !> All rows, in order of choice.
+      type(row_type), intent(in) :: rows(:)
+      class(basis_type), intent(in) :: basis
+      type(candidates_type), intent(in) :: candidates
+      !> Of what was simulated here only what the design chooses again.
+      logical, intent(in) :: chosen_only
+      type(known_rows_type), intent(out) :: known
+      !> How many are outside the domain.
+      integer, intent(out) :: beyond
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
+      real(wp) :: c(6, 6), constants(basis%domain%class%n_constants)
+      integer :: i, j, n
+
+      beyond = 0
+      n = 0
+      allocate (known%constants(size(constants), size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
+      allocate (known%candidate(size(rows)), known%earlier(candidates%n()), known%open(candidates%n()))
+      known%earlier = -1
+      known%open = .false.
+      do i = 1, size(rows)
+         if (.not. allocated(class%name)) call new_crystal_class(rows(i)%symmetry, class, error)
+         if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
+         if (allocated(error)) return
+         c = class%stiffness(rows(i)%constants)
+         if (.not. basis%domain%is_of_class(c)) cycle
+         if (chosen_only .and. .not. rows(i)%imported) cycle
+         constants = basis%domain%class%constants_of(c)
+         call mark_candidates(known, candidates, constants, rows(i)%euler_deg, n, j)
+         if (rows(i)%outcome%status /= outcome_done) then
+            known%failed = known%failed + 1
+         else if (basis%covers(c)) then
+            n = n + 1
+            known%constants(:, n) = constants
+            known%euler_deg(:, n) = rows(i)%euler_deg
+            known%modulus(n) = rows(i)%outcome%modulus
+            known%candidate(n) = j
+         else
+            beyond = beyond + 1
+         end if
+      end do
+      call keep(known, [(i, i=1, n)])
+   end subroutine select_rows
+
+   !> Mark the candidates that are this point, to the last bit, with `n` rows before its own.
+   subroutine mark_candidates(known, candidates, constants, euler_deg, n, number)
+      type(known_rows_type), intent(inout) :: known
+      type(candidates_type), intent(in) :: candidates
+      !> GPa; degrees.
+      real(wp), intent(in) :: constants(:), euler_deg(3)
+      integer, intent(in) :: n
+      !> Of one of them, 0 if there is none.
+      integer, intent(out) :: number
+      integer :: j
+
+      number = 0
+      do j = 1, candidates%n()
+         if (abs(candidates%constants(1, j) - constants(1)) > 0.0_wp) cycle
+         if (any(abs(candidates%constants(:, j) - constants) > 0.0_wp)) cycle
+         if (any(abs(candidates%euler_deg(:, j) - euler_deg) > 0.0_wp)) cycle
+         known%earlier(j) = n
+         number = j
+      end do
+   end subroutine mark_candidates
+
+   !> Keep these rows alone.
+   subroutine keep(known, rows)
+      type(known_rows_type), intent(inout) :: known
+      integer, intent(in) :: rows(:)
+
+      known%constants = known%constants(:, rows)
+      known%euler_deg = known%euler_deg(:, rows)
+      known%modulus = known%modulus(rows)
+      known%candidate = known%candidate(rows)
+   end subroutine keep
+
+   !> Rows that are not taken.
+   pure integer function count_left(self)
+      class(known_rows_type), intent(in) :: self
+
+      count_left = size(self%modulus) - self%taken
+   end function count_left
+
+   !> Divide the candidates that are in the campaign: those stored before the last row that is `taken`, and those that may be chosen
+   !> once more, if all rows that are left are candidates.
+   subroutine divide(self, taken)
+      class(known_rows_type), intent(inout) :: self
+      !> Numbers of candidates.
+      integer, allocatable, intent(out) :: taken(:)
+      integer :: j
+
+      self%open = self%earlier >= self%taken
+      taken = pack([(j, j=1, size(self%open))], self%earlier >= 0 .and. .not. self%open)
+      if (all(self%candidate(self%taken + 1:) > 0)) return
+      taken = [taken, pack([(j, j=1, size(self%open))], self%open)]
+      self%open = .false.
+   end subroutine divide
+
+   !> Whether there are rows in the campaign that the design may still choose.
+   pure logical function may_be_chosen(self)
+      class(known_rows_type), intent(in) :: self
+
+      may_be_chosen = any(self%open)
+   end function may_be_chosen
+
+   !> Whether some that may be chosen are not among the candidates with these `numbers`.
+   pure logical function others_than(self, numbers)
+      class(known_rows_type), intent(in) :: self
+      integer, intent(in) :: numbers(:)
+
+      others_than = count(self%open) > count(self%open(numbers))
+   end function others_than
+
+   !> The candidates with these `numbers` are chosen: their rows are not left over.
+   subroutine choose(self, numbers)
+      class(known_rows_type), intent(inout) :: self
+      integer, intent(in) :: numbers(:)
+      integer :: i
+
+      self%open(numbers) = .false.
+      associate (left => [(i <= self%taken .or. .not. any(self%candidate(i) == numbers), i=1, size(self%modulus))])
+         call keep(self, pack([(i, i=1, size(left))], left))
+      end associate
+   end subroutine choose
+
+   !> None may be chosen any more; those that might are `open`, numbers of candidates.
+   subroutine close_rows(self, open)
+      class(known_rows_type), intent(inout) :: self
+      integer, allocatable, intent(out) :: open(:)
+      integer :: j
+
+      open = pack([(j, j=1, size(self%open))], self%open)
+      self%open = .false.
+   end subroutine close_rows
+end module known_rows
