@@ -111,7 +111,7 @@ module settings_groups
 
    type :: execution_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: engine
+      character(len=:), allocatable :: engine, scheduler
       integer :: workers = 0
    end type execution_settings_type
 

@@ -210,6 +210,9 @@ contains
       call v%group('execution', s%execution%given, 'The machine.')
       call v%integer('workers', s%execution%workers, '0', '[0, 4096]', '', &
          & 'threads; 0: all cores. Results do not depend on it')
-      call v%choice('engine', s%execution%engine, 'local', 'local', 'where simulations run')
+      call v%choice('engine', s%execution%engine, 'local', 'local, dask', &
+         & 'where simulations run: threads of this process, or workers of Dask (bayesindent; the batch program has threads)')
+      call v%text('scheduler', s%execution%scheduler, 'local', &
+         & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
    end subroutine visit_settings
 end module settings_schema

@@ -47,7 +47,8 @@ simulator = Simulator(problem)
 with Campaign(folder + "/campaign.sqlite", problem.physics) as campaign:
     for name, more in (("none fits", 0.5 * workspace), ("again", None)):
         limit(more)
-        attempt(name, lambda: simulate_into(campaign, simulator, crystals, engine_of(problem), lambda success: None))
+        with engine_of(problem) as engine:
+            attempt(name, lambda: simulate_into(campaign, simulator, crystals, engine, lambda success: None))
         limit(None)
         rows = campaign.rows("cubic")
         print("rows", len(rows), [row.modulus_gpa is not None for row in rows])

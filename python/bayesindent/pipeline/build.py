@@ -4,6 +4,7 @@ All results go through campaign.sqlite, so that an interrupted build goes on whe
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,13 @@ __all__ = ["Build", "build"]
 def build(problem, output, progress: Progress | None = None) -> dict:
     """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
     progress = progress or Progress()
-    design, engine, simulate = problem.settings.design, engine_of(problem), None
+    design, engine, simulate = problem.settings.design, None, None
     steps = Build(problem, output)
     wanted, learnt, _ = steps.advance()
-    with progress.bar("simulations", max(0, design.budget + design.validation - learnt)) as advance:
+    with progress.bar("simulations", max(0, design.budget + design.validation - learnt)) as advance, ExitStack() as opened:
         while wanted:
-            simulate = simulate or Simulator(problem)
+            if simulate is None:
+                simulate, engine = Simulator(problem), opened.enter_context(engine_of(problem))
             steps.perform(simulate, engine, advance, wanted)
             wanted = steps.advance()[0]
     return steps.conclude()

@@ -9,6 +9,7 @@ from ..crystal.elasticity import stiffness_rows
 from ..fe.indentation import resolution
 from ..pipeline.campaign import Campaign
 from ..pipeline.engines import ENGINES
+from ..settings.problem import Problem
 
 __all__ = ["Simulator", "engine_of", "resolution_warnings", "simulate_all", "simulate_into"]
 
@@ -23,7 +24,9 @@ class Simulator(NativeObject):
         self._hold(call("simulation_new", problem.handle, self.kind))
 
     def __reduce__(self):
-        return type(self), self._made_of
+        # For workers elsewhere, which may not see the files: what the physics depends on.
+        settings = self._made_of[0].settings
+        return _simulator_of, tuple(_stated(getattr(settings, group)) for group in ("specimen", "indenter", "simulation"))
 
     def __call__(self, stiffness, euler_deg) -> dict:
         """What `Campaign.add` stores of one crystal: stiffness (6, 6) in GPa, angles (3,) in degrees.
@@ -41,6 +44,14 @@ class Simulator(NativeObject):
         return result | {"elements": int(elements), "depth_um": curve[: int(points), 0], "force_mn": curve[: int(points), 1]}
 
 
+def _stated(group) -> dict:
+    return {name: value for name, value in vars(group).items() if name != "given" and value is not None}
+
+
+def _simulator_of(specimen: dict, indenter: dict, simulation: dict) -> Simulator:
+    return Simulator(Problem.from_keywords("Simulator", specimen=specimen, indenter=indenter, simulation=simulation))
+
+
 def resolution_warnings(problem, stiffness) -> list[str]:
     """What is to be said of simulated crystals (n, 6, 6) in GPa that the mesh resolves badly, if there are any."""
     _, warning = resolution(problem, np.asarray(stiffness))
@@ -48,9 +59,9 @@ def resolution_warnings(problem, stiffness) -> list[str]:
 
 
 def engine_of(problem):
-    """The engine that &execution asks for."""
+    """The engine that &execution asks for, for a `with` statement."""
     execution = problem.settings.execution
-    return ENGINES[execution.engine](execution.workers)
+    return ENGINES[execution.engine](execution.workers, execution.scheduler)
 
 
 def simulate_into(campaign: Campaign, simulate: Callable, crystals: Sequence, engine, done: Callable[[bool], None]) -> None:

@@ -9,8 +9,8 @@ from ..common.progress import Progress
 from ..core import BayesindentError, InputError
 from ..crystal.elasticity import polycrystal_averages
 from ..fe.indentation import NOT_OURS, Indentation
+from ..pipeline.engines import LocalEngine
 from ..pipeline.moduli import identified
-from ..pipeline.simulator import engine_of
 
 __all__ = ["LIMIT", "specimen_size"]
 
@@ -66,7 +66,10 @@ def specimen_size(problem, progress: Progress) -> dict:
         finally:
             advance(1)
 
-    with progress.bar("indentations", len(jobs)) as advance, ThreadPoolExecutor(engine_of(problem).workers) as pool:
+    with (
+        progress.bar("indentations", len(jobs)) as advance,
+        ThreadPoolExecutor(LocalEngine(problem.settings.execution.workers).workers) as pool,
+    ):
         moduli = dict(zip(jobs, pool.map(modulus, jobs), strict=True))
     results = []
     for number, (i, name, settings) in enumerate(cases):

@@ -51,8 +51,8 @@ def simulated_rows(problem, output: Path, progress: Progress) -> tuple[list, int
     with Campaign(output / "campaign.sqlite", problem.physics) as campaign:
         todo = list(dict.fromkeys(key for key in keys if campaign.find(*key) is None))
         if todo:
-            with progress.bar("indentations", len(todo)) as advance:
-                simulate_into(campaign, Simulator(problem), todo, engine_of(problem), lambda success: advance(1))
+            with progress.bar("indentations", len(todo)) as advance, engine_of(problem) as engine:
+                simulate_into(campaign, Simulator(problem), todo, engine, lambda success: advance(1))
         return [campaign.find(*key) for key in keys], len(todo)
 
 

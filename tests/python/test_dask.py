@@ -1,0 +1,134 @@
+"""Simulations on the workers of a real Dask scheduler: the same numbers, with a worker killed on the way."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import bayesindent as bi
+from bayesindent.pipeline.build import build
+from bayesindent.pipeline.engines import DaskEngine
+from bayesindent.settings.problem import Problem
+
+pytest.importorskip("distributed", reason="the extra dask is not installed")
+
+START = "import sys; from distributed.cli.{0} import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Address of a scheduler of its own, and two worker processes."""
+    folder = tmp_path_factory.mktemp("dask")
+    file = folder / "scheduler.json"
+
+    def start(kind: str, *arguments: str) -> subprocess.Popen:
+        command = [sys.executable, "-c", START.format(kind), "--scheduler-file", str(file), *arguments]
+        # Workers find this file too, for the job below.
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+        with open(folder / f"{kind}.log", "a") as log:
+            return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log)
+
+    processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
+    end = time.monotonic() + 60
+    while not file.exists() and time.monotonic() < end:
+        time.sleep(0.1)
+    workers = [start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
+    yield json.loads(file.read_text())["address"], workers
+    for process in workers + processes:
+        process.kill()
+        process.wait()
+
+
+class Counted:
+    """A job that leaves a line in a file wherever it is made from its pickle."""
+
+    def __init__(self, file: Path):
+        self.file = file
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        with open(self.file, "a") as stream:
+            stream.write(f"{os.getpid()}\n")
+
+    def __call__(self, item: int) -> tuple[int, int]:
+        if item < 0:
+            raise bi.InputError("less than nothing")
+        time.sleep(0.05)
+        return os.getpid(), item**2
+
+
+@contextmanager
+def engine_with_two(address: str):
+    with DaskEngine(0, address) as engine:
+        end = time.monotonic() + 60
+        while engine.workers < 2 and time.monotonic() < end:
+            time.sleep(0.1)
+        assert engine.workers == 2
+        yield engine
+
+
+def test_each_worker_makes_the_job_once(cluster, tmp_path):
+    found = {}
+    with engine_with_two(cluster[0]) as engine:
+        engine.map(Counted(tmp_path / "made"), list(range(40)), found.__setitem__)
+    assert [found[i][1] for i in range(40)] == [i**2 for i in range(40)]
+    made = (tmp_path / "made").read_text().split()
+    assert len(set(made)) == len(made) == 2 and set(made) == {str(pid) for pid, _ in found.values()}
+
+
+def test_an_exception_starts_no_more_and_keeps_what_is_done(cluster, tmp_path):
+    found = {}
+    with engine_with_two(cluster[0]) as engine, pytest.raises(bi.InputError, match="less than nothing"):
+        engine.map(Counted(tmp_path / "made"), [*range(5), -1, *range(5, 400)], found.__setitem__)
+    assert len(found) < 200 and all(found[i][1] == i**2 for i in found if i < 5)
+
+
+def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path):
+    address, workers = cluster
+    with engine_with_two(address):
+        pass
+    problem = (
+        "&problem title = 'On workers', seed = 3 /\n&simulation refine = 0.6, depths = 4 /\n"
+        "&design budget = 12, batch = 4, n_candidates = 200 /\n&surrogate degree = 1 /\n"
+    )
+    for name, execution in (("local", ""), ("dask", f"&execution engine = 'dask', scheduler = '{address}' /\n")):
+        (tmp_path / f"{name}.nml").write_text(problem + execution)
+    build(Problem(tmp_path / "local.nml", "build"), tmp_path / "local")
+
+    class Progress:
+        def bar(self, *_):
+            return self
+
+        def __enter__(self):
+            return self.advance
+
+        def __exit__(self, *_):
+            pass
+
+        def advance(self, _):
+            if workers[0].poll() is None:
+                workers[0].send_signal(signal.SIGKILL)
+
+    build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask", Progress())
+    assert workers[0].wait(10) == -signal.SIGKILL
+
+    def rows(name: str) -> list[tuple]:
+        with sqlite3.connect(tmp_path / name / "campaign.sqlite") as campaign:
+            columns = "position, symmetry, constants, euler_deg, indentation_modulus_gpa, force_mn"
+            return campaign.execute(f"SELECT {columns} FROM simulation ORDER BY position").fetchall()
+
+    assert len(rows("dask")) == 12 and rows("dask") == rows("local")
+    coefficients = [bi.Surrogate.load(tmp_path / name / "surrogate.txt").coefficients.tolist() for name in ("dask", "local")]
+    assert coefficients[0] == coefficients[1]
+
+
+def test_no_scheduler_is_told(tmp_path):
+    with pytest.raises(bi.core.MachineError, match="no scheduler answers at tcp://127.0.0.1:1"):
+        DaskEngine(0, "tcp://127.0.0.1:1")
