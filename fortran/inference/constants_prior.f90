@@ -85,6 +85,8 @@ contains
       type(knowledge_type), intent(in) :: knowledge
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
+      !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
+      real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
       integer :: j
 
       prior%class = class
@@ -97,6 +99,11 @@ contains
       prior%has_box = all(prior%lower > no_lower) .and. all(prior%upper < no_upper)
       do j = 1, class%n_constants
          if (prior%upper(j) > prior%lower(j)) cycle
+         if (.not. prior%upper(j) < prior%lower(j)) then
+            prior%lower(j) = prior%lower(j) - max(least_width, relative_width*abs(prior%lower(j)))
+            prior%upper(j) = prior%upper(j) + max(least_width, relative_width*abs(prior%upper(j)))
+            cycle
+         end if
          call raise(error, class%constants(j)//': the bounds '//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j)) &
             & //' GPa are not an interval', exit_bad_input)
          return

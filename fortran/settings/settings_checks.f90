@@ -57,7 +57,7 @@ contains
          & //'the variable is missing; allowed '//crystal_class_names(), exit_bad_input)
    end subroutine check_symmetry
 
-   !> c_min below c_max, and a stable crystal between them; each may be unset.
+   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
    subroutine check_bounds(path, group, class, low, high, error)
       character(len=*), intent(in) :: path, group
       type(crystal_class_type), intent(in) :: class
@@ -71,7 +71,8 @@ contains
       if (.not. (allocated(low) .and. allocated(high))) return
       names = class%constants
       do i = 1, size(low)
-         if (.not. low(i) < high(i)) then
+         ! A prior whose bounds are equal fixes a constant.
+         if (low(i) > high(i) .or. (group == 'domain' .and. .not. low(i) < high(i))) then
             call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below ' &
                & //'its c_max of '//to_text(high(i))//' GPa', exit_bad_input)
             return

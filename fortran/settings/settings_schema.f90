@@ -175,7 +175,7 @@ contains
       call v%constants('c_min', s%prior%c_min, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants; unset: none')
       call v%constants('c_max', s%prior%c_max, 'unset', '[-500, 5000]', 'GPa', &
-         & 'upper bounds of the constants; unset: none')
+         & 'upper bounds of the constants; unset: none; equal to the lower one: the constant is known')
       call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, 'unset', '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14); unset: the log-anisotropy is limited instead')
       call v%choice('measure', s%prior%measure, 'constants', 'constants, logarithms', &

@@ -175,3 +175,20 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
         said = f"grains in 2 different directions; {visible} combinations of the {n_constants} constants are visible to indentation"
         assert [said in line for line in warnings(2)] == [True]
     assert warnings(max(2, min(visible, 6))) == [] or visible > 6
+
+
+def test_equal_bounds_fix_a_constant():
+    euler_deg = np.column_stack([np.zeros(12), np.degrees(np.arccos(np.linspace(-0.95, 0.95, 12))), np.linspace(0, 330, 12)])
+    modulus = bi.halfspace_modulus(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), euler_deg)
+    table = {"euler_deg": euler_deg, "modulus_gpa": modulus + 2 * np.cos(np.arange(12)), "sd_gpa": np.full(12, 2.0)}
+    box = {"C11": (50, 300), "C12": (20, 200), "C44": (20, 200)}
+    settings = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "seed": 1, "samples": 4000}
+    fixed = bi.extract(table, bounds=box | {"C12": (121.4, 121.4)}, **settings).posterior
+    known = bi.extract(table, bounds=box, knowledge={"C12": (121.4, 0.01)}, **settings).posterior
+    np.testing.assert_allclose(fixed.C12, 121.4, atol=0.03)
+    for name in ("C11", "C44"):
+        sd = float(known[name].std())
+        # 15 Monte Carlo errors or so, with some 6000 effective samples each.
+        assert abs(float(fixed[name].mean() - known[name].mean())) < 0.2 * sd
+        assert float(fixed[name].std()) == pytest.approx(sd, rel=0.15)
+        assert sd < 6, "the free ridge would be much longer"
