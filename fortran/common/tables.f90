@@ -1,6 +1,8 @@
 !> Tables of text cells from CSV: a header row, then rows; lines that start with # are comments.
 !>
-!> Cells may be in double quotes (RFC 4180); blank lines are skipped; CRLF and a byte order mark are accepted.
+!> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by commas, numbers may have decimal ones.
+!> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
+!> order mark are accepted.
 module tables
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
@@ -19,6 +21,7 @@ module tables
       !> Every cell, unquoted, one after the other; cell (j, i) is buffer(first(j, i):last(j, i)); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: first(:, :), last(:, :)
+      logical, private :: decimal_comma = .false.
    contains
       procedure :: cell
       procedure :: name
@@ -47,8 +50,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: first(:), last(:), line(:), counts(:)
       integer :: cells, rows, i, j
+      character :: delimiter
 
-      call split(content, table%buffer, first, last, cells, line, counts, rows, error)
+      delimiter = delimiter_of(content)
+      table%decimal_comma = delimiter /= ','
+      call split(content, delimiter, table%buffer, first, last, cells, line, counts, rows, error)
       if (allocated(error)) return
       if (rows == 0) then
          call raise(error, 'the table has no header row', exit_bad_input)
@@ -95,13 +101,6 @@ contains
             & exit_bad_input)
          return
       end if
-      if (table%columns == 1) then
-         if (scan(table%name(1), ';'//achar(9)) > 0) then
-            call raise(error, 'line '//to_text(line)//': the columns are separated by semicolons or tabs; ' &
-               & //'a comma is needed', exit_bad_input)
-            return
-         end if
-      end if
       do j = 2, table%columns
          do i = 1, j - 1
             if (len(table%name(j)) > 0 .and. table%name(i) == table%name(j)) then
@@ -113,22 +112,51 @@ contains
       end do
    end subroutine check_header
 
-   !> Cut the text into cells; quotes are taken off on the way.
-   subroutine split(content, buffer, first, last, cells, line, counts, rows, error)
+   !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
+   pure character function delimiter_of(content)
       character(len=*), intent(in) :: content
+      character(len=*), parameter :: candidates = ',;'//achar(9)
+      integer :: i, k, last, counts(len(candidates))
+      logical :: quoted
+
+      i = 1
+      last = 0
+      do while (i <= len(content))
+         call end_of_line(content, i, last)
+         if (.not. is_skipped(content(i:last))) exit
+         i = last + 2
+      end do
+      counts = 0
+      quoted = .false.
+      do i = i, last
+         if (content(i:i) == '"') quoted = .not. quoted
+         k = index(candidates, content(i:i))
+         if (k > 0 .and. .not. quoted) counts(k) = counts(k) + 1
+      end do
+      k = maxloc(counts, dim=1)
+      delimiter_of = candidates(k:k)
+   end function delimiter_of
+
+   !> Cut the text into cells; quotes are taken off on the way.
+   subroutine split(content, delimiter, buffer, first, last, cells, line, counts, rows, error)
+      character(len=*), intent(in) :: content
+      character, intent(in) :: delimiter
       character(len=:), allocatable, intent(out) :: buffer
       integer, allocatable, intent(out) :: first(:), last(:), line(:), counts(:)
       integer, intent(out) :: cells, rows
       type(error_type), allocatable, intent(out) :: error
       character, parameter :: newline = achar(10), return = achar(13)
       integer :: i, n, number, most_cells, most_rows, filled, row_line
+      character(len=:), allocatable :: blanks
       logical :: quoted
 
       n = len(content)
+      blanks = ' '
+      if (delimiter /= achar(9)) blanks = ' '//achar(9)
       most_cells = 1
       most_rows = 1
       do i = 1, n
-         if (content(i:i) == ',') most_cells = most_cells + 1
+         if (content(i:i) == delimiter) most_cells = most_cells + 1
          if (content(i:i) == newline) most_rows = most_rows + 1
       end do
       most_cells = most_cells + most_rows
@@ -158,7 +186,7 @@ contains
             counts(rows) = counts(rows) + 1
             first(cells) = filled + 1
             do while (i <= n)
-               if (content(i:i) /= ' ' .and. content(i:i) /= achar(9)) exit
+               if (index(blanks, content(i:i)) == 0) exit
                i = i + 1
             end do
             quoted = .false.
@@ -183,18 +211,18 @@ contains
                last(cells) = filled
                i = i + 1
                do while (i <= n)
-                  if (scan(content(i:i), ' '//achar(9)//return) == 0) exit
+                  if (scan(content(i:i), blanks//return) == 0) exit
                   i = i + 1
                end do
                if (i <= n) then
-                  if (content(i:i) /= ',' .and. content(i:i) /= newline) then
+                  if (content(i:i) /= delimiter .and. content(i:i) /= newline) then
                      call raise(error, 'line '//to_text(row_line)//': text follows a closing double quote', exit_bad_input)
                      return
                   end if
                end if
             else
                do while (i <= n)
-                  if (content(i:i) == ',' .or. content(i:i) == newline) exit
+                  if (content(i:i) == delimiter .or. content(i:i) == newline) exit
                   filled = filled + 1
                   buffer(filled:filled) = content(i:i)
                   i = i + 1
@@ -209,6 +237,16 @@ contains
             if (content(i:i) == newline) exit row
             i = i + 1
          end do row
+         ! Empty cells beyond the header, and rows of nothing else, are none.
+         do while (counts(rows) > merge(0, counts(1), rows == 1))
+            if (last(cells) >= first(cells)) exit
+            cells = cells - 1
+            counts(rows) = counts(rows) - 1
+         end do
+         if (all(last(cells - counts(rows) + 1:cells) < first(cells - counts(rows) + 1:cells))) then
+            cells = cells - counts(rows)
+            rows = rows - 1
+         end if
          i = i + 1
          number = number + 1
       end do
@@ -287,6 +325,9 @@ contains
       character(len=:), allocatable :: string, place
 
       string = self%cell(column, row)
+      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',') == index(string, ',', back=.true.)) then
+         if (index(string, ',') > 0) string(index(string, ','):index(string, ',')) = '.'
+      end if
       call read_real(string, value, outcome)
       if (outcome == number_ok) return
       place = 'line '//to_text(self%line(row))//', column '//printable(self%name(column))//': '

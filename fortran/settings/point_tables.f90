@@ -7,7 +7,7 @@ module point_tables
    use files, only: printable
    use kinds, only: degree, pi, wp
    use tables, only: parse_table, read_table, table_type
-   use text, only: join, to_text
+   use text, only: join, lower, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, measurements_of_text, angles_look_like_radians
@@ -35,6 +35,18 @@ module point_tables
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
+   type :: column_type
+      character(len=12) :: name
+      character(len=60) :: others
+      character(len=30) :: units
+   end type column_type
+   type(column_type), parameter :: known_columns(*) = [ &
+      & column_type('phi1_deg', ' phi1 phi_1 euler1 euler_1 ', ' deg degrees degree ° rad radians '), &
+      & column_type('Phi_deg', ' phi euler2 euler_2 ', ' deg degrees degree ° rad radians '), &
+      & column_type('phi2_deg', ' phi2 phi_2 euler3 euler_3 ', ' deg degrees degree ° rad radians '), &
+      & column_type('modulus_gpa', ' modulus ', ' gpa '), &
+      & column_type('sd_gpa', ' sd std stdev error standard_deviation ', ' gpa ')]
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
@@ -254,7 +266,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: column, i
 
-      column = points%table%find('modulus_gpa')
+      call find_column(points%table, 'modulus_gpa', column, error)
+      if (allocated(error)) return
       if (column == 0 .and. .not. required) column = points%table%find('indentation_modulus_gpa')
       if (column == 0) then
          if (required) call need_column(points%table, 'modulus_gpa', column, error)
@@ -283,7 +296,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: column, i
 
-      column = points%table%find('sd_gpa')
+      call find_column(points%table, 'sd_gpa', column, error)
+      if (allocated(error)) return
       if (column == 0) then
          if (.not. optional_column) call raise(error, 'the column sd_gpa is missing; it may be absent only with ' &
             & //'scale = ''inferred''; the columns are '//column_list(points%table), exit_bad_input)
@@ -344,13 +358,50 @@ contains
       end do
    end subroutine read_groups
 
+   !> A column by its name or, without regard to case, by another one, perhaps with its unit: 'Euler1 (deg)'; 0 where there is none.
+   subroutine find_column(table, name, column, error)
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: name
+      integer, intent(out) :: column
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word, unit
+      integer :: i, j, k
+
+      column = table%find(name)
+      i = findloc(known_columns%name, name, dim=1)
+      if (column > 0 .or. i == 0) return
+      do j = 1, table%columns
+         word = lower(table%name(j))
+         unit = ''
+         k = scan(word, '([')
+         if (k > 0) then
+            unit = word(k + 1:)
+            if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+            word = word(:k - 1)
+         end if
+         word = trim(word)
+         do k = 1, len(word)
+            if (scan(word(k:k), ' -') == 1) word(k:k) = '_'
+         end do
+         if (index(known_columns(i)%others, ' '//word//' ') == 0) cycle
+         if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//trim(adjustl(unit))//' ') == 0) then
+            call raise(error, 'line 1, column '//printable(table%name(j))//': the unit '//printable(unit)//' is not read; allowed' &
+               & //trim(known_columns(i)%units), exit_bad_input)
+            return
+         end if
+         column = j
+         return
+      end do
+   end subroutine find_column
+
    subroutine need_column(table, name, column, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
       integer, intent(out) :: column
       type(error_type), allocatable, intent(out) :: error
 
-      column = table%find(name)
+      call find_column(table, name, column, error)
+      if (allocated(error)) return
       if (column == 0) call raise(error, 'the column '//name//' is missing; the columns are '//column_list(table), &
          & exit_bad_input)
    end subroutine need_column
