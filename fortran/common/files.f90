@@ -2,10 +2,12 @@
 module files
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use kinds, only: i8
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_entry, new_file_type, replace_file, make_folder
+   public :: read_text_file, read_entry, new_file_type, replace_file, make_folder, name_beside, place_new_file, &
+      & remove_file
    public :: folder_of, resolve_path, file_exists, is_folder, printable
 
    !> Larger files are refused, bytes: an input that big is no input of ours.
@@ -39,6 +41,10 @@ module files
          character(kind=c_char), intent(out) :: bytes(*)
          integer(c_size_t), value :: n
       end function c_read
+      integer(c_int) function c_link(from, to) bind(c, name='link')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: from(*), to(*)
+      end function c_link
       integer(c_int) function c_unlink(path) bind(c, name='unlink')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: path(*)
@@ -57,6 +63,7 @@ module files
       private
       character(len=:), allocatable :: path, beside
       integer :: unit = 0, status = 0
+      integer(i8) :: bytes = 0
       logical :: is_open = .false.
       character(len=256) :: reason = ''
    contains
@@ -195,7 +202,7 @@ contains
       character(len=*), intent(in) :: path
 
       self%path = path
-      self%beside = path//'.'//to_text(int(c_getpid()))//'.part'
+      self%beside = name_beside(path)
       open (newunit=self%unit, file=self%beside, access='stream', form='unformatted', status='replace', action='write', &
          & iostat=self%status, iomsg=self%reason)
       self%is_open = self%status == 0
@@ -207,6 +214,7 @@ contains
       character(len=*), intent(in) :: content
 
       if (self%status == 0) write (self%unit, iostat=self%status, iomsg=self%reason) content
+      self%bytes = self%bytes + len(content)
    end subroutine add
 
    !> To the disk, then in its place; after a failure, which is told now, there is no new file.
@@ -214,11 +222,18 @@ contains
       class(new_file_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer(c_int) :: descriptor, outcome
+      integer(i8) :: bytes
       integer :: status
 
       if (self%status == 0) then
          close (self%unit, iostat=self%status, iomsg=self%reason)
          self%is_open = self%status /= 0
+         ! The library does not tell what happens to the last of its buffers.
+         inquire (file=self%beside, size=bytes)
+         if (self%status == 0 .and. bytes /= self%bytes) then
+            self%status = -1
+            self%reason = 'the disk is full'
+         end if
       end if
       if (self%status /= 0) then
          ! What the library says of a disk that is full.
@@ -241,6 +256,33 @@ contains
       end if
       if (allocated(error)) outcome = c_unlink(self%beside//c_null_char)
    end subroutine finish
+
+   !> The name by which this process writes a file until it is whole.
+   function name_beside(path) result(name)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable :: name
+
+      name = path//'.'//to_text(int(c_getpid()))//'.part'
+   end function name_beside
+
+   !> Let the file `beside` have the name `path` if there is none of that name; else it is removed.
+   subroutine place_new_file(beside, path)
+      character(len=*), intent(in) :: beside, path
+      integer(c_int) :: outcome
+
+      outcome = c_link(beside//c_null_char, path//c_null_char)
+      ! Not every file system has links.
+      if (outcome /= 0 .and. .not. file_exists(path)) outcome = c_rename(beside//c_null_char, path//c_null_char)
+      outcome = c_unlink(beside//c_null_char)
+   end subroutine place_new_file
+
+   !> Remove a file, if it is there.
+   subroutine remove_file(path)
+      character(len=*), intent(in) :: path
+      integer(c_int) :: outcome
+
+      outcome = c_unlink(path//c_null_char)
+   end subroutine remove_file
 
    !> Make a folder and those above it, where they are missing.
    subroutine make_folder(path, error)

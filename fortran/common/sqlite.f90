@@ -12,7 +12,8 @@ module sqlite
 
    !> Result codes of the library that are not errors, and those for which the machine is to blame: permission, busy, locked, memory,
    !> read-only, interrupt, input and output, full, cannot open.
-   integer, parameter :: ok = 0, row_code = 100, done_code = 101, of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], full = 13
+   integer, parameter :: ok = 0, row_code = 100, done_code = 101, of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14]
+   integer, parameter :: read_only = 8, full = 13
    integer(c_int), parameter :: read_write_create = 6_c_int
    !> SQLITE_TRANSIENT in place of a destructor: the library copies a text at once.
    integer(c_intptr_t), parameter :: transient = -1_c_intptr_t
@@ -216,6 +217,7 @@ contains
       reason = 'the database is not open'
       if (c_associated(self%handle)) call copy_text(c_message(self%handle), reason)
       if (iand(int(code), 255) == full) reason = 'the disk is full'
+      if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
       call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
    end subroutine fail
 

@@ -96,22 +96,12 @@ contains
          call page%put('seed', problem%settings%problem%seed)
          call page%put('loocv_gpa', last%loocv)
          call page%put('leave_crystal_out_gpa', last%leave_crystal_out)
-         call page%put('namelist', without_folder(problem))
+         ! A surrogate travels between machines: the file by its name alone.
+         call page%put('namelist', problem%resolved_text(problem%path(len(problem%folder) + 1:)))
          call page%end_object()
       end associate
       text = page%text()
    end function provenance
-
-   !> The resolved namelist; the file that it came from by its name alone, since a surrogate travels between machines.
-   function without_folder(problem) result(page)
-      type(problem_type), intent(in) :: problem
-      character(len=:), allocatable :: page
-      integer :: at
-
-      page = problem%resolved_text()
-      at = index(page, problem%folder)
-      if (at > 0 .and. len(problem%folder) > 0) page = page(:at - 1)//page(at + len(problem%folder):)
-   end function without_folder
 
    !> An entry of the history, in the object that is open.
    subroutine put_state(page, state)

@@ -1,7 +1,7 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 module campaign_file
    use errors, only: error_type, exit_bad_input, machine_failure, raise
-   use files, only: folder_of, make_folder
+   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, remove_file
    use sqlite, only: database_type
    implicit none
    private
@@ -55,41 +55,28 @@ contains
 
       if (len(folder_of(path)) > 0) call make_folder(folder_of(path), error)
       if (allocated(error)) return
-      call file%open(path, error)
+      if (.not. file_exists(path)) call create(path, error)
+      if (.not. allocated(error)) call file%open(path, error)
       if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
-      if (.not. allocated(error)) call create(file, error)
       if (.not. allocated(error)) call verify(path, file, error)
       if (.not. allocated(error)) call migrate(file, error)
       call name_file(path, error)
    end subroutine open_campaign_file
 
-   !> Lay out a file that has nothing yet. Another process may do so at the same time: who comes second finds it done.
-   subroutine create(file, error)
-      type(database_type), intent(in) :: file
+   !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
+   subroutine create(path, error)
+      character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
-      type(error_type), allocatable :: aborted
-      logical :: empty
+      type(database_type) :: file
 
-      call look(error)
-      if (.not. empty .or. allocated(error)) return
-      call file%run('BEGIN IMMEDIATE', error)
-      if (allocated(error)) return
-      call look(error)
-      if (empty .and. .not. allocated(error)) call file%run(layout, error)
-      if (.not. allocated(error)) call file%run('COMMIT', error)
-      if (allocated(error)) call file%run('ROLLBACK', aborted)
-
-   contains
-
-      subroutine look(error)
-         type(error_type), allocatable, intent(out) :: error
-         character(len=:), allocatable :: version, tables
-
-         empty = .false.
-         call file%value('PRAGMA schema_version', version, error)
-         if (.not. allocated(error)) call file%value('SELECT COUNT(*) FROM sqlite_master', tables, error)
-         if (.not. allocated(error)) empty = version == '0' .and. tables == '0'
-      end subroutine look
+      call file%open(name_beside(path), error)
+      if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
+      call file%close()
+      if (allocated(error)) then
+         call remove_file(name_beside(path))
+      else
+         call place_new_file(name_beside(path), path)
+      end if
    end subroutine create
 
    !> That the file is a whole campaign of a version that is known.
@@ -99,7 +86,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: found
 
-      call file%value('PRAGMA application_id', found, error)
+      call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
+      if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
+      if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
       if (allocated(error)) return
       if (found /= application_id) then
          call raise(error, path//': is a database, but not a campaign of bayesindent; choose another output folder', &
@@ -114,7 +103,10 @@ contains
          return
       end if
       call file%value('PRAGMA integrity_check(1)', found, error)
-      if (.not. allocated(error) .and. found /= 'ok') call raise_damaged(path, found, error)
+      ! The first line of a complaint is a heading.
+      if (found == 'ok' .or. allocated(error)) return
+      found = found(index(found, newline, back=.true.) + 1:)
+      call raise_damaged(path, found, error)
    end subroutine verify
 
    !> Bring a file of an earlier version to the present one. Another process may do so at the same time.

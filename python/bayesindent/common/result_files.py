@@ -1,6 +1,10 @@
-"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them."""
+"""Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them.
+
+A netCDF file ends with a checksum of all before it, which other programs pass over: what was damaged is never read as HDF5.
+"""
 
 import csv
+import hashlib
 import io
 import json
 import math
@@ -11,7 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["as_csv", "cell", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
+from ..core import InputError
+
+__all__ = ["as_csv", "cell", "plain", "read_groups", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
+
+#: What the last line of a netCDF file begins with.
+SEAL = b"\nbayesindent checksum "
 
 
 @contextmanager
@@ -25,6 +34,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         with open(beside, "rb") as stream:
             os.fsync(stream.fileno())
         beside.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         beside.unlink(missing_ok=True)
 
@@ -42,7 +53,15 @@ def write_json(path: Path, document: dict) -> None:
 
 def read_json(path: Path) -> dict:
     """The document of a file; an empty one where there is none."""
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    if not path.exists():
+        return {}
+    try:
+        document = json.loads(path.read_bytes())
+        if not isinstance(document, dict):
+            raise ValueError("it is no object")
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is damaged, or is no JSON document ({error}); remove it, and run the command again") from None
+    return document
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = "") -> None:
@@ -54,13 +73,31 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
     """Write groups of variables (axes, values) and facts as netCDF, without xarray: importing that takes half a second."""
     import h5netcdf
 
-    with whole_file(path) as beside, h5netcdf.File(beside, "w") as file:
+    # In memory: HDF5 does not recover from a disk that is full.
+    content = io.BytesIO()
+    with h5netcdf.File(content, "w") as file:
         for name, (variables, facts) in groups.items():
             group = file.create_group(name)
             group.attrs.update(facts)
             for label, (axes, values) in variables.items():
                 group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
                 group.create_variable(label, axes, data=values)
+    with whole_file(path) as beside:
+        beside.write_bytes(content.getvalue() + seal(content.getvalue()))
+
+
+def seal(content: bytes) -> bytes:
+    """The line with which a file of this content ends."""
+    return SEAL + hashlib.sha256(content).hexdigest()[:16].encode() + b"\n"
+
+
+def read_groups(path: Path) -> io.BytesIO:
+    """The content of a file of `write_groups`, for readers of netCDF. Raises `InputError` if it is damaged, or another file."""
+    file = Path(path).read_bytes()
+    content = file[: -len(seal(b""))]
+    if file != content + seal(content):
+        raise InputError(f"{path}: is damaged, or was changed since it was written; run the command that wrote it again")
+    return io.BytesIO(content)
 
 
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:

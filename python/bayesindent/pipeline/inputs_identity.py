@@ -9,17 +9,19 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from ..common.result_files import plain, read_json, write_json
+from ..common.result_files import plain, read_json, write_json, write_text
 from ..core import InputError
 from ..settings.problem import stages
 from ..surrogate.lookup import find_surrogate
 
-__all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "update_manifest"]
+__all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "read_resolved", "surrogate_input", "update_manifest", "write_resolved"]
 
 #: The file of each stage's document.
 DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
 
 MANIFEST = "inputs.json"
+
+RESOLVED = "resolved.nml"
 
 #: What no result follows from.
 IMMATERIAL: dict[str, tuple[str, ...] | None] = {"problem": ("title",), "execution": None}
@@ -35,12 +37,17 @@ def inputs_of(problem, groups, output: Path) -> dict[str, str]:
         if immaterial is not None:
             values = {name: value for name, value in vars(getattr(problem.settings, group)).items() if name not in ("given", *immaterial)}
             inputs[group] = digest(json.dumps([plain(values), cells.get(group)], sort_keys=True).encode())
-    # Before a build there is none.
-    with suppress(InputError):
-        if "surrogate" in inputs:
-            file = find_surrogate(problem.settings.surrogate.file, output, problem.folder)
-            inputs["surrogate_file"] = digest(file.read_bytes()) if file else ""
+    if "surrogate" in inputs:
+        inputs |= surrogate_input(problem.settings.surrogate.file, output, problem.folder)
     return inputs
+
+
+def surrogate_input(name: str, output: Path, folder) -> dict[str, str]:
+    """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a build."""
+    with suppress(InputError):
+        file = find_surrogate(name, output, folder)
+        return {"surrogate_file": digest(file.read_bytes()) if file else ""}
+    return {}
 
 
 def digest(content: bytes) -> str:
@@ -55,8 +62,26 @@ def read_manifest(folder: Path) -> dict:
 
 def update_manifest(folder: Path, namelist: Path, inputs: dict[str, str]) -> None:
     """Let these be the inputs last used; those that a stage does not need stay."""
-    before = read_manifest(folder).get("inputs", {})
-    write_json(folder / MANIFEST, {"namelist": str(Path(namelist).resolve()), "inputs": before | inputs})
+    before = read_manifest(folder)
+    write_json(folder / MANIFEST, before | {"namelist": str(Path(namelist).resolve()), "inputs": before.get("inputs", {}) | inputs})
+
+
+def write_resolved(folder: Path, text: str) -> None:
+    """Keep the namelist of the results with every default; the manifest knows it by its digest."""
+    write_json(folder / MANIFEST, read_manifest(folder) | {"resolved": digest(text.encode())})
+    write_text(folder / RESOLVED, text)
+
+
+def read_resolved(folder: Path, manifest: dict) -> str:
+    """The namelist of the results, '' where there is none. Raises `InputError` if it is not the one that the manifest is about."""
+    file = folder / RESOLVED
+    content = file.read_bytes() if file.exists() else b""
+    if digest(content) != manifest.get("resolved", digest(content)):
+        raise InputError(f"{file}: is not what the results beside it came from: another run replaced it, or it is damaged; run again")
+    try:
+        return content.decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is damaged ({error}); run again") from None
 
 
 def belongs(document: dict, manifest: dict) -> bool:

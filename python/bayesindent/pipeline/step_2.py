@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from ..common.progress import Progress
-from ..common.result_files import write_groups
+from ..common.result_files import read_groups, write_groups
 from ..inference.extract import groups_of
 from ..inference.next_grain import draws_of
 from ..inference.posterior import EXTRACTION, Posterior
@@ -37,6 +37,8 @@ def stored_posterior(problem, output: Path):
     import arviz as az
 
     try:
+        # ArviZ reads files by their names alone.
+        read_groups(output / "posterior.nc")
         result = az.from_netcdf(str(output / "posterior.nc"), engine="h5netcdf")
         same = result.posterior.attrs["inputs"] == json.dumps(step_2_inputs(problem, output))
     except (OSError, ValueError, KeyError, AttributeError):

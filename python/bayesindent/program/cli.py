@@ -1,6 +1,7 @@
 """The command line: what was asked, of which command, with which exit status."""
 
 import argparse
+import errno
 import json
 import logging
 import os
@@ -23,6 +24,16 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 log = logging.getLogger("bayesindent")
 # Without a handler of its own the library would print errors, which `tell` does.
 log.addHandler(logging.NullHandler())
+
+#: Why the machine could not read or write a file.
+REASONS = {
+    errno.ENOSPC: "cannot be written: the disk is full",
+    errno.EDQUOT: "cannot be written: the quota of the disk is used up",
+    errno.EFBIG: "cannot be written: larger than files may be here",
+    errno.EACCES: "there is no permission",
+    errno.EPERM: "there is no permission",
+    errno.EROFS: "cannot be written: the disk is read-only",
+}
 
 DESCRIPTION = """\
 Single-crystal elastic constants, with honest uncertainty, from spherical indentation of grains of known orientation.
@@ -61,6 +72,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except OSError as error:
+        log.error("%s", error)
+        tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
         return FAILED
     except Exception as error:
         log.exception("unexpected")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..common.progress import Progress
-from ..common.result_files import write_json, write_text
-from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest
+from ..common.result_files import write_json
+from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest, write_resolved
 from ..settings.problem import Problem, schema, stages
 from ..version import __version__
 
@@ -64,7 +64,7 @@ def prepare(arguments: argparse.Namespace):
     log.addHandler(handler)
     log.setLevel(logging.INFO)
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
-    write_text(output / "resolved.nml", problem.resolved)
+    write_resolved(output, problem.resolved)
     update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
     return problem, output
 

@@ -8,10 +8,10 @@ import f90nml
 import numpy as np
 import xarray
 
-from ..common.result_files import read_json
+from ..common.result_files import read_groups, read_json
 from ..core import InputError
 from ..crystal.elasticity import constant_names
-from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest
+from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest, read_resolved, surrogate_input
 from ..pipeline.moduli import as_measured
 from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
@@ -24,10 +24,12 @@ class Results:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        resolved = folder / "resolved.nml"
-        self.resolved = resolved.read_text() if resolved.exists() else ""
-        self.namelist = f90nml.reads(self.resolved) if self.resolved else {}
         self.manifest = read_manifest(folder)
+        self.resolved = read_resolved(folder, self.manifest)
+        self.namelist = f90nml.reads(self.resolved) if self.resolved else {}
+        if name := self.group("surrogate").get("file"):
+            # A build that was killed may have left a new surrogate beside the documents of the last one.
+            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_input(name, folder, self.namelist_folder)
         found = {stage: read_json(folder / file) for stage, file in DOCUMENTS.items()}
         #: Stages whose documents are of other inputs.
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
@@ -38,6 +40,11 @@ class Results:
         self.synthetic = bool(problem.get("synthetic", False))
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
         self.kind = self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
+
+    @property
+    def namelist_folder(self) -> Path:
+        """The folder of the namelist that was last used here."""
+        return Path(self.manifest.get("namelist", ".")).parent
 
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
@@ -72,7 +79,9 @@ class Results:
         """The draws that the document of `extract` is about."""
         if not self.documents["extract"]:
             return None
-        with xarray.open_dataset(self.folder / "posterior.nc", group="posterior", engine="h5netcdf") as file:
+        if not (self.folder / "posterior.nc").exists():
+            return None
+        with xarray.open_dataset(read_groups(self.folder / "posterior.nc"), group="posterior", engine="h5netcdf") as file:
             return file.load() if json.loads(file.attrs["inputs"]) == self.documents["extract"]["inputs"] else None
 
     @cached_property
@@ -94,6 +103,6 @@ class Results:
         if not name:
             return None
         try:
-            return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=Path(self.manifest.get("namelist", ".")).parent)
+            return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder)
         except InputError:
             return None

@@ -1,0 +1,214 @@
+"""Files that were damaged are refused in one line that names them; rows of a campaign know when they were changed."""
+
+import json
+import random
+import re
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.common.result_files import read_groups, read_json, whole_file, write_groups, write_json
+from bayesindent.core import BayesindentError, InputError
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.inputs_identity import read_manifest, read_resolved, update_manifest, write_resolved
+from bayesindent.program.cli import main
+from bayesindent.surrogate.surrogate import Surrogate
+from conftest import SOURCE
+
+THEORY = {"simulator": "theory"}
+GROUPS = {"posterior": ({"C11": (("chain", "draw"), np.arange(200.0).reshape(2, 100))}, {"inputs": "{}"})}
+
+
+def bits_changed(content: bytes, count: int, seed: int = 1):
+    """The content with one bit or another changed."""
+    dice = random.Random(seed)
+    for _ in range(count):
+        at = dice.randrange(len(content))
+        yield content[:at] + bytes([content[at] ^ (1 << dice.randrange(8))]) + content[at + 1 :]
+
+
+def filled(path, rows: int = 20) -> list:
+    """The rows of a new campaign."""
+    with Campaign(path, THEORY) as campaign:
+        for i in range(rows):
+            campaign.add("cubic", (200.0 + i / 7, 100.0, 50.0), (0.1 * i, 0.0, 0.0), modulus_gpa=150.0 + i / 3, seconds=0.1, elements=8)
+        return campaign.rows()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "indentation_modulus_gpa = indentation_modulus_gpa * (1 + 1e-15)",
+        "constants = '[202.0, 100.0, 50.0]'",
+        "euler_deg = '[1.0, 0.0, 0.0]'",
+        "status = 'failed'",
+        "origin = 'told'",
+        "elements = 9",
+        "symmetry = 'isotropic'",
+        "force_mn = '[1.0]'",
+    ],
+)
+def test_a_row_that_was_changed_is_refused(tmp_path, change):
+    path = tmp_path / "campaign.sqlite"
+    filled(path)
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("DROP TRIGGER simulation_is_not_changed")
+        file.execute(f"UPDATE simulation SET {change} WHERE position = 7")
+        file.commit()
+        assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+    with Campaign(path, THEORY) as campaign, pytest.raises(InputError, match="campaign.sqlite: is .* damaged .the row of position 7"):
+        campaign.rows()
+
+
+def test_rows_moved_to_another_physics_are_refused(tmp_path):
+    path = tmp_path / "campaign.sqlite"
+    filled(path)
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("UPDATE physics SET identity = ?", ['{"simulator": "fe"}'])
+        file.commit()
+    with Campaign(path, {"simulator": "fe"}) as campaign, pytest.raises(InputError, match="was changed"):
+        campaign.rows()
+
+
+def test_bits_of_a_campaign(tmp_path):
+    """Whatever bit is changed: the file is refused by its name, or the rows are the same."""
+    path = tmp_path / "campaign.sqlite"
+    rows, content = filled(path), path.read_bytes()
+    refused = 0
+    for bad in bits_changed(content, 200):
+        path.write_bytes(bad)
+        try:
+            with Campaign(path, THEORY) as campaign:
+                assert campaign.rows() in (rows, [])
+                # Another identity of the physics: the rows are those of a physics that nobody asks for.
+                assert campaign.rows() == rows or campaign.other_physics()
+        except InputError as error:
+            assert str(error).startswith(f"{path}: ")
+            assert "\n" not in str(error)
+            refused += 1
+    assert refused > 20
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(100), b'{"a": 1}\n'])
+def test_other_files_are_no_campaign(tmp_path, content):
+    path = tmp_path / "campaign.sqlite"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"campaign.sqlite: is not a campaign, or is damaged"):
+        Campaign(path, THEORY)
+    assert path.read_bytes() == content
+
+
+def test_rows_without_a_checksum_are_read(tmp_path):
+    """Those of the first version of the layout."""
+    path = tmp_path / "campaign.sqlite"
+    rows = filled(path)
+    with closing(sqlite3.connect(path)) as file:
+        file.executescript("ALTER TABLE simulation DROP COLUMN checksum; PRAGMA user_version = 1")
+    with Campaign(path, THEORY) as campaign:
+        assert campaign.rows() == rows
+        campaign.add("cubic", (250.0, 100.0, 50.0), (0.0, 0.0, 0.0), modulus_gpa=150.0)
+    with closing(sqlite3.connect(path)) as file:
+        sums = [row[0] for row in file.execute("SELECT checksum FROM simulation ORDER BY position")]
+    assert sums[:-1] == [None] * 20
+    assert len(sums[-1]) == 16
+
+
+def test_bits_of_a_surrogate(tmp_path):
+    path = tmp_path / "surrogate.txt"
+    rows = np.hstack([np.random.default_rng(1).uniform((150, 50, 40), (200, 90, 80), (12, 3)), np.zeros((12, 3))])
+    moduli = bi.halfspace_modulus(stiffness_rows("cubic", rows[:, :3]), rows[:, 3:])
+    domain = {"c_min": (50, 40, 15), "c_max": (250, 150, 120)}
+    settings = {"model": "paper", "degree": 1, "bandlimit": 0}
+    Surrogate.fit(rows[:, :3], rows[:, 3:], moduli, symmetry="cubic", domain=domain, **settings).save(path)
+    content = path.read_bytes()
+    Surrogate.load(path)
+    for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 200)]:
+        path.write_bytes(bad)
+        with pytest.raises(InputError) as error:
+            Surrogate.load(path)
+        assert str(error.value).startswith(f"{path}: ")
+        assert len(str(error.value).splitlines()) == 1
+
+
+def test_bits_of_a_posterior(tmp_path):
+    import h5netcdf
+
+    path = tmp_path / "posterior.nc"
+    write_groups(path, GROUPS)
+    # Others read it by its name.
+    with h5netcdf.File(path, "r") as file:
+        assert file["posterior"]["C11"][...].tolist() == GROUPS["posterior"][0]["C11"][1].tolist()
+    content = path.read_bytes()
+    for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 200)]:
+        path.write_bytes(bad)
+        with pytest.raises(InputError, match="posterior.nc: is damaged"):
+            read_groups(path)
+    path.write_bytes(content)
+    with h5netcdf.File(read_groups(path), "r") as file:
+        assert file["posterior"].attrs["inputs"] == "{}"
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"a": 1}}', b"[" * 100000])
+def test_documents_that_are_none(tmp_path, capsys, content):
+    path = tmp_path / "summary.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="summary.json: is damaged, or is no JSON document"):
+        read_json(path)
+    assert main(["report", str(tmp_path)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.splitlines()) == 1
+    assert str(path) in captured.err
+
+
+def test_results_of_another_namelist_are_not_mixed(tmp_path, capsys):
+    """The batch program, say, ran another namelist in the same folder."""
+    write_resolved(tmp_path, "&problem symmetry = 'cubic' /\n")
+    update_manifest(tmp_path, tmp_path / "a.nml", {"problem": "1"})
+    assert read_resolved(tmp_path, read_manifest(tmp_path)) == "&problem symmetry = 'cubic' /\n"
+    assert main(["report", str(tmp_path)]) == 0
+    (tmp_path / "resolved.nml").write_text("&problem symmetry = 'hexagonal' /\n")
+    capsys.readouterr()
+    assert main(["report", str(tmp_path)]) == 2
+    assert "resolved.nml: is not what the results beside it came from" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_told_in_words(tmp_path, capsys, monkeypatch):
+    """/dev/full stands for every file that is written."""
+    from bayesindent.common import result_files
+
+    kept = tmp_path / "kept.json"
+    write_json(kept, {"a": 1})
+    full = lambda path, name: type(path)("/dev/full") if name.startswith(".") else path.parent / name  # noqa: E731
+    monkeypatch.setattr(result_files.Path, "with_name", full)
+    monkeypatch.setattr(result_files.Path, "unlink", lambda *_, **__: None)
+    with pytest.raises(OSError, match="No space left") as error, whole_file(kept) as beside:
+        beside.write_text("x" * 100000)
+    assert error.value.filename == str(kept)
+    assert json.loads(kept.read_text()) == {"a": 1}
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    arguments = ["predict", "--surrogate", "halfspace", "--symmetry", "cubic", "--points", str(tmp_path / "points.csv")]
+    assert main([*arguments, "--output", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"{tmp_path / 'predictions.csv'}: cannot be written: the disk is full\n"
+
+
+def test_a_core_that_cannot_write_says_so(tmp_path):
+    """A folder of the system takes no files from anybody."""
+    with pytest.raises(BayesindentError, match="/sys/kernel/campaign.sqlite: the campaign cannot be used"):
+        Campaign("/sys/kernel/campaign.sqlite", THEORY)
+
+
+def test_every_writer_goes_through_one_helper():
+    """In Python `result_files`, in Fortran `files`; a surrogate is unpickled by way of a folder of its own that is gone at once."""
+    python = re.compile(r"\.write_(text|bytes)\(|open\([^)]*[\"'][wax]b?[\"']|\.to_netcdf\(|\.dump\(|\.save\(\s*[\"']")
+    fortran = re.compile(r"action\s*=\s*'(read)?write'|status\s*=\s*'(replace|new|unknown)'", re.IGNORECASE)
+    found = []
+    for folder, pattern, kind, helper in (("python", python, "*.py", "result_files.py"), ("fortran", fortran, "*.f90", "files.f90")):
+        for path in (SOURCE / folder).rglob(kind):
+            if path.name != helper:
+                found += [f"{path.name}: {line.strip()}" for line in path.read_text().splitlines() if pattern.search(line)]
+    assert found == ['surrogate.py: (Path(folder) / "surrogate.txt").write_text(text)']
