@@ -9,6 +9,7 @@ import sys
 import textwrap
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ..common.result_files import plain
@@ -60,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
+    # A log that cannot be written is no reason for a traceback.
+    logging.raiseExceptions = False
     try:
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
@@ -76,6 +79,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         log.error("%s", error)
         tell(f"{error.filename or 'standard output'}: {REASONS.get(error.errno or 0) or error.strerror}")
+        if error.filename is None:
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
         log.exception("unexpected")
@@ -86,7 +92,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         for handler in open_logs():
             log.removeHandler(handler)
-            handler.close()
+            # On a full disk it has lines that it cannot keep.
+            with suppress(OSError):
+                handler.close()
 
 
 class Parser(argparse.ArgumentParser):
