@@ -10,6 +10,9 @@ module files
       & remove_file
    public :: folder_of, resolve_path, file_exists, is_folder, printable
 
+   !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
+   character(len=*), parameter, public :: unfinished = '.part-'
+
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
 
@@ -262,7 +265,7 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: name
 
-      name = path//'.'//to_text(int(c_getpid()))//'.part'
+      name = folder_of(path)//unfinished//to_text(int(c_getpid()))//'-'//path(index(path, '/', back=.true.) + 1:)
    end function name_beside
 
    !> Let the file `beside` have the name `path` if there is none of that name; else it is removed.

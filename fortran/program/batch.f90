@@ -5,10 +5,11 @@ program batch
    use batch_sample, only: check_sampling, sample_constants
    use batch_simulate, only: simulate_crystals
    use errors, only: error_type, exit_bad_input, exit_status
-   use files, only: make_folder, replace_file
+   use files, only: replace_file
    use choices, only: all_choices
    use problem, only: problem_type
    use problem_input, only: read_problem
+   use running_command, only: take_folder, watch_signals
    use settings_lists, only: new_schema, schema_markdown
    use system, only: argument, settle_blas, end_process
    use version, only: package_version
@@ -20,6 +21,7 @@ program batch
    logical :: check_only
 
    call settle_blas()
+   call watch_signals()
    call read_arguments()
    call perform()
 
@@ -80,7 +82,7 @@ contains
          write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
          return
       end if
-      call make_folder(output, error)
+      call take_folder(output, 0, .true., error)
       call stop_on(error)
       call replace_file(output//'/resolved.nml', self%resolved_text(), error)
       call stop_on(error)
@@ -88,12 +90,14 @@ contains
          call simulate_crystals(self, output, told, error)
          call stop_on(error)
          write (output_unit, '(2a)') 'simulate: ', told
+         flush (output_unit)
       end if
       if (self%settings%design%given) then
          call build_surrogate(self, output, told, warnings, error)
          call stop_on(error)
          call tell(warnings)
          write (output_unit, '(2a)') 'build: ', told
+         flush (output_unit)
       end if
       if (self%settings%measurements%given) then
          call sample_constants(self, output, told, prior, warnings, error)
@@ -156,6 +160,7 @@ contains
          & '  --schema      print the page of all groups and variables', &
          & '  --version     print the version', &
          & '', &
-         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else.'
+         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 128 + N stopped by signal N (run it again ', &
+         & 'to go on).'
    end subroutine print_help
 end program batch

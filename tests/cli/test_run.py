@@ -162,18 +162,3 @@ def stored(campaign) -> int:
             return file.execute("SELECT count(*) FROM simulation").fetchone()[0]
     except sqlite3.OperationalError:
         return 0
-
-
-def test_interrupted(tmp_path):
-    file = reduced_quickstart(tmp_path, **SMALL)
-    command = [sys.executable, "-m", "bayesindent", "build", str(file)]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    campaign = tmp_path / "runs" / "reduced" / "campaign.sqlite"
-    while stored(campaign) < 1 and process.poll() is None:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert out == ""
-    assert err.splitlines()[-1] == "interrupted; what is done is kept, and the same command goes on from there"
-    assert "Traceback" not in err

@@ -28,7 +28,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Yield a path beside `path` to write to; what is there at the end takes the name, or nothing does after an exception."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:
         yield beside
         with open(beside, "rb") as stream:

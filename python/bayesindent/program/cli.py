@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..common.result_files import plain
-from ..core import BayesindentError, InputError
+from ..core import BayesindentError, InputError, native
 from ..settings.problem import schema
 from ..version import __version__
 from .commands import COMMANDS
@@ -52,7 +52,8 @@ examples:
   bayesindent build FILE.nml --tell results.csv      and their moduli back
 
 units: GPa, um, mN, degrees (Bunge-Euler angles phi1, Phi, phi2). An uncertainty is a standard deviation, sd.
-exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 130 interrupted (run again to go on).
+exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 128 + N stopped by signal N, such as 130 by Ctrl-C (run it again
+to go on).
 'bayesindent COMMAND --help' tells more, such as the variables of the namelist."""
 
 
@@ -63,11 +64,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
+    # The tools of a source tree have processes of their own, which end as they see fit.
+    if arguments.command.has_document:
+        native.command_watch_signals()
     try:
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
-        log.warning("interrupted")
-        tell("interrupted; what is done is kept, and the same command goes on from there")
         return INTERRUPTED
     except BayesindentError as error:
         log.error("%s", error)
@@ -95,6 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # On a full disk it has lines that it cannot keep.
             with suppress(OSError):
                 handler.close()
+        native.command_end()
 
 
 class Parser(argparse.ArgumentParser):

@@ -2,19 +2,24 @@
 
 import argparse
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..common.progress import Progress
 from ..common.result_files import write_json
+from ..core import call
 from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest, write_resolved
 from ..settings.problem import Problem, schema, stages
 from ..version import __version__
 
-__all__ = ["Command", "namelist_command", "output_folder", "perform", "prepare"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "take_folder"]
 
 log = logging.getLogger("bayesindent")
+
+#: How long a command that is soon done waits for another process to leave a folder, s.
+PATIENCE_S = 60
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
 
     A command that reads a namelist has a stage, (problem, output, progress) -> document, which stands in for the action; its help
-    explains `groups`. `arguments` adds options to the parser.
+    explains `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
     """
 
     name: str
@@ -33,6 +38,7 @@ class Command:
     action: Callable[[argparse.Namespace], dict | int] | None = None
     arguments: Callable[[argparse.ArgumentParser], None] | None = None
     show: Callable[[dict], object] | None = None
+    resumes: bool = False
 
     @property
     def has_document(self) -> bool:
@@ -54,11 +60,11 @@ def namelist_command(name: str, **more) -> Command:
     return Command(name, row.summary, row.description, groups=groups, **more)
 
 
-def prepare(arguments: argparse.Namespace):
-    """The problem of a command's namelist, and its output folder with the resolved input and the log."""
+def prepare(arguments: argparse.Namespace, patience_s: int = 0):
+    """The problem of a command's namelist, and its output folder, which no other process has, with the resolved input and the log."""
     problem = Problem(arguments.file, arguments.command.name)
     output = arguments.results = output_folder(arguments, arguments.file)
-    output.mkdir(parents=True, exist_ok=True)
+    take_folder(output, patience_s, arguments.command.resumes)
     handler = logging.FileHandler(output / "run.log", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     log.addHandler(handler)
@@ -67,6 +73,11 @@ def prepare(arguments: argparse.Namespace):
     write_resolved(output, problem.resolved)
     update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
     return problem, output
+
+
+def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:
+    """Have an output folder, which is made, to the end of the command; refuse if another process has it for longer."""
+    call("command_take_folder", os.fsencode(output), patience_s, int(resumes))
 
 
 def output_folder(arguments: argparse.Namespace, source: Path) -> Path:

@@ -9,14 +9,14 @@ from ...pipeline.build import build
 from ...pipeline.import_export import ask, tell
 from ...settings.problem import read_crystals
 from ...surrogate.basis import Basis
-from ..command import namelist_command, perform, prepare, with_warnings
+from ..command import PATIENCE_S, namelist_command, perform, prepare, with_warnings
 
 __all__ = ["COMMAND"]
 
 
 def action(arguments: argparse.Namespace) -> dict:
     """Build; or with --ask the next crystals, with --tell the moduli of others."""
-    problem, output = prepare(arguments)
+    problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
     if arguments.ask is not None:
         arguments.results = None
         return with_warnings(problem, ask(problem, output, arguments.ask))
@@ -47,4 +47,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
 
-COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show)
+COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show, resumes=True)

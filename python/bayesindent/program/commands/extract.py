@@ -23,4 +23,4 @@ def show(document: dict) -> None:
     print("The prior that was in effect:", *document["prior"]["words"], sep="\n  ")
 
 
-COMMAND = namelist_command("extract", stage=extract_stage, show=show)
+COMMAND = namelist_command("extract", stage=extract_stage, show=show, resumes=True)

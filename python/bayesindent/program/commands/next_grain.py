@@ -13,4 +13,4 @@ def show(document: dict) -> None:
     show_table("Orientations worth measuring next (degrees)", ["phi1", "Phi", "phi2", "expected gain"], rows)
 
 
-COMMAND = namelist_command("next", stage=next_stage, show=show)
+COMMAND = namelist_command("next", stage=next_stage, show=show, resumes=True)

@@ -10,7 +10,7 @@ from ...common.result_files import write_csv
 from ...pipeline.moduli import identified, joined
 from ...settings.problem import read_crystals
 from ...surrogate.surrogate import Surrogate
-from ..command import Command, output_folder
+from ..command import Command, output_folder, take_folder
 
 __all__ = ["COMMAND"]
 
@@ -20,7 +20,9 @@ def predict(arguments: argparse.Namespace) -> dict:
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
     mean, sd = model.predict(points.stiffness, points.euler_deg, threads=len(os.sched_getaffinity(0)))
-    file = output_folder(arguments, table) / "predictions.csv"
+    folder = output_folder(arguments, table)
+    take_folder(folder)
+    file = folder / "predictions.csv"
     write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
     outside = model.outside_words(points.stiffness)
     # Many rows in a document take much more memory than in a file.

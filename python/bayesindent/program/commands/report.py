@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...core import InputError
-from ..command import Command
+from ..command import Command, take_folder
 
 __all__ = ["COMMAND", "make"]
 
@@ -18,6 +18,14 @@ def make(folder: Path, output: Path, kind_of_files: str = "") -> dict:
     return {"file": str(write_report(folder, output, kind_of_files)), "warnings": []}
 
 
+def action(arguments: argparse.Namespace) -> dict:
+    """The report of a folder that no other process is writing to."""
+    output = arguments.output or arguments.folder
+    if arguments.folder.is_dir():
+        take_folder(output)
+    return make(arguments.folder, output, arguments.figures)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
     parser.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
@@ -27,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 COMMAND = Command(
     "report",
     "report.html from what a folder holds",
-    action=lambda arguments: make(arguments.folder, arguments.output or arguments.folder, arguments.figures),
+    action=action,
     arguments=add_arguments,
     show=lambda document: print(f"Report: {document['file']}"),
 )

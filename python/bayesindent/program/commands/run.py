@@ -52,4 +52,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
 
 
-COMMAND = namelist_command("run", action=run, arguments=add_arguments, show=show)
+COMMAND = namelist_command("run", action=run, arguments=add_arguments, show=show, resumes=True)

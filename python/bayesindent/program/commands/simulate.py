@@ -80,4 +80,4 @@ def write_fields(problem, rows: list, output: Path, progress: Progress) -> None:
             advance(1)
 
 
-COMMAND = namelist_command("simulate", stage=simulate, show=show_moduli)
+COMMAND = namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True)

@@ -1,0 +1,127 @@
+"""Stopped by a signal, in any stage, both programs end at once: what was finished is kept, and how to go on is said."""
+
+import fcntl
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from test_build import NAMELIST
+
+from conftest import SOURCE
+
+BATCH = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
+PROGRAMS = {"python": lambda stage: [sys.executable, "-m", "bayesindent", stage], "batch": lambda stage: [BATCH]}
+
+ROWS = "".join(f"{160 + i},110,{70 + i / 7:.3f},{3 * i},{i % 90},0\n" for i in range(100))
+#: Each takes minutes.
+STAGES = {
+    "simulate": "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = 2 /\n",
+    "build": "&problem symmetry = 'cubic' /\n&specimen geometry = 'block' /\n&design budget = 100, batch = 3 /\n&execution workers = 2 /\n",
+    "extract": f"&problem symmetry = 'triclinic' /\n&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n&sampler samples = 30000 /\n",
+}
+
+
+def start(folder, program, stage):
+    (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + ROWS)
+    (folder / f"{stage}.nml").write_text(STAGES[stage])
+    command = [*PROGRAMS[program](stage), f"{stage}.nml", "--output", "out"]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(condition, process):
+    deadline = time.monotonic() + 100
+    while not condition() and time.monotonic() < deadline:
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+
+
+def stored(folder) -> list:
+    """The rows of the campaign in out/, which may not be there yet."""
+    file = folder / "out" / "campaign.sqlite"
+    if not file.exists():
+        return []
+    with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as campaign:
+        try:
+            return campaign.execute("SELECT * FROM simulation ORDER BY id").fetchall()
+        except sqlite3.OperationalError:
+            return []
+
+
+def working(folder, stage) -> bool:
+    """Whether the stage is well under way."""
+    if stage == "extract":
+        resolved = folder / "out" / "resolved.nml"
+        return resolved.exists() and time.time() - resolved.stat().st_mtime > 2
+    return len(stored(folder)) >= 2
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize(("stage", "number"), [("simulate", signal.SIGINT), ("build", signal.SIGTERM), ("extract", signal.SIGHUP)])
+def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, number, tmp_path):
+    process = start(tmp_path, program, stage)
+    wait_for(lambda: working(tmp_path, stage), process)
+    kept = stored(tmp_path)
+    begin = time.monotonic()
+    for _ in range(3):
+        process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    # Milliseconds, but where others use the machine.
+    assert time.monotonic() - begin < 2
+    assert (process.returncode, out) == (128 + number, "")
+    told = f"stopped by {number.name}; what was finished is kept in out, and the same command goes on from there"
+    assert err.splitlines()[-1] == told
+    assert err.count("stopped by") == 1
+    assert "Traceback" not in err
+    last = (tmp_path / "out" / "run.log").read_text().splitlines()[-1]
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} WARNING " + re.escape(told), last)
+    assert abs(time.mktime(time.strptime(last[:19], "%Y-%m-%d %H:%M:%S")) - time.time()) < 100
+    if stage != "extract":
+        assert stored(tmp_path)[: len(kept)] == kept
+        with closing(sqlite3.connect(tmp_path / "out" / "campaign.sqlite")) as campaign:
+            assert campaign.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        # The same command goes on: it waits for no lock, and repeats nothing.
+        process = start(tmp_path, program, stage)
+        wait_for(lambda: len(stored(tmp_path)) > len(kept) + 2, process)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        rows = stored(tmp_path)
+        assert rows[: len(kept)] == kept
+        assert len({row[3:6] for row in rows}) == len(rows)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_signals_that_are_ignored_stay_so(program, tmp_path):
+    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(ROWS.splitlines(True)[:3]))
+    (tmp_path / "a.nml").write_text(STAGES["simulate"])
+    command = [*PROGRAMS[program]("simulate"), "a.nml", "--output", "out"]
+    ignore = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)  # noqa: E731, what nohup does
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=ignore)
+    wait_for(lambda: len(stored(tmp_path)) > 0, process)
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(timeout=100) == 0
+    assert len(stored(tmp_path)) == 3
+
+
+def test_while_it_waits_for_another_process(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "mine.nml").write_text(NAMELIST)
+    command = [*PROGRAMS["python"]("build"), "mine.nml", "--output", "out", "--ask", "2"]
+    with open(tmp_path / "out" / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        # Until then it may still be starting.
+        wait_for(lambda: has_open(process.pid, tmp_path / "out" / ".lock"), process)
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "stopped by SIGTERM; the same command begins anew\n")
+        assert process.returncode == 128 + signal.SIGTERM
+
+
+def has_open(process, file) -> bool:
+    return any(os.path.realpath(link) == str(file) for link in Path(f"/proc/{process}/fd").iterdir())
