@@ -117,6 +117,18 @@ void end_at_once(int signal) {
   _exit(128 + signal);
 }
 
+// Remove the files of a folder that begin with a prefix, if so says a question about the rest of the name.
+template <typename question> void remove_files(const char *folder, const char *prefix, question removed) {
+  DIR *listing = opendir(folder);
+  if (listing == nullptr)
+    return;
+  const std::size_t length = std::strlen(prefix);
+  while (const dirent *entry = readdir(listing))
+    if (std::strncmp(entry->d_name, prefix, length) == 0 && removed(entry->d_name + length))
+      unlinkat(dirfd(listing), entry->d_name, 0);
+  closedir(listing);
+}
+
 } // namespace
 
 extern "C" {
@@ -186,18 +198,14 @@ void bayesindent_unlock_file() {
 }
 
 void bayesindent_remove_remains(const char *folder, const char *prefix) {
-  DIR *listing = opendir(folder);
-  if (listing == nullptr)
-    return;
-  const std::size_t length = std::strlen(prefix);
-  while (const dirent *entry = readdir(listing)) {
-    if (std::strncmp(entry->d_name, prefix, length) != 0)
-      continue;
-    char *rest;
-    const long process = std::strtol(entry->d_name + length, &rest, 10);
-    if (process > 0 && *rest == '-' && kill(static_cast<pid_t>(process), 0) != 0 && errno == ESRCH)
-      unlinkat(dirfd(listing), entry->d_name, 0);
-  }
-  closedir(listing);
+  remove_files(folder, prefix, [](const char *rest) {
+    char *after;
+    const long process = std::strtol(rest, &after, 10);
+    return process > 0 && *after == '-' && kill(static_cast<pid_t>(process), 0) != 0 && errno == ESRCH;
+  });
+}
+
+void bayesindent_remove_files(const char *folder, const char *prefix) {
+  remove_files(folder, prefix, [](const char *) { return true; });
 }
 }

@@ -25,6 +25,9 @@ void bayesindent_unlock_file();
 // Remove the files of a folder whose names are `prefix`, a process that is no more, and '-', and so on: what killed processes left
 // half-written.
 void bayesindent_remove_remains(const char *folder, const char *prefix);
+
+// Remove all files of a folder whose names begin so.
+void bayesindent_remove_files(const char *folder, const char *prefix);
 }
 
 #endif

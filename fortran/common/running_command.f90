@@ -10,7 +10,7 @@ module running_command
    use text, only: to_text
    implicit none
    private
-   public :: watch_signals, take_folder, end_command
+   public :: watch_signals, take_folder, remove_files, end_command
 
    !> The lock of a folder, and what the programs tell of a run.
    character(len=*), parameter :: lock_name = '/.lock', log_name = '/run.log'
@@ -34,6 +34,10 @@ module running_command
          import :: c_char
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
       end subroutine c_remove_remains
+      subroutine c_remove_files(folder, prefix) bind(c, name='bayesindent_remove_files')
+         import :: c_char
+         character(kind=c_char), intent(in) :: folder(*), prefix(*)
+      end subroutine c_remove_files
    end interface
 
 contains
@@ -73,6 +77,13 @@ contains
       if (resumes) words = '; what was finished is kept in '//path//', and the same command goes on from there'
       call c_watch(words//c_null_char, path//log_name//c_null_char)
    end subroutine take_folder
+
+   !> Remove the files of a folder whose names begin with `prefix`.
+   subroutine remove_files(path, prefix)
+      character(len=*), intent(in) :: path, prefix
+
+      call c_remove_files(path//c_null_char, prefix//c_null_char)
+   end subroutine remove_files
 
    !> Leave the folder to others, and signals to what they did before.
    subroutine end_command()

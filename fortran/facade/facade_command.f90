@@ -25,6 +25,34 @@ subroutine command_take_folder(folder, patience, resumes, status, message)
    call error_to_status(error, status, message)
 end subroutine command_take_folder
 
+!> Let a problem keep its finished chains in a folder.
+subroutine command_keep_chains(problem_handle, folder, status, message)
+   use interoperation, only: c_int, c_int64_t, error_to_status, error_type
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
+   implicit none
+   integer(c_int64_t), intent(in) :: problem_handle
+   character(len=*), intent(in) :: folder
+   integer(c_int), intent(out) :: status
+   character(len=4096), intent(out) :: message
+   type(problem_type), pointer :: self
+   type(error_type), allocatable :: error
+
+   call problem_of_handle(problem_handle, self, error)
+   if (.not. allocated(error)) self%kept_in = folder
+   call error_to_status(error, status, message)
+end subroutine command_keep_chains
+
+!> Remove the chains that are kept in a folder.
+subroutine command_forget_chains(folder)
+   use kept_chains, only: chain_prefix
+   use running_command, only: remove_files
+   implicit none
+   character(len=*), intent(in) :: folder
+
+   call remove_files(folder, chain_prefix)
+end subroutine command_forget_chains
+
 !> Leave the folder to others and signals to the interpreter.
 subroutine command_end()
    use running_command, only: end_command

@@ -4,6 +4,7 @@
 module samplers
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
+   use kept_chains, only: chain_shelf_type
    use kinds, only: wp
    use memory, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
@@ -53,13 +54,15 @@ contains
       sampler%burn_in = burn_in
    end subroutine new_sampler
 
-   !> Run all chains.
-   subroutine sample_chains(target, sampler, settings, chains, error)
+   !> Run all chains but those that are kept.
+   subroutine sample_chains(target, sampler, settings, chains, error, shelf)
       class(target_type), intent(in) :: target
       class(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
+      !> Where each chain is kept as soon as it is finished; default: nowhere.
+      type(chain_shelf_type), intent(in), optional :: shelf
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)
       integer :: k, stat
@@ -81,8 +84,20 @@ contains
       chains%acceptance = 0.0_wp
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream)
       do k = 1, settings%chains
+         started(k) = .false.
+         if (present(shelf)) then
+            !$omp critical (chain_shelf)
+            call shelf%fetch(settings%first_stream + k - 1, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), &
+               & started(k))
+            !$omp end critical (chain_shelf)
+         end if
+         if (started(k)) cycle
          stream = new_random_stream(settings%seed, settings%first_stream + k - 1)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
+         if (.not. (present(shelf) .and. started(k))) cycle
+         !$omp critical (chain_shelf)
+         call shelf%keep(settings%first_stream + k - 1, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
+         !$omp end critical (chain_shelf)
       end do
       !$omp end parallel do
       k = findloc(started, .false., dim=1)

@@ -5,6 +5,7 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use error_models, only: likelihood_type
    use errors, only: error_type, exit_bad_input, raise
+   use kept_chains, only: chain_shelf_type, new_chain_shelf
    use kinds, only: degree, wp
    use knowledge_conflict, only: without_knowledge
    use measured_grains, only: measured_type
@@ -14,6 +15,7 @@ module problem_posterior
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use settings_lists, only: settings_namelist
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    use parallelism, only: thread_count
@@ -170,14 +172,16 @@ contains
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
       class(sampler_type), allocatable :: sampler
+      type(chain_shelf_type) :: shelf
 
       call check_step_2(problem, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
          call new_sampler(s%method, s%burn_in, sampler, error)
+         call find_shelf(problem, posterior, s%method//' '//to_text(s%burn_in)//' '//to_text(s%samples), shelf)
          if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_type(samples=s%samples, &
             & chains=s%chains, threads=thread_count(problem%settings%execution%workers), seed=problem%settings%problem%seed), &
-            & chains, error)
+            & chains, error, shelf)
       end associate
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine sample_posterior
@@ -241,11 +245,25 @@ contains
       type(error_type), allocatable, intent(out) :: error
       class(sampler_type), allocatable :: sampler
       type(run_settings_type) :: seeded
+      type(chain_shelf_type) :: shelf
 
       seeded = settings
       seeded%seed = problem%settings%problem%seed
       call new_sampler('ensemble', burn_in, sampler, error)
-      if (.not. allocated(error)) call sample_chains(density, sampler, seeded, chains, error)
+      call find_shelf(problem, density, 'aside '//to_text(burn_in)//' '//to_text(settings%samples), shelf)
+      if (.not. allocated(error)) call sample_chains(density, sampler, seeded, chains, error, shelf)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine sample_aside
+
+   !> Where chains of a density with these settings of the sampler are kept.
+   subroutine find_shelf(problem, density, sampler, shelf)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: density
+      character(len=*), intent(in) :: sampler
+      type(chain_shelf_type), intent(out) :: shelf
+      character(len=*), parameter :: groups = 'problem measurements prior knowledge'
+
+      if (allocated(problem%kept_in)) call new_chain_shelf(problem%kept_in, sampler//settings_namelist(problem%settings, groups), &
+         & density, shelf)
+   end subroutine find_shelf
 end module problem_posterior

@@ -84,6 +84,7 @@ contains
       end if
       call take_folder(output, 0, .true., error)
       call stop_on(error)
+      self%kept_in = output
       call replace_file(output//'/resolved.nml', self%resolved_text(), error)
       call stop_on(error)
       if (self%settings%crystals%given) then

@@ -5,10 +5,12 @@ module batch_sample
    use extraction, only: extract, extraction_type
    use extraction_document, only: judge_extraction, write_extraction
    use files, only: new_file_type, replace_file
+   use kept_chains, only: chain_prefix
    use namelist_file, only: place
    use prior_words, only: describe_prior
    use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior
+   use running_command, only: remove_files
    use surrogate_lookup, only: load_named_surrogate, places_type
    use surrogate_model, only: surrogate_type
    use system, only: data_folder
@@ -37,6 +39,7 @@ contains
       if (.not. allocated(error)) call write_draws(found, output//'/posterior.csv', error)
       if (.not. allocated(error)) call replace_file(output//'/summary.json', write_extraction(self, found), error)
       if (allocated(error)) return
+      call remove_files(output, chain_prefix)
       allocate (warnings(0))
       call describe_prior(found, prior)
       call judge_extraction(self, found, warnings)

@@ -40,6 +40,8 @@ module problem
       type(points_type), allocatable :: crystals, measurements, candidates
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
+      !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
+      character(len=:), allocatable :: kept_in
    contains
       procedure :: resolved_text
       procedure :: set_table

@@ -1,10 +1,14 @@
 """Step 2 of a problem: its posterior, kept in the output folder, and what to measure next."""
 
 import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..common.progress import Progress
 from ..common.result_files import read_groups, write_groups
+from ..core import call, native
 from ..inference.extract import groups_of
 from ..inference.next_grain import draws_of
 from ..inference.posterior import EXTRACTION, Posterior
@@ -23,13 +27,22 @@ def check_stage(problem, output: Path) -> None:
 def extract_stage(problem, output: Path, progress: Progress | None = None) -> dict:
     """Step 2 of a problem: posterior.nc, and the document of `extract`."""
     surrogate = surrogate_of(problem, output)
-    with (progress or Progress()).bar("sampling", 1) as advance:
-        found = Posterior(problem, surrogate, EXTRACTION)
-        advance(1)
-    groups = groups_of(found)
-    groups["posterior"][1]["inputs"] = json.dumps(step_2_inputs(problem, output))
-    write_groups(output / "posterior.nc", groups)
+    with keeping_chains(problem, output):
+        with (progress or Progress()).bar("sampling", 1) as advance:
+            found = Posterior(problem, surrogate, EXTRACTION)
+            advance(1)
+        groups = groups_of(found)
+        groups["posterior"][1]["inputs"] = json.dumps(step_2_inputs(problem, output))
+        write_groups(output / "posterior.nc", groups)
     return found.document("extract")
+
+
+@contextmanager
+def keeping_chains(problem, output: Path) -> Iterator[None]:
+    """Chains that are finished within stay in the folder until the end, or for the next time if there is none."""
+    call("command_keep_chains", problem.handle, os.fsencode(output))
+    yield
+    native.command_forget_chains(os.fsencode(output))
 
 
 def stored_posterior(problem, output: Path):
@@ -60,8 +73,9 @@ def next_stage(problem, output: Path, progress: Progress | None = None) -> dict:
         if stored is not None:
             document = Posterior(problem, surrogate).suggest(problem, draws_of(stored))
         else:
-            found = Posterior(problem, surrogate, EXTRACTION)
-            draws = found.values("found_draws")
-            document = found.suggest(problem, draws.reshape(found.dimension, -1, order="F").T)
+            with keeping_chains(problem, output):
+                found = Posterior(problem, surrogate, EXTRACTION)
+                draws = found.values("found_draws")
+                document = found.suggest(problem, draws.reshape(found.dimension, -1, order="F").T)
         advance(1)
     return document
