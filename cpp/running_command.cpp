@@ -8,6 +8,7 @@
 #include <ctime>
 #include <dirent.h>
 #include <fcntl.h>
+#include <mutex>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -117,6 +118,20 @@ void end_at_once(int signal) {
   _exit(128 + signal);
 }
 
+std::mutex listening;
+int listeners = 0;
+bool listens = false;
+struct sigaction handler_before;
+std::atomic<bool> requested{false};
+
+void note(int signal, siginfo_t *information, void *context) {
+  requested = true;
+  if ((handler_before.sa_flags & SA_SIGINFO) != 0)
+    handler_before.sa_sigaction(signal, information, context);
+  else
+    handler_before.sa_handler(signal);
+}
+
 // Remove the files of a folder that begin with a prefix, if so says a question about the rest of the name.
 template <typename question> void remove_files(const char *folder, const char *prefix, question removed) {
   DIR *listing = opendir(folder);
@@ -159,6 +174,37 @@ void bayesindent_unwatch_signals() {
     if (taken[i])
       taken[i] = sigaction(watched[i].number, &before[i], nullptr) != 0;
 }
+
+void bayesindent_listen() {
+  const std::lock_guard<std::mutex> guard(listening);
+  if (listeners++ > 0)
+    return;
+  if (sigaction(SIGINT, nullptr, &handler_before) != 0)
+    return;
+  const auto handler = handler_before.sa_handler;
+  if (handler == SIG_DFL || handler == SIG_IGN || handler == end_at_once)
+    return;
+  struct sigaction action = handler_before;
+  action.sa_sigaction = note;
+  action.sa_flags |= SA_SIGINFO;
+  listens = sigaction(SIGINT, &action, nullptr) == 0;
+}
+
+void bayesindent_stop_listening() {
+  const std::lock_guard<std::mutex> guard(listening);
+  if (--listeners > 0)
+    return;
+  requested = false;
+  if (!listens)
+    return;
+  struct sigaction present;
+  // Somebody may have set another one meanwhile.
+  if (sigaction(SIGINT, nullptr, &present) == 0 && (present.sa_flags & SA_SIGINFO) != 0 && present.sa_sigaction == note)
+    sigaction(SIGINT, &handler_before, nullptr);
+  listens = false;
+}
+
+std::int32_t bayesindent_stop_requested() { return requested ? 1 : 0; }
 
 std::int32_t bayesindent_lock_file(const char *file, std::int32_t milliseconds, std::int32_t *holder) {
   constexpr std::int32_t step = 20;

@@ -26,6 +26,12 @@ void bayesindent_unlock_file();
 // half-written.
 void bayesindent_remove_remains(const char *folder, const char *prefix);
 
+// While somebody listens, SIGINT is noted before it goes to the handler that it had; without a handler, or where a command watches,
+// nothing is changed. Threads may listen at the same time; with the last what was noted is forgotten.
+void bayesindent_listen();
+void bayesindent_stop_listening();
+std::int32_t bayesindent_stop_requested();
+
 // Remove all files of a folder whose names begin so.
 void bayesindent_remove_files(const char *folder, const char *prefix);
 }

@@ -1,5 +1,6 @@
 !> What a sampler is: it makes one chain of a target from one random stream.
 module abstract_sampler
+   use interruption, only: stop_requested
    use kinds, only: wp
    use random, only: random_stream_type
    use sampling_target, only: target_type
@@ -15,7 +16,7 @@ module abstract_sampler
    end type sampler_type
 
    abstract interface
-      !> One chain; threads call it at the same time.
+      !> One chain; threads call it at the same time. It may end at any point once `stop_requested`.
       subroutine run_interface(self, target, stream, draws, log_density, acceptance, started)
          import :: random_stream_type, sampler_type, target_type, wp
          class(sampler_type), intent(in) :: self
@@ -45,6 +46,7 @@ contains
 
       found = 0
       do attempt = 1, 20000*size(density)
+         if (stop_requested()) exit
          call target%draw_start(stream, x)
          call target%evaluate(x, density(found + 1), admitted)
          if (.not. (admitted .and. density(found + 1) > -huge(1.0_wp))) cycle

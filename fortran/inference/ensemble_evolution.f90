@@ -8,6 +8,7 @@
 !> more steps are taken.
 module ensemble_evolution
    use abstract_sampler, only: draw_starts
+   use interruption, only: stop_requested
    use kinds, only: i8, wp
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
@@ -40,7 +41,7 @@ contains
       type(view_type), intent(out) :: view
       !> (dimension, point).
       real(wp), allocatable, intent(out) :: archive(:, :)
-      !> Whether a point of the support was found.
+      !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40
@@ -64,9 +65,10 @@ contains
          call look_again(target, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view)
          generations = evaluations*effort(target, view)/(m*rounds)
          call step_population(target, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
-         if (inverse >= 1.0_wp) exit
+         if (inverse >= 1.0_wp .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
+         if (stop_requested()) return
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
          generations = evaluations*effort(target, view)/(m*rounds)
          call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
@@ -195,6 +197,7 @@ contains
       kept = 0
       distinct = 0
       do generation = 1, generations
+         if (stop_requested()) return
          moved = 0
          do k = 1, m
             call pick_pair(stream, m, k, a, b)

@@ -11,6 +11,7 @@ module ensemble_sampler
    use abstract_sampler, only: sampler_type
    use ensemble_evolution, only: add_difference, evolve_population, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
+   use interruption, only: stop_requested
    use kinds, only: i8, wp
    use output_polynomial, only: is_fitted
    use random, only: random_stream_type
@@ -59,8 +60,9 @@ contains
 
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
-      if (.not. started) return
+      if (.not. started .or. stop_requested()) return
       call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
+      if (stop_requested()) return
       exact%straight = kernel%view%straight
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
       kernel%share = 0.0_wp
@@ -78,6 +80,7 @@ contains
       accepted = 0
       counted = 0
       do i = 1, size(log_density)
+         if (stop_requested()) return
          moved = .false.
          call stream%uniform(v)
          if (is_fitted(kernel%view%polynomial) .and. v < exact_share) then
@@ -231,6 +234,7 @@ contains
       call fit_mixture(points(:kept, :), weights(:kept), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
+         if (stop_requested()) return
          last = round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)
          call widen_mixture(fitted, 1.05_wp, 0.1_wp, 0.03_wp, 4.0_wp, mixture)
          inside = 0

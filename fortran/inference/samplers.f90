@@ -4,6 +4,7 @@
 module samplers
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
+   use interruption, only: listen, stop_listening, stop_requested
    use kept_chains, only: chain_shelf_type
    use kinds, only: wp
    use memory, only: raise_no_memory
@@ -66,6 +67,7 @@ contains
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)
       integer :: k, stat
+      logical :: interrupted
 
       if (settings%samples < 1 .or. sampler%burn_in < 0 .or. settings%chains < 1) then
          call raise(error, 'samples = '//to_text(settings%samples)//' and chains = '//to_text(settings%chains) &
@@ -82,6 +84,7 @@ contains
       chains%draws = 0.0_wp
       chains%log_density = 0.0_wp
       chains%acceptance = 0.0_wp
+      call listen()
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream)
       do k = 1, settings%chains
          started(k) = .false.
@@ -94,12 +97,18 @@ contains
          if (started(k)) cycle
          stream = new_random_stream(settings%seed, settings%first_stream + k - 1)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
-         if (.not. (present(shelf) .and. started(k))) cycle
+         if (.not. (present(shelf) .and. started(k)) .or. stop_requested()) cycle
          !$omp critical (chain_shelf)
          call shelf%keep(settings%first_stream + k - 1, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
          !$omp end critical (chain_shelf)
       end do
       !$omp end parallel do
+      interrupted = stop_requested()
+      call stop_listening()
+      if (interrupted) then
+         call raise(error, 'interrupted')
+         return
+      end if
       k = findloc(started, .false., dim=1)
       if (k > 0) call raise(error, 'chain '//to_text(k)//': no admissible point with a finite density was found within the ' &
          & //'bounds')

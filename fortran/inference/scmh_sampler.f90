@@ -1,6 +1,7 @@
 !> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd
 !> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
+   use interruption, only: stop_requested
    use kinds, only: wp
    use random, only: random_stream_type
    use abstract_sampler, only: draw_starts, sampler_type
@@ -55,6 +56,7 @@ contains
       total = 0.0_wp
       accepted = 0
       do sweep = 1 - self%burn_in, samples
+         if (stop_requested()) return
          do j = 1, target%dimension
             kept = x(j)
             call stream%normal(z)

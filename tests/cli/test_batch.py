@@ -238,7 +238,7 @@ def test_goes_on_where_it_was(batch, tmp_path):
     assert batch("a.nml").stdout == "simulate: 3 crystals, 1 new, 0 failed: runs/a/moduli.csv\n"
     assert stored(output)[:2] == first
     assert (output / "moduli.csv").read_text().startswith(moduli)
-    assert sorted(path.name for path in output.iterdir()) == ["campaign.sqlite", "curves.csv", "moduli.csv", "resolved.nml"]
+    assert sorted(path.name for path in output.iterdir()) == [".lock", "campaign.sqlite", "curves.csv", "moduli.csv", "resolved.nml"]
     # Results of another physics are not touched, and not used.
     (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'p.csv' /\n&simulation refine = 0.6 /\n")
     assert "3 crystals, 3 new" in batch("a.nml").stdout

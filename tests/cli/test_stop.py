@@ -6,7 +6,6 @@ import re
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -14,27 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from bench_stop import BATCH, POINTS, PROGRAMS, STAGES, start, stored
 from test_build import NAMELIST
 
 from conftest import SOURCE
-
-BATCH = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
-PROGRAMS = {"python": lambda stage: [sys.executable, "-m", "bayesindent", stage], "batch": lambda stage: [BATCH]}
-
-ROWS = "".join(f"{160 + i},110,{70 + i / 7:.3f},{3 * i},{i % 90},0\n" for i in range(100))
-#: Each takes minutes.
-STAGES = {
-    "simulate": "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = 2 /\n",
-    "build": "&problem symmetry = 'cubic' /\n&specimen geometry = 'block' /\n&design budget = 100, batch = 3 /\n&execution workers = 2 /\n",
-    "extract": f"&problem symmetry = 'triclinic' /\n&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n&sampler samples = 30000 /\n",
-}
-
-
-def start(folder, program, stage):
-    (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + ROWS)
-    (folder / f"{stage}.nml").write_text(STAGES[stage])
-    command = [*PROGRAMS[program](stage), f"{stage}.nml", "--output", "out"]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def wait_for(condition, process):
@@ -42,18 +24,6 @@ def wait_for(condition, process):
     while not condition() and time.monotonic() < deadline:
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.02)
-
-
-def stored(folder) -> list:
-    """The rows of the campaign in out/, which may not be there yet."""
-    file = folder / "out" / "campaign.sqlite"
-    if not file.exists():
-        return []
-    with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as campaign:
-        try:
-            return campaign.execute("SELECT * FROM simulation ORDER BY id").fetchall()
-        except sqlite3.OperationalError:
-            return []
 
 
 def working(folder, stage) -> bool:
@@ -100,7 +70,7 @@ def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, num
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_signals_that_are_ignored_stay_so(program, tmp_path):
-    (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(ROWS.splitlines(True)[:3]))
+    (tmp_path / "points.csv").write_text("".join(POINTS.splitlines(keepends=True)[:4]))
     (tmp_path / "a.nml").write_text(STAGES["simulate"])
     command = [*PROGRAMS[program]("simulate"), "a.nml", "--output", "out"]
     ignore = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)  # noqa: E731, what nohup does
@@ -114,7 +84,7 @@ def test_signals_that_are_ignored_stay_so(program, tmp_path):
 def test_while_it_waits_for_another_process(tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "mine.nml").write_text(NAMELIST)
-    command = [*PROGRAMS["python"]("build"), "mine.nml", "--output", "out", "--ask", "2"]
+    command = [*PROGRAMS["bayesindent"]("build"), "mine.nml", "--output", "out", "--ask", "2"]
     with open(tmp_path / "out" / ".lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -142,7 +112,7 @@ def test_finished_chains_are_gone_on_with_to_the_bit(tmp_path):
     for seed in "12":
         (tmp_path / f"{seed}.nml").write_text(STEP_2.replace("SEED", seed))
         subprocess.run([BATCH, f"{seed}.nml", "--output", f"whole_{seed}"], cwd=tmp_path, check=True, capture_output=True)
-    for program, seed in (("python", "1"), ("batch", "2")):
+    for program, seed in (("bayesindent", "1"), ("bayesindent-batch", "2")):
         output = tmp_path / f"stopped_{seed}"
         process = subprocess.Popen([BATCH, "1.nml", "--output", output.name], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
         # The second chain of the posterior, which its stream names.
@@ -154,7 +124,7 @@ def test_finished_chains_are_gone_on_with_to_the_bit(tmp_path):
         command = [*PROGRAMS[program]("extract"), f"{seed}.nml", "--output", output.name]
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
         whole = np.genfromtxt(tmp_path / f"whole_{seed}" / "posterior.csv", delimiter=",", names=True)
-        if program == "batch":
+        if program == "bayesindent-batch":
             assert (output / "posterior.csv").read_bytes() == (tmp_path / f"whole_{seed}" / "posterior.csv").read_bytes()
         else:
             draws = xarray.open_dataset(output / "posterior.nc", group="posterior", engine="h5netcdf")

@@ -1,0 +1,28 @@
+!> Ctrl-C while the library works. A caller's handler of SIGINT, such as Python's, only takes note until compiled code has returned; so
+!> while somebody listens the signal is noted here, too, and then given to that handler. Long loops ask, leave, and their results are
+!> not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
+module interruption
+   use, intrinsic :: iso_c_binding, only: c_int32_t
+   implicit none
+   private
+   public :: listen, stop_listening, stop_requested
+
+   interface
+      !> From now on; threads may do so at the same time.
+      subroutine listen() bind(c, name='bayesindent_listen')
+      end subroutine listen
+      !> As often as `listen`; with the last what was noted is forgotten.
+      subroutine stop_listening() bind(c, name='bayesindent_stop_listening')
+      end subroutine stop_listening
+      integer(c_int32_t) function c_requested() bind(c, name='bayesindent_stop_requested')
+         import :: c_int32_t
+      end function c_requested
+   end interface
+
+contains
+
+   !> Whether a signal came; it stays so while somebody listens.
+   logical function stop_requested()
+      stop_requested = c_requested() /= 0
+   end function stop_requested
+end module interruption

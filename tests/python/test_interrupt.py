@@ -1,0 +1,50 @@
+"""Ctrl-C in a call of the library that samples for minutes: KeyboardInterrupt within a moment, and the next call is as ever."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from conftest import SOURCE
+
+CODE = """
+import sys, time
+import numpy as np
+import bayesindent as bi
+
+def draws(symmetry, **settings):
+    found = bi.extract(FILE, symmetry=symmetry, modulus_kind="effective_modulus", method=sys.argv[1], chains=2, **settings)
+    return np.stack([found.posterior[name] for name in bi.constants(symmetry)])
+
+few = {"samples": 20, "burn_in": 20, "knowledge": {"bulk_modulus": (165, 3)}}
+before = draws("cubic", **few)
+print("begin", flush=True)
+try:
+    draws("triclinic", samples=1000000, burn_in=1000000)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+assert (draws("cubic", **few) == before).all()
+print("the same", flush=True)
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    print("as ever", flush=True)
+"""
+
+
+@pytest.mark.parametrize("method", ["ensemble", "scmh"])
+def test_extract_is_interrupted(method):
+    code = CODE.replace("FILE", repr(str(SOURCE / "inputs" / "data" / "fe3si.csv")))
+    with subprocess.Popen([sys.executable, "-c", code, method], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "begin\n", process.stderr.read()
+        time.sleep(2)
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "interrupted\n", process.stderr.read()
+        assert time.monotonic() - begin < 2
+        assert process.stdout.readline() == "the same\n", process.stderr.read()
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=60)[0] == "as ever\n"
