@@ -16,7 +16,7 @@ module labelled_text
    use text, only: to_text
    implicit none
    private
-   public :: labelled_text_type, checksum
+   public :: labelled_text_type
 
    character, parameter :: newline = achar(10)
    !> They bring a number back.

@@ -5,10 +5,11 @@
 !> file is damaged, is drawn again.
 module kept_chains
    use abstract_sampler, only: draw_starts
+   use checksums, only: checksum
    use errors, only: error_type
    use files, only: file_exists, read_text_file, replace_file
    use kinds, only: i8, wp
-   use labelled_text, only: checksum, labelled_text_type
+   use labelled_text, only: labelled_text_type
    use random, only: new_random_stream, random_stream_type
    use sampling_target, only: target_type
    use text, only: to_text
@@ -50,8 +51,7 @@ contains
          write (digits, '(z16.16)') transfer(density(i), 1_i8)
          told = told//digits
       end do
-      write (digits, '(z16.16)') checksum(told)
-      self%stem = folder//'/'//chain_prefix//digits//'-'
+      self%stem = folder//'/'//chain_prefix//checksum(told)//'-'
    end subroutine new_chain_shelf
 
    !> The file of the chain of a random stream, `number`.

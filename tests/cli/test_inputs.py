@@ -33,7 +33,7 @@ def test_theory_of_every_reference_row(bayesindent, tmp_path):
         assert result["indentation_modulus_gpa"] == pytest.approx(float(row["M_elliptic"]), rel=1e-8)
         assert result["constants"]["C11"] == float(row["C11"])
     files = {path.name for path in (tmp_path / "runs" / "all").iterdir()}
-    assert files == {"inputs.json", "resolved.nml", "run.log", "theory.csv", "theory.json"}
+    assert files == {".lock", "inputs.json", "resolved.nml", "run.log", "theory.csv", "theory.json"}
 
 
 def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):

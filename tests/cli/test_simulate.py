@@ -21,7 +21,7 @@ def test_isotropic_crystal(bayesindent, tmp_path):
     first = bayesindent("run", SOURCE / "inputs" / "isotropic.nml", "--json")
     assert first.returncode == 0, first.stderr
     output = tmp_path / "runs" / "isotropic"
-    files = "campaign.sqlite curves.csv inputs.json moduli.csv report.html resolved.nml run.log simulate.json theory.csv theory.json"
+    files = ".lock campaign.sqlite curves.csv inputs.json moduli.csv report.html resolved.nml run.log simulate.json theory.csv theory.json"
     assert {path.name for path in output.iterdir()} == set(files.split())
     document = json.loads(first.stdout)
     assert document["simulate"]["new_simulations"] == 1
