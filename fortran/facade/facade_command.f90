@@ -25,7 +25,7 @@ subroutine command_take_folder(folder, patience, resumes, status, message)
    call error_to_status(error, status, message)
 end subroutine command_take_folder
 
-!> Let a problem keep its finished chains in a folder.
+!> Let a problem (problem_handle) keep its finished chains in a folder.
 subroutine command_keep_chains(problem_handle, folder, status, message)
    use interoperation, only: c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type

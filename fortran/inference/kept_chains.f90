@@ -72,6 +72,7 @@ contains
       real(wp), intent(inout) :: draws(:, :), log_density(:)
       !> See `sampler_type`.
       real(wp), intent(inout) :: acceptance
+      !> Whether it is there; else nothing is changed.
       logical, intent(out) :: found
       type(labelled_text_type) :: file
       type(error_type), allocatable :: error
