@@ -5,6 +5,7 @@ module posterior_objects
    use errors, only: error_type, exit_bad_input, raise
    use extraction, only: extract, extraction_type
    use extraction_document, only: write_extraction
+   use interruption, only: listen, stop_listening
    use kinds, only: i8, wp
    use object_registry, only: find_object, register_object
    use problem, only: problem_type
@@ -52,7 +53,10 @@ contains
       allocate (self)
       if (what == all_of_step_2) then
          allocate (self%found)
+         ! A signal between two runs of the sampler must not be missed.
+         call listen()
          call extract(problem, surrogate, self%found, error)
+         call stop_listening()
          if (.not. allocated(error)) then
             self%density = self%found%posterior
             self%document = write_extraction(problem, self%found)
