@@ -216,7 +216,9 @@ def fill(disk: Path, left: int) -> None:
 
 def broken_files(folder: Path, before: dict[str, bytes]) -> str:
     """Files that a full disk left broken or that are gone, in words."""
-    gone = sorted(name for name in before if not name.startswith(".part-") and not name.endswith("-journal") and not (folder / name).exists())
+    gone = sorted(
+        name for name in before if not name.startswith(".part-") and not name.endswith("-journal") and not (folder / name).exists()
+    )
     half = []
     for path in folder.glob("*.json"):
         try:
