@@ -1,4 +1,4 @@
-"""Stop both programs in every stage, and start many at once in a new folder. The tables are in docs/running.md.
+"""Stop both programs in every stage, and start many at once in a new folder.
 
 Each stage gets a signal at a random moment, three in a row, SIGINT, SIGTERM and SIGHUP in turn: how long it takes to end, whether status and
 message are right, and whether a row of the campaign is lost or damaged. Processes that begin at once: how many worked, how many were refused
