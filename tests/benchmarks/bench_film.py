@@ -54,6 +54,8 @@ def main(argv=None) -> int:
         covered = np.mean((low <= truth) & (truth <= high), axis=0)
         print(f"| {name}: in the 90 % interval | " + " | ".join(f"{100 * share:.1f} %" for share in covered) + " |")
         print(f"| {name}: mean bias, sds | " + " | ".join(f"{value:+.2f}" for value in np.mean((mean - truth) / sd, axis=0)) + " |")
+        pairs = zip(sd.mean(axis=0), mean.std(axis=0), strict=True)
+        print(f"| {name}: mean sd, and spread of the means, GPa | " + " | ".join(f"{a:.2f}, {b:.2f}" for a, b in pairs) + " |")
     return 0
 
 
