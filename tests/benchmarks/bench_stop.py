@@ -161,7 +161,8 @@ def crowd(what: str, rounds: int, processes: int) -> tuple[int, int, list[str]]:
             for process, error in zip(started, errors, strict=True):
                 busy = what == "one namelist" and process.returncode == 2 and "is at work in this folder" in error
                 worked, refused = worked + (process.returncode == 0), refused + busy
-                faults += [error.splitlines()[-1]] * (process.returncode != 0 and not busy)
+                if process.returncode != 0 and not busy:
+                    faults.append(f"status {process.returncode}, {error.splitlines()[-1:]}")
             wanted = 2 if what == "one namelist" else processes
             faults += ["rows are missing"] * (len(stored(folder)) != wanted)
             faults += [damage(folder / "out", [])] * bool(damage(folder / "out", []))
