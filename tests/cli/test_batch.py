@@ -220,7 +220,7 @@ def test_a_killed_build_goes_on(batch, tmp_path):
     assert 3 <= len(before) < 10
     done = batch("small.nml", "--output", "out")
     assert (done.returncode, f"8 simulations, {10 - len(before)} new" in done.stdout) == (0, True), done.stdout + done.stderr
-    assert stored(tmp_path / "out")[: len(before)] == before
+    assert [row for row in stored(tmp_path / "out") if row in before] == before
     # As if nothing had happened.
     assert batch("small.nml", "--output", "whole").returncode == 0
     whole, resumed = (stored(tmp_path / folder) for folder in ("whole", "out"))
