@@ -385,7 +385,7 @@ contains
          end do
          if (index(known_columns(i)%others, ' '//word//' ') == 0) cycle
          if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//trim(adjustl(unit))//' ') == 0) then
-            call raise(error, 'line 1, column '//printable(table%name(j))//': the unit '//printable(unit)//' is not read; allowed' &
+            call raise(error, 'column '//printable(table%name(j))//': the unit '//printable(unit)//' is not read; allowed' &
                & //trim(known_columns(i)%units), exit_bad_input)
             return
          end if

@@ -25,7 +25,7 @@ READ = {
     "CRLF": page(end="\r\n"),
     "byte order mark": "\ufeff" + page(";", decimal=","),
     "comments": "# made by hand; with semicolons; and more\n" + page(),
-    "rows of empty cells": page() + ",,,,\n;\n"[:5] + "\n\n",
+    "rows of empty cells": page() + ",,,,\n\n\n",
     "empty rows between": page().replace("\n", "\n,,,,\n", 1),
     "trailing delimiters": page().replace("\n", ",\n"),
     "trailing delimiters of rows": page(";").replace("4.5\n", "4.5;;\n"),
@@ -41,7 +41,7 @@ READ = {
 
 REFUSED = {
     "decimal commas among commas": (page(decimal=","), "line 2: 10 cells where the header has 5"),
-    "MPa": (page(header=[*HEADER[:3], "modulus (MPa)", "sd_gpa"]), "line 1, column modulus (MPa): the unit mpa is not read; allowed gpa"),
+    "MPa": (page(header=[*HEADER[:3], "modulus (MPa)", "sd_gpa"]), ": column modulus (MPa): the unit mpa is not read; allowed gpa"),
     "MPa without a word": (page(rows=[(*row[:3], 1000 * row[3], row[4]) for row in ROWS]), "210500.0 GPa looks like MPa"),
     "no sd": (page(header=HEADER[:4], rows=[row[:4] for row in ROWS]), "the column sd_gpa is missing"),
     "thousands": (page(";", decimal=",").replace("210,5", "1.210,5"), "'1.210,5' is not a number"),
