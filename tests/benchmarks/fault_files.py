@@ -4,6 +4,7 @@ A fault is met well if the program ends as it should without one, with the same 
 cause, and with an exit status that says whose fault it is. All else is told in words.
 """
 
+import ctypes
 import json
 import os
 import random
@@ -58,8 +59,6 @@ def run(program: str, namelist: Path, *arguments: str, command: str = "run", **o
         errors="replace",
         stdin=subprocess.DEVNULL,
         timeout=PATIENCE,
-        # A user without a home: Matplotlib would tell of it.
-        env=os.environ | {"MPLCONFIGDIR": str(namelist.parent)},
         **options,
     )
 
@@ -228,25 +227,26 @@ def broken_files(folder: Path, before: dict[str, bytes]) -> str:
     return f"gone: {gone}; half: {half}" if gone or half else ""
 
 
+def heed_permissions() -> None:
+    """Permissions of files hold for this process and what it starts, also where it is root's."""
+    drop_from_bounding_set, override_permissions = 24, 1
+    if os.geteuid() == 0 and ctypes.CDLL(None, use_errno=True).prctl(drop_from_bounding_set, override_permissions, 0, 0, 0):
+        raise OSError(ctypes.get_errno(), "root's right to write everything cannot be dropped")
+
+
 def no_permission(program: str, folder: Path, command: str = "run") -> dict:
     """Results in a folder, and a campaign, that this user may only read."""
     outcome: dict = {"tries": 0, "refused": 0, "same": 0, "wrong": []}
-    other = {"user": 65534} if os.geteuid() == 0 else {}
-    folder.chmod(0o755)
     namelist = finished(program, folder / "whole", command)
     results = namelist.parent / "out"
-    # Matplotlib keeps its files beside the namelist.
-    (folder / "whole").chmod(0o777)
     results.chmod(0o555)
     for file in ("", "campaign.sqlite"):
         if file:
             # The folder takes files, the campaign takes no rows.
-            results.chmod(0o777)
-            for path in results.glob("*"):
-                path.chmod(0o666)
+            results.chmod(0o755)
             (results / file).chmod(0o444)
         outcome["tries"] += 1
-        done = run(program, namelist, command=command, **other)
+        done = run(program, namelist, command=command, preexec_fn=heed_permissions)
         wrong = words_of(done, str(results), 1)
         outcome["refused"] += not wrong
         if wrong:

@@ -43,12 +43,7 @@ def test_a_full_disk_is_told_and_loses_nothing(program, sizes):
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_a_folder_that_may_not_be_written_is_named(tmp_path_factory, program):
-    import tempfile
-    from pathlib import Path
-
-    # Those of pytest are closed to other users.
-    with tempfile.TemporaryDirectory() as folder:
-        found = no_permission(program, Path(folder), "build")
+def test_a_folder_that_may_not_be_written_is_named(tmp_path, program):
+    found = no_permission(program, tmp_path, "build")
     assert ended_well(found), found
     assert found["refused"] == 2
