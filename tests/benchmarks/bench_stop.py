@@ -76,7 +76,14 @@ def start(folder: Path, program: str, stage: str) -> subprocess.Popen:
     (folder / "points.csv").write_text(POINTS)
     (folder / "a.nml").write_text(STAGES[stage])
     command = [*PROGRAMS[program](stage.split()[0]), "a.nml", "--output", "out"]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, cwd=folder, **pipes, preexec_fn=heed_signals)
+
+
+def heed_signals() -> None:
+    """What a shell or nohup had this process ignore is not ignored in what it starts."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def stored(folder: Path) -> list:
