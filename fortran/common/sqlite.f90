@@ -334,7 +334,8 @@ contains
             if (characters(n + 1) == c_null_char) exit
          end do
       end if
-      text = repeat(' ', n)
+      deallocate (text)
+      allocate (character(len=n) :: text)
       do i = 1, n
          text(i:i) = characters(i)
       end do

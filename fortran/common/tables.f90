@@ -18,9 +18,10 @@ module tables
       integer :: rows = 0, columns = 0
       !> Line of the file on which each row begins, (rows).
       integer, allocatable :: line(:)
-      !> Every cell, unquoted, one after the other; cell (j, i) is buffer(first(j, i):last(j, i)); row 0 is the header.
+      !> Every cell, unquoted, one after the other, row by row from the header, which is row 0: cell (j, i) is buffer(first(k):last(k)),
+      !> k = i*columns + j.
       character(len=:), allocatable, private :: buffer
-      integer, allocatable, private :: first(:, :), last(:, :)
+      integer, allocatable, private :: first(:), last(:)
       logical, private :: decimal_comma = .false.
    contains
       procedure :: cell
@@ -48,13 +49,13 @@ contains
       character(len=*), intent(in) :: content
       type(table_type), intent(out) :: table
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: first(:), last(:), line(:), counts(:)
-      integer :: cells, rows, i, j
+      integer, allocatable :: line(:), counts(:)
+      integer :: cells, rows, i
       character :: delimiter
 
       delimiter = delimiter_of(content)
       table%decimal_comma = delimiter /= ','
-      call split(content, delimiter, table%buffer, first, last, cells, line, counts, rows, error)
+      call split(content, delimiter, table%buffer, table%first, table%last, cells, line, counts, rows, error)
       if (allocated(error)) return
       if (rows == 0) then
          call raise(error, 'the table has no header row', exit_bad_input)
@@ -70,13 +71,6 @@ contains
          end if
       end do
       table%line = line(2:rows)
-      allocate (table%first(table%columns, 0:table%rows), table%last(table%columns, 0:table%rows))
-      do i = 0, table%rows
-         do j = 1, table%columns
-            table%first(j, i) = first(i*table%columns + j)
-            table%last(j, i) = last(i*table%columns + j)
-         end do
-      end do
       call check_header(table, line(1), error)
       if (allocated(error)) return
       if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
@@ -281,7 +275,10 @@ contains
       integer, intent(in) :: row
       character(len=:), allocatable :: string
 
-      string = self%buffer(self%first(column, row):self%last(column, row))
+      integer :: k
+
+      k = row*self%columns + column
+      string = self%buffer(self%first(k):self%last(k))
    end function cell
 
    !> The name of a `column`.
@@ -321,9 +318,12 @@ contains
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
       type(error_type), allocatable, intent(out) :: error
-      integer :: outcome
+      integer :: outcome, k
       character(len=:), allocatable :: string, place
 
+      k = row*self%columns + column
+      call read_real(self%buffer(self%first(k):self%last(k)), value, outcome)
+      if (outcome == number_ok) return
       string = self%cell(column, row)
       if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',') == index(string, ',', back=.true.)) then
          if (index(string, ',') > 0) string(index(string, ','):index(string, ',')) = '.'

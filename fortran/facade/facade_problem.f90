@@ -74,3 +74,24 @@ subroutine problem_set_table(handle, table, page, status, message)
    call error_to_status(error, status, message)
 end subroutine problem_set_table
 
+!> Write the crystals of a problem, n of them, as the table that they came from with m columns of numbers: `names`, separated by
+!> commas, and `values`.
+subroutine problem_write_crystals(handle, path, names, n, m, values, status, message)
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
+   use table_writer, only: write_table
+   implicit none
+   integer(c_int64_t), intent(in) :: handle
+   character(len=*), intent(in) :: path, names
+   integer(c_int), intent(in) :: n, m
+   real(c_double), intent(in) :: values(n, m)
+   integer(c_int), intent(out) :: status
+   character(len=4096), intent(out) :: message
+   type(problem_type), pointer :: self
+   type(error_type), allocatable :: error
+
+   call problem_of_handle(handle, self, error)
+   if (.not. allocated(error)) call write_table(self%crystals%table, path, names, values, error)
+   call error_to_status(error, status, message)
+end subroutine problem_write_crystals

@@ -255,7 +255,7 @@ end subroutine surrogate_check_replaceable
 subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, status, message)
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use surrogate_handles, only: find_surrogate_object
-   use surrogate_model, only: check_crystals, predict, surrogate_type
+   use surrogate_model, only: predict_crystals, surrogate_type
    use parallelism, only: thread_count
    implicit none
    !f2py threadsafe
@@ -267,17 +267,55 @@ subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, 
    character(len=512), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
-   integer :: i
 
    modulus = 0
    sd = 0
    call find_surrogate_object(handle, surrogate, error)
-   if (.not. allocated(error)) call check_crystals(surrogate, stiffness, error)
+   if (.not. allocated(error)) call predict_crystals(surrogate, stiffness, euler, thread_count(threads), modulus, sd, error)
+   call error_to_status(error, status, message)
+end subroutine surrogate_predict
+
+!> modulus and sd (GPa) of the n crystals of a problem (problem_handle), which stay where they are; and of each 1 in `covered` if a
+!> surrogate over this basis covers it, else its scale (GPa), as of `basis_coverage`.
+subroutine surrogate_predict_points(handle, problem_handle, n, threads, modulus, sd, covered, scale, status, message)
+   use crystal_elasticity, only: logarithmic_mean
+   use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use kinds, only: degree
+   use parallelism, only: thread_count
+   use problem, only: problem_type
+   use problem_handles, only: problem_of_handle
+   use surrogate_handles, only: find_surrogate_object
+   use surrogate_model, only: predict_crystals, surrogate_type
+   implicit none
+   !f2py threadsafe
+   integer(c_int64_t), intent(in) :: handle, problem_handle
+   integer(c_int), intent(in) :: n, threads
+   real(c_double), intent(out) :: modulus(n), sd(n), scale(n)
+   integer(c_int), intent(out) :: covered(n)
+   integer(c_int), intent(out) :: status
+   character(len=512), intent(out) :: message
+   type(surrogate_type), pointer :: surrogate
+   type(problem_type), pointer :: problem
+   type(error_type), allocatable :: error
+   real(c_double) :: poisson, anisotropy
+   integer :: i
+
+   modulus = 0
+   sd = 0
+   covered = 0
+   scale = 0
+   call find_surrogate_object(handle, surrogate, error)
+   if (.not. allocated(error)) call problem_of_handle(problem_handle, problem, error)
+   if (.not. allocated(error)) call predict_crystals(surrogate, problem%crystals%stiffness, degree*problem%crystals%euler_deg, &
+      & thread_count(threads), modulus, sd, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   !$omp parallel do num_threads(thread_count(threads)) schedule(static)
-   do i = 1, n
-      call predict(surrogate, stiffness(:, :, i), euler(:, i), modulus(i), sd(i))
-   end do
-   !$omp end parallel do
-end subroutine surrogate_predict
+   associate (c => problem%crystals%stiffness)
+      !$omp parallel do num_threads(thread_count(threads)) schedule(static) private(poisson, anisotropy)
+      do i = 1, n
+         covered(i) = merge(1, 0, surrogate%basis%covers(c(:, :, i)))
+         if (covered(i) == 0) call logarithmic_mean(c(:, :, i), poisson, anisotropy, scale(i))
+      end do
+      !$omp end parallel do
+   end associate
+end subroutine surrogate_predict_points

@@ -10,7 +10,7 @@ module campaign
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
-   use numbers, only: number_text
+   use numbers, only: number_ok, number_text, read_real
    use simulate, only: outcome_done, outcome_failed, outcome_type
    use sqlite, only: database_type, statement_type
    use text, only: lower, to_text
@@ -444,15 +444,25 @@ contains
          integer, intent(in) :: i
          real(wp), allocatable, intent(out) :: values(:)
          logical, intent(out) :: good
-         integer :: j, n, status
+         integer :: j, n, first, last, outcome
 
          call read_word(i)
          n = 0
-         if (len(word) > 2) n = 1 + count([(word(j:j) == ',', j=1, len(word))])
-         allocate (values(n))
-         status = 0
-         if (n > 0) read (word(2:len(word) - 1), *, iostat=status) values
-         good = status == 0
+         if (len(word) > 2) n = 1
+         do j = 1, len(word)
+            if (word(j:j) == ',') n = n + 1
+         end do
+         allocate (values(n), source=0.0_wp)
+         good = .true.
+         first = 2
+         do j = 1, n
+            ! Numbers are separated by a comma and a blank, the last ends before the bracket.
+            last = first + index(word(first:), ',') - 2
+            if (j == n) last = len(word) - 1
+            call read_real(word(first:last), values(j), outcome)
+            good = good .and. outcome == number_ok
+            first = min(last + 3, len(word))
+         end do
       end subroutine read_list
    end subroutine read_row
 

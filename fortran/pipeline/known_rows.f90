@@ -6,6 +6,7 @@ module known_rows
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use kinds, only: wp
+   use point_index, only: new_point_index, point_index_type
    use simulate, only: outcome_done
    implicit none
    private
@@ -48,8 +49,11 @@ contains
       integer, intent(out) :: beyond
       type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: class
+      type(point_index_type) :: index
+      integer, allocatable :: same(:)
+      real(wp), allocatable :: points(:, :)
       real(wp) :: c(6, 6), constants(basis%domain%class%n_constants)
-      integer :: i, j, n
+      integer :: i, n
 
       beyond = 0
       n = 0
@@ -57,6 +61,10 @@ contains
       allocate (known%candidate(size(rows)), known%earlier(candidates%n()), known%open(candidates%n()))
       known%earlier = -1
       known%open = .false.
+      allocate (points(size(constants) + 3, candidates%n()))
+      points(:size(constants), :) = candidates%constants
+      points(size(constants) + 1:, :) = candidates%euler_deg
+      call new_point_index(points, index)
       do i = 1, size(rows)
          if (.not. allocated(class%name)) call new_crystal_class(rows(i)%symmetry, class, error)
          if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
@@ -65,7 +73,8 @@ contains
          if (.not. basis%domain%is_of_class(c)) cycle
          if (chosen_only .and. .not. rows(i)%imported) cycle
          constants = basis%domain%class%constants_of(c)
-         call mark_candidates(known, candidates, constants, rows(i)%euler_deg, n, j)
+         call index%find([constants, rows(i)%euler_deg], same)
+         known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1
          else if (basis%covers(c)) then
@@ -73,34 +82,13 @@ contains
             known%constants(:, n) = constants
             known%euler_deg(:, n) = rows(i)%euler_deg
             known%modulus(n) = rows(i)%outcome%modulus
-            known%candidate(n) = j
+            known%candidate(n) = maxval([0, same])
          else
             beyond = beyond + 1
          end if
       end do
       call keep(known, [(i, i=1, n)])
    end subroutine select_rows
-
-   !> Mark the candidates that are this point, to the last bit, with `n` rows before its own.
-   subroutine mark_candidates(known, candidates, constants, euler_deg, n, number)
-      type(known_rows_type), intent(inout) :: known
-      type(candidates_type), intent(in) :: candidates
-      !> GPa; degrees.
-      real(wp), intent(in) :: constants(:), euler_deg(3)
-      integer, intent(in) :: n
-      !> Of one of them, 0 if there is none.
-      integer, intent(out) :: number
-      integer :: j
-
-      number = 0
-      do j = 1, candidates%n()
-         if (abs(candidates%constants(1, j) - constants(1)) > 0.0_wp) cycle
-         if (any(abs(candidates%constants(:, j) - constants) > 0.0_wp)) cycle
-         if (any(abs(candidates%euler_deg(:, j) - euler_deg) > 0.0_wp)) cycle
-         known%earlier(j) = n
-         number = j
-      end do
-   end subroutine mark_candidates
 
    !> Keep these rows alone.
    subroutine keep(known, rows)

@@ -29,7 +29,8 @@ contains
    !> The numbers and texts of an object.
    subroutine describe_object(handle, kind, visitor, error)
       integer(i8), intent(in) :: handle
-      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; or 'settings', which has no handle: what namelists may hold.
+      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; 'crystals', 'measurements' or 'candidates', the cells of this
+      !> table of a problem, the header first; or 'settings', which has no handle: what namelists may hold.
       character(len=*), intent(in) :: kind
       type(described_values_type), intent(inout) :: visitor
       type(error_type), allocatable, intent(out) :: error
@@ -43,6 +44,9 @@ contains
       case ('problem')
          call problem_of_handle(handle, problem, error)
          if (.not. allocated(error)) call describe_problem(problem, visitor)
+      case ('crystals', 'measurements', 'candidates')
+         call problem_of_handle(handle, problem, error)
+         if (.not. allocated(error)) call describe_cells(problem, kind, visitor%document)
       case ('build')
          call find_build(handle, build, error)
          if (.not. allocated(error)) call describe_build(build, visitor%document)
@@ -130,7 +134,7 @@ contains
       integer :: i
 
       call visitor%document%begin_object()
-      if (allocated(self%path)) then
+      if (allocated(self%path) .and. .not. allocated(visitor%wanted)) then
          schema = new_schema(all_choices())
          groups = ''
          do i = 1, size(schema%groups)
@@ -153,7 +157,7 @@ contains
       call visitor%document%end_object()
    end subroutine describe_problem
 
-   !> The cells of a table, header first, the class of each row, and its numbers.
+   !> The numbers of a table; the classes of its rows, and which each row has.
    subroutine describe_points(name, points, visitor)
       character(len=*), intent(in) :: name
       type(points_type), allocatable, intent(in) :: points
@@ -168,16 +172,32 @@ contains
          call visitor%array(name//'_constants', size(points%constants), points%constants)
          call visitor%array(name//'_stiffness', size(points%stiffness), points%stiffness)
       end if
+      if (allocated(points%class)) call visitor%array(name//'_class', points%n, real(points%class, wp))
       if (allocated(visitor%wanted)) return
-      call visitor%document%begin_array(name//'_symmetry')
+      call visitor%document%begin_array(name//'_classes')
       if (allocated(points%class)) then
-         do i = 1, points%n
-            call visitor%document%put('', points%classes(points%class(i))%name)
+         do i = 1, size(points%classes)
+            call visitor%document%put('', points%classes(i)%name)
          end do
       end if
       call visitor%document%end_array()
-      call put_cells(name, points%table, visitor%document)
    end subroutine describe_points
+
+   !> The cells of a table of a problem: 'crystals', 'measurements' or 'candidates'.
+   subroutine describe_cells(self, name, document)
+      type(problem_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+      type(json_type), intent(inout) :: document
+
+      select case (name)
+      case ('crystals')
+         call put_cells('', self%crystals%table, document)
+      case ('measurements')
+         call put_cells('', self%measurements%table, document)
+      case default
+         call put_cells('', self%candidates%table, document)
+      end select
+   end subroutine describe_cells
 
    !> The cells of a table as rows, the header first.
    subroutine put_cells(name, table, document)

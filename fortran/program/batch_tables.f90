@@ -1,16 +1,16 @@
 !> The tables of simulated crystals: `moduli.csv` and `curves.csv`, as the Python program writes them.
 module batch_tables
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use campaign, only: row_type
    use errors, only: error_type
    use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
-   use numbers, only: number_text
+   use numbers, only: short_text
    use problem, only: problem_type
    use simulate, only: outcome_done
-   use tables, only: csv_cell
+   use table_writer, only: write_table
    use text, only: split_list, to_text
    implicit none
    private
@@ -26,44 +26,27 @@ contains
       character(len=*), intent(in) :: path
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: kinds(:), line
+      character(len=:), allocatable :: kinds(:), names
       type(modulus_map_type) :: map
-      type(new_file_type) :: file
       real(wp), allocatable :: moduli(:, :), slope(:)
-      logical :: kept(self%crystals%table%columns)
-      integer :: i, j, k
+      integer :: j
 
       kinds = split_list(modulus_kind_names)
+      names = ''
       allocate (moduli(size(rows), size(kinds)), slope(size(rows)))
       associate (measured => self%settings%measurements)
          do j = 1, size(kinds)
             call new_modulus_map(trim(kinds(j)), measured%indenter_modulus_gpa, measured%indenter_nu, measured%sample_nu, &
                & map, error)
             if (allocated(error)) return
+            names = names//','//trim(kinds(j))//'_gpa'
             moduli(:, j) = rows%outcome%modulus
             slope = 1.0_wp
             call map%apply(moduli(:, j), slope)
             where (rows%outcome%status /= outcome_done) moduli(:, j) = ieee_value(1.0_wp, ieee_quiet_nan)
          end do
       end associate
-      associate (table => self%crystals%table)
-         do j = 1, table%columns
-            kept(j) = .not. any([(table%cell(j, 0) == trim(kinds(k))//'_gpa', k=1, size(kinds))])
-         end do
-         call file%begin(path)
-         do i = 0, size(rows)
-            line = ''
-            do j = 1, table%columns
-               if (kept(j)) line = line//csv_cell(table%cell(j, i))//','
-            end do
-            do j = 1, size(kinds)
-               if (i == 0) line = line//trim(kinds(j))//'_gpa,'
-               if (i > 0) line = line//short_text(moduli(max(i, 1), j))//','
-            end do
-            call file%add(line(:len(line) - 1)//newline)
-         end do
-         call file%finish(error)
-      end associate
+      call write_table(self%crystals%table, path, names, moduli, error)
    end subroutine write_moduli
 
    !> Force (mN) over depth (um) of every point, by its row from 1, with the modulus of each depth alone (GPa).
@@ -90,19 +73,4 @@ contains
       end do
       call file%finish(error)
    end subroutine write_curves
-
-   !> A number for people: ten digits at most, nothing where it is not finite.
-   function short_text(number) result(text)
-      real(wp), intent(in) :: number
-      character(len=:), allocatable :: text
-      character(len=24) :: digits
-      real(wp) :: rounded
-
-      text = ''
-      if (.not. ieee_is_finite(number)) return
-      write (digits, '(es24.9e3)') number
-      read (digits, '(es24.0)') rounded
-      text = number_text(rounded)
-      if (index(text, '.0') == len(text) - 1) text = text(:len(text) - 2)
-   end function short_text
 end module batch_tables

@@ -170,6 +170,7 @@ contains
       type(crystal_class_type) :: general, usual, class
       character(len=3), allocatable :: names(:)
       integer :: column(21), symmetry_column, i, j
+      integer, allocatable :: others(:)
       logical :: same
       character(len=:), allocatable :: cell
 
@@ -207,26 +208,36 @@ contains
             if (j > size(points%classes)) points%classes = [points%classes, class]
             points%class(i) = j
          end if
-         call read_row(points, i, names, column, error)
+         same = i > 1
+         if (same) same = points%class(i) == points%class(i - 1)
+         if (.not. same) then
+            associate (own => points%classes(points%class(i))%constants)
+               others = pack([(j, j=1, 21)], column > 0 .and. [(all(own /= names(j)), j=1, 21)])
+            end associate
+         end if
+         call read_row(points, i, names, column, others, error)
          if (allocated(error)) return
       end do
    end subroutine read_constants
 
    !> The crystal of row i: its constants, and what else the row says about the stiffness.
-   subroutine read_row(points, i, names, column, error)
+   subroutine read_row(points, i, names, column, others, error)
       type(points_type), intent(inout) :: points
       integer, intent(in) :: i
       !> All 21 entries, and their columns or 0.
       character(len=3), intent(in) :: names(21)
       integer, intent(in) :: column(21)
+      !> Of the entries those that have a column but are no constants of the class.
+      integer, intent(in) :: others(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: values(21), implied(21)
-      logical :: needed
-      integer :: j, k
+      real(wp) :: value, implied(21)
+      integer :: j, k, n
 
       associate (class => points%classes(points%class(i)))
          do k = 1, class%n_constants
-            j = findloc(names, class%constants(k), dim=1)
+            do j = 1, 21
+               if (names(j) == class%constants(k)) exit
+            end do
             if (column(j) == 0) then
                call raise(error, 'the column '//names(j)//' is missing; a '//class%name//' crystal has ' &
                   & //join(class%constants, ', '), exit_bad_input)
@@ -242,14 +253,13 @@ contains
          end do
          points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
          ! A constant that does not apply is empty, or what the symmetry makes it.
-         implied = [(points%stiffness(j, j:, i), j=1, 6)]
-         do j = 1, 21
-            needed = any(class%constants == names(j))
-            if (column(j) == 0 .or. needed) cycle
+         if (size(others) > 0) implied = [(points%stiffness(j, j:, i), j=1, 6)]
+         do n = 1, size(others)
+            j = others(n)
             if (len(points%table%cell(column(j), i)) == 0) cycle
-            call points%table%number(column(j), i, values(j), error)
+            call points%table%number(column(j), i, value, error)
             if (allocated(error)) return
-            if (abs(values(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) then
+            if (abs(value - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) then
                call refuse_cell(points%table, column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
                   & //names(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
                return
@@ -343,18 +353,22 @@ contains
    subroutine read_groups(points)
       type(points_type), intent(inout) :: points
       integer :: column, i, j, last
+      integer :: first(points%n)
 
       allocate (points%group(points%n), source=1)
       column = points%table%find('group')
       if (column == 0) return
       last = 0
       do i = 1, points%n
-         do j = 1, i - 1
-            if (points%table%cell(column, i) == points%table%cell(column, j)) exit
+         do j = last, 1, -1
+            if (points%table%cell(column, i) == points%table%cell(column, first(j))) exit
          end do
-         if (j == i) last = last + 1
-         points%group(i) = last
-         if (j < i) points%group(i) = points%group(j)
+         if (j == 0) then
+            last = last + 1
+            first(last) = i
+            j = last
+         end if
+         points%group(i) = j
       end do
    end subroutine read_groups
 

@@ -31,6 +31,7 @@ module abstract_basis
       procedure(term_degrees_interface), deferred :: term_degrees
       procedure(exchange_interface), deferred :: exchange
       procedure(new_grain_model_interface), deferred :: new_grain_model
+      procedure :: evaluate_many
       procedure :: covers
       procedure :: to_y
       procedure :: to_modulus
@@ -132,6 +133,20 @@ module abstract_basis
    end interface
 
 contains
+
+   !> The terms of many crystals, of which each may have other last bits than alone.
+   subroutine evaluate_many(self, c, euler, terms, scale)
+      class(basis_type), intent(in) :: self
+      !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
+      real(wp), intent(in) :: c(:, :, :), euler(:, :)
+      !> (n_terms, n), and GPa.
+      real(wp), intent(out) :: terms(:, :), scale(:)
+      integer :: i
+
+      do i = 1, size(scale)
+         call self%evaluate_terms(c(:, :, i), euler(:, i), terms(:, i), scale(i))
+      end do
+   end subroutine evaluate_many
 
    !> Whether a surrogate with this basis knows a crystal: of its class, stable, within the limits, no coordinate out of its range.
    pure logical function covers(self, c)

@@ -34,6 +34,7 @@ module correction_basis
       type(axial_polynomials_type) :: polynomials
    contains
       procedure :: evaluate_terms
+      procedure :: evaluate_many
       procedure :: reach
       procedure :: term_degrees
       procedure :: exchange
@@ -99,6 +100,26 @@ contains
       call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
       terms = values(1, :)
    end subroutine evaluate_terms
+
+   !> The polynomials of many are worked on side by side.
+   subroutine evaluate_many(self, c, euler, terms, scale)
+      class(correction_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(:, :, :), euler(:, :)
+      !> (n_terms, n), and GPa.
+      real(wp), intent(out) :: terms(:, :), scale(:)
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      real(wp) :: x(size(scale), n_coordinates), values(size(scale), self%polynomials%n)
+      integer :: i
+
+      do i = 1, size(scale)
+         call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
+         scale(i) = theory%modulus
+         x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
+      end do
+      call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
+      terms = transpose(values)
+   end subroutine evaluate_many
 
    !> Coordinates about the indenter's axis of a matrix in crystal axes.
    pure function turned_coordinates(matrix, euler) result(x)

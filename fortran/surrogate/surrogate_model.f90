@@ -5,14 +5,15 @@
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: check_stiffness
+   use crystal_elasticity, only: check_stiffness, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
    use text, only: to_text
    use theory_basis, only: new_theory_basis, theory_basis_type
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, check_crystals, predict, new_grain_model
+   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model
 
    !> What a surrogate has learnt from.
    type :: simulations_type
@@ -54,28 +55,75 @@ contains
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> Refuse crystals for which `predict` has no meaning: unstable, or without the symmetry of the surrogate's class.
-   subroutine check_crystals(surrogate, stiffness, error)
+   !> `predict` for many crystals. Refused are those for which it has no meaning: unstable, or without the symmetry of the surrogate's
+   !> class.
+   subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
-      !> In crystal axes, GPa, (6, 6, n).
-      real(wp), intent(in) :: stiffness(:, :, :)
+      !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
+      real(wp), intent(in) :: stiffness(:, :, :), euler(:, :)
+      integer, intent(in) :: threads
+      !> GPa, (n).
+      real(wp), intent(inout) :: modulus(:), sd(:)
       type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: at_once = 64
+      type(error_type), allocatable :: singular
+      real(wp), allocatable :: factor(:, :)
+      integer :: first, last, i
+
+      first = huge(first)
+      !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
+      do i = 1, size(stiffness, 3)
+         if (.not. is_stable(stiffness(:, :, i))) then
+            first = min(first, i)
+         else if (.not. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
+            first = min(first, i)
+         end if
+      end do
+      !$omp end parallel do
+      if (first < huge(first)) then
+         call check_stiffness(stiffness(:, :, first), error)
+         if (.not. allocated(error)) call raise(error, 'the stiffness is not that of a '//surrogate%basis%domain%class%name &
+            & //' crystal in its axes, for which the surrogate is', exit_bad_input)
+         error%message = 'crystal '//to_text(first)//': '//error%message
+         return
+      end if
+      factor = surrogate%covariance
+      call cholesky_factor(factor, singular)
+      if (allocated(singular)) deallocate (factor)
+      !$omp parallel do num_threads(threads) schedule(static) private(last)
+      do i = 1, size(stiffness, 3), at_once
+         last = min(i + at_once - 1, size(stiffness, 3))
+         call predict_side_by_side(surrogate, stiffness(:, :, i:last), euler(:, i:last), modulus(i:last), sd(i:last), factor)
+      end do
+      !$omp end parallel do
+   end subroutine predict_crystals
+
+   !> `predict` for some crystals: the variances by one product of matrices.
+   subroutine predict_side_by_side(surrogate, c, euler, modulus, sd, factor)
+      type(surrogate_type), intent(in) :: surrogate
+      real(wp), intent(in) :: c(:, :, :), euler(:, :)
+      real(wp), intent(out) :: modulus(:), sd(:)
+      !> Of the covariance, lower, if it has one.
+      real(wp), intent(in), allocatable :: factor(:, :)
+      real(wp), dimension(surrogate%basis%n_terms, size(modulus)) :: terms, product
+      real(wp) :: scale(size(modulus)), variance(size(modulus))
       integer :: i
 
-      associate (domain => surrogate%basis%domain)
-         do i = 1, size(stiffness, 3)
-            call check_stiffness(stiffness(:, :, i), error)
-            if (allocated(error)) then
-               error%message = 'crystal '//to_text(i)//': '//error%message
-               return
-            else if (.not. domain%is_of_class(stiffness(:, :, i))) then
-               call raise(error, 'crystal '//to_text(i)//': the stiffness is not that of a '//domain%class%name &
-                  & //' crystal in its axes, for which the surrogate is', exit_bad_input)
-               return
-            end if
-         end do
-      end associate
-   end subroutine check_crystals
+      call surrogate%basis%evaluate_many(c, euler, terms, scale)
+      do i = 1, size(modulus)
+         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i))
+      end do
+      if (allocated(factor)) then
+         call multiply_by_factor(factor, terms)
+         variance = sum(terms**2, 1)
+      else
+         call multiply(surrogate%covariance, terms, product)
+         variance = max(0.0_wp, sum(terms*product, 1))
+      end if
+      sd = scale
+      if (surrogate%basis%logarithmic) sd = modulus
+      sd = sd*sqrt(variance + 1.0_wp/surrogate%beta)
+   end subroutine predict_side_by_side
 
    !> Mean and sd (GPa) of the simulated indentation modulus of one crystal at one orientation.
    subroutine predict(surrogate, c, euler, modulus, sd)

@@ -191,9 +191,9 @@ def test_a_full_disk_is_told_in_words(tmp_path, capsys, monkeypatch):
     assert error.value.filename == str(kept)
     assert json.loads(kept.read_text()) == {"a": 1}
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
-    arguments = ["predict", "--surrogate", "halfspace", "--symmetry", "cubic", "--points", str(tmp_path / "points.csv")]
-    assert main([*arguments, "--output", str(tmp_path)]) == 1
-    assert capsys.readouterr().err == f"{tmp_path / 'predictions.csv'}: cannot be written: the disk is full\n"
+    (tmp_path / "a.nml").write_text("&problem symmetry='cubic' /\n&crystals points='points.csv' /\n")
+    assert main(["theory", str(tmp_path / "a.nml"), "--output", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"{tmp_path / 'inputs.json'}: cannot be written: the disk is full\n"
 
 
 def test_a_core_that_cannot_write_says_so(tmp_path):

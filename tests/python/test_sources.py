@@ -56,6 +56,7 @@ def test_only_long_work_gives_up_the_lock():
     assert {name for name, body in procedures if "!f2py threadsafe" in body} == {
         "indentation_run", "simulator_run", "theory_moduli", "posterior_sample", "posterior_next", "posterior_moduli", "posterior_evaluate",
         "learner_choose", "learner_fit", "learner_update", "learner_predict", "learner_leave_out", "surrogate_predict",
+        "surrogate_predict_points",
     }  # fmt: skip
 
 

@@ -345,10 +345,10 @@ def test_crystals_beyond_the_scale_are_outside_and_told_of(tmp_path):
         assert surrogate.basis.stiffness.tolist() == [60.0, 540.0]
         assert not surrogate.outside(stiffness).any()
         assert np.array_equal(surrogate.outside(2 * stiffness), 2 * scale > 540)
-        assert surrogate.outside_words(stiffness) == ""
+        assert surrogate.outside_words(*surrogate.basis.coverage(stiffness)[1:]) == ""
         # Of a cubic crystal (C11 + 2 C12)^(1/6) (C11 - C12)^(1/3) (2 C44)^(1/2): copper's is 121 GPa.
         copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
-        assert surrogate.outside_words([copper, 0.4 * copper, 9 * copper]) == (
+        assert surrogate.outside_words(*surrogate.basis.coverage([copper, 0.4 * copper, 9 * copper])[1:]) == (
             "2 of 3 rows are outside the surrogate's domain: 2, 3; "
             "2 by the scale (geometric mean of the stiffness' eigenvalues), which it knows from 60 to 540 GPa"
         )

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import cell, write_csv
 from ..core import call, document
 from ..settings.problem import Points
 
-__all__ = ["as_measured", "identified", "joined", "write_moduli"]
+__all__ = ["as_measured", "identified", "write_moduli"]
 
 
 def identified(points: Points, row: int) -> dict:
@@ -20,7 +19,7 @@ def write_moduli(file: Path, problem, points: Points, modulus) -> None:
     """The rows of the points with every kind of modulus, of indentation moduli in GPa (None where there is none)."""
     kinds = document(0, "settings")["modulus_kinds"].split(", ")
     measured, moduli = problem.settings.measurements, np.array(modulus, dtype=float)
-    write_csv(file, *joined(points, {f"{kind}_gpa": as_measured(measured, moduli, kind) for kind in kinds}))
+    points.write(file, {f"{kind}_gpa": as_measured(measured, moduli, kind) for kind in kinds})
 
 
 def as_measured(measurements, modulus, kind: str = "") -> np.ndarray:
@@ -28,11 +27,3 @@ def as_measured(measurements, modulus, kind: str = "") -> np.ndarray:
     numbers = measurements.indenter_modulus_gpa, measurements.indenter_nu, measurements.sample_nu
     values = call("moduli_of_kind", kind or measurements.modulus_kind, *numbers, np.ravel(modulus))
     return values.reshape(np.shape(modulus))
-
-
-def joined(points: Points, columns: dict) -> tuple[list[str], list[list]]:
-    """Header and rows of a table as it was written, with columns added or, where it has them, replaced."""
-    kept = [i for i, name in enumerate(points.columns) if name not in columns]
-    header = [points.columns[i] for i in kept] + list(columns)
-    rows = [[*(row[i] for i in kept), *(cell(values[number]) for values in columns.values())] for number, row in enumerate(points.rows)]
-    return header, rows

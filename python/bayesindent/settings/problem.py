@@ -1,10 +1,11 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import csv
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
-from functools import cache
+from functools import cache, cached_property
 from io import StringIO
 from pathlib import Path
 
@@ -43,30 +44,93 @@ class Stage:
     description: str
 
 
-@dataclass(frozen=True)
 class Points:
-    """A table of n points: crystals with orientations, measurements, or candidates.
+    """A table of n points of a problem: crystals with orientations, measurements, or candidates. The core has it; what is asked for is copied.
 
     `symmetry` is a list of n names (None in measurements), `constants` a list of n dicts (GPa), `stiffness` (n, 6, 6) in GPa
     (crystal frame) or None, `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
-    empty cells). `columns` and `rows` are the cells as written, to carry through.
+    empty cells). `columns` and `rows` are the cells as written.
     """
 
-    symmetry: list
-    constants: list
-    stiffness: np.ndarray | None
-    euler_deg: np.ndarray
-    modulus_gpa: np.ndarray | None
-    sd_gpa: np.ndarray | None
-    columns: list
-    rows: list
+    def __init__(self, problem: "Problem", table: str, facts: dict):
+        self._problem, self._table = problem, table
+        self._classes = facts[f"{table}_classes"]
+        self._n = facts[f"{table}_modulus_gpa"]
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return self._n
+
+    def _numbers(self, name: str, *shape: int) -> np.ndarray:
+        values = call("object_values", self._problem.handle, "problem", f"{self._table}_{name}", self._n * math.prod(shape))
+        return values.reshape(self._n, *shape)
+
+    def _given(self, name: str) -> np.ndarray | None:
+        values = self._numbers(name)
+        return None if np.isnan(values).all() else values
+
+    @cached_property
+    def symmetry(self) -> list:
+        """The crystal class of each row."""
+        if not self._classes:
+            return self._n * [None]
+        return [self._classes[number - 1] for number in self._numbers("class").astype(int).tolist()]
+
+    @cached_property
+    def constants(self) -> list[dict]:
+        """Constants of each row by name, GPa."""
+        if not self._classes:
+            return self._n * [{}]
+        names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
+        rows = zip(self.symmetry, self._numbers("constants", 21).tolist(), strict=True)
+        return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
+
+    @cached_property
+    def stiffness(self) -> np.ndarray | None:
+        """Crystal frame, GPa."""
+        return self._numbers("stiffness", 6, 6) if self._classes else None
+
+    @cached_property
+    def euler_deg(self) -> np.ndarray:
+        """Bunge-Euler angles, degrees."""
+        return self._numbers("euler_deg", 3)
+
+    @cached_property
+    def modulus_gpa(self) -> np.ndarray | None:
+        """GPa."""
+        return self._given("modulus_gpa")
+
+    @cached_property
+    def sd_gpa(self) -> np.ndarray | None:
+        """GPa."""
+        return self._given("sd_gpa")
+
+    @cached_property
+    def _cells(self) -> list[list[str]]:
+        return list(document(self._problem.handle, self._table))
+
+    @property
+    def columns(self) -> list[str]:
+        """The header."""
+        return self._cells[0]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The cells of each row."""
+        return self._cells[1:]
 
     def constants_array(self) -> np.ndarray:
         """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
-        return np.array([list(row.values()) for row in self.constants])
+        return self._numbers("constants", 21)[:, : len(constant_names(self.symmetry[0]))]
+
+    def predicted_by(self, surrogate, threads: int) -> tuple[np.ndarray, ...]:
+        """Of a surrogate: mean and sd (n,) in GPa, whether it covers each crystal (n,), and the scale (n,) in GPa of those that it does not."""
+        mean, sd, covered, scale = call("surrogate_predict_points", surrogate.handle, self._problem.handle, self._n, threads)
+        return mean, sd, covered.astype(bool), scale
+
+    def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
+        """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
+        values = np.column_stack(list(columns.values()))
+        call("problem_write_crystals", self._problem.handle, os.fsencode(path), ",".join(columns), values)
 
 
 class Problem(NativeObject):
@@ -117,34 +181,26 @@ class Problem(NativeObject):
         self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
         self.stiffness = facts.get("stiffness")
-        self.crystals, self.measurements, self.candidates = (
-            self._points(name, facts) for name in ("crystals", "measurements", "candidates")
-        )
+        self._tables = {table: facts for table in ("crystals", "measurements", "candidates") if f"{table}_classes" in facts}
         self._frozen = True
 
-    def _points(self, table: str, facts: dict):
-        if table not in facts:
-            return None
-        n = len(facts[table]) - 1
+    @property
+    def crystals(self):
+        """The table of &crystals."""
+        return self._points("crystals")
 
-        def numbers(name: str) -> np.ndarray:
-            label = f"{table}_{name}"
-            return self._array(label, facts[label]).copy()
+    @property
+    def measurements(self):
+        """The table of &measurements."""
+        return self._points("measurements")
 
-        modulus, sd = numbers("modulus_gpa"), numbers("sd_gpa")
-        symmetry = facts[f"{table}_symmetry"]
-        return Points(
-            symmetry=[name.strip() for name in symmetry] or n * [None],
-            constants=[_named(*row) for row in zip(symmetry, numbers("constants").reshape(n, -1).tolist(), strict=True)]
-            if symmetry
-            else n * [{}],
-            stiffness=numbers("stiffness").reshape(n, 6, 6) if symmetry else None,
-            euler_deg=numbers("euler_deg").reshape(n, 3),
-            modulus_gpa=None if np.isnan(modulus).all() else modulus,
-            sd_gpa=None if np.isnan(sd).all() else sd,
-            columns=facts[table][0],
-            rows=facts[table][1:],
-        )
+    @property
+    def candidates(self):
+        """The table of &design."""
+        return self._points("candidates")
+
+    def _points(self, table: str):
+        return Points(self, table, self._tables[table]) if table in self._tables else None
 
     def __reduce__(self):
         if len(self._made_of) == 2:
@@ -216,7 +272,7 @@ def _read(table: str, path: str | os.PathLike, symmetry: str, sd_optional: int) 
     """A table alone, which the core holds as a problem without settings."""
     holder = Problem.__new__(Problem)
     holder._hold(call("problem_of_table", os.fsencode(path), symmetry, sd_optional))
-    return holder._points(table, holder._document())
+    return Points(holder, table, holder._document())
 
 
 @cache
@@ -248,9 +304,3 @@ def _settings(namelist: str, given: list[str]):
             value = float(value)
         groups[variable.group][variable.name] = value
     return types[""](**{group: types[group](**members) for group, members in groups.items()})
-
-
-def _named(symmetry: str, values: list[float]) -> dict[str, float]:
-    """The constants of one row by name; `values` are padded to 21."""
-    names = constant_names(symmetry)
-    return dict(zip(names, values[: len(names)], strict=True))

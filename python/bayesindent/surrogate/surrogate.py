@@ -118,9 +118,8 @@ class Surrogate(NativeObject):
         """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""
         return ~self.basis.coverage(stiffness)[1]
 
-    def outside_words(self, stiffness) -> str:
-        """How many of the crystals (n, 6, 6) in GPa are outside, which, and how many by their scale; empty if none is."""
-        _, covered, scale = self.basis.coverage(stiffness)
+    def outside_words(self, covered: np.ndarray, scale: np.ndarray) -> str:
+        """How many crystals are not `covered` (n,), which, and how many by their `scale` (n,) in GPa; empty if all are."""
         outside = np.flatnonzero(~covered)
         if not len(outside):
             return ""

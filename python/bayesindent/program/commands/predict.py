@@ -6,8 +6,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from ...common.result_files import write_csv
-from ...pipeline.moduli import identified, joined
+from ...pipeline.moduli import identified
 from ...settings.problem import read_crystals
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, take_folder
@@ -19,12 +18,12 @@ def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
-    mean, sd = model.predict(points.stiffness, points.euler_deg, threads=len(os.sched_getaffinity(0)))
+    mean, sd, covered, scale = points.predicted_by(model, len(os.sched_getaffinity(0)))
     folder = output_folder(arguments, table)
     take_folder(folder)
     file = folder / "predictions.csv"
-    write_csv(file, *joined(points, {"modulus_gpa": mean, "sd_gpa": sd}))
-    outside = model.outside_words(points.stiffness)
+    points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
+    outside = model.outside_words(covered, scale)
     # Many rows in a document take much more memory than in a file.
     wanted = range(len(points) if arguments.json else 0)
     results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in wanted]
@@ -33,8 +32,10 @@ def predict(arguments: argparse.Namespace) -> dict:
 
 def show(document: dict) -> None:
     """CSV, for pipes."""
-    with open(document["file"], encoding="utf-8") as file:
-        shutil.copyfileobj(file, sys.stdout)
+    sys.stdout.flush()
+    with open(document["file"], "rb") as file:
+        shutil.copyfileobj(file, sys.stdout.buffer)
+    sys.stdout.buffer.flush()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
