@@ -107,7 +107,7 @@ class Page(html.parser.HTMLParser):
         assert attrs.get("src", "data:").startswith("data:")
         if tag == "img":
             self.pictures.append(attrs["alt"])
-        if tag not in ("img", "meta"):
+        if tag not in ("img", "input", "meta"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -125,6 +125,8 @@ def check_page(text):
     assert len(page.pictures) >= 9
     assert all(len(words) > 20 for words in page.pictures)
     assert page.headings[1:] == [
+        "What was asked",
+        "What is known now",
         "Step 1: the surrogate",
         "Step 2: the elastic constants",
         "What the data decided, and what the prior did",

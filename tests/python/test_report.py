@@ -1,6 +1,7 @@
 """The report shows what belongs to the present inputs, and marks what the data did not decide."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,34 @@ def test_every_figure_has_a_section_and_a_name_of_its_own():
     assert {section for section, _ in FIGURES} <= set(SECTIONS)
     names = [function.__name__ for _, function in FIGURES]
     assert len(set(names)) == len(names)
+
+
+def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
+    output = tmp_path / "out"
+    assert main(["run", str(write_case(tmp_path, COPPER, "effective_modulus")), "--output", str(output)]) == 0
+    assert main(["report", str(output), "--figures", "svg"]) == 0
+    page = (output / "report.html").read_text()
+    order = [
+        "What was asked",
+        "6 grains, ",
+        "effective modulus, with E = 1140 GPa",
+        "Prior in effect",
+        'class="warnings"',
+        "What is known now",
+    ]
+    places = [page.index(words) for words in [*order, "Elastic constants in GPa", "Step 2: the elastic constants"]]
+    assert places == sorted(places)
+    for word in ("Table", "Figure"):
+        numbers = [int(number) for number in re.findall(rf"<b>{word} (\d+)\.</b>", page)]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert len(numbers) > 5
+    drawn = {path.stem for path in (output / "figures").iterdir()}
+    assert drawn >= {"prior_posterior", "residuals", "young_surface", "orientations", "contraction", "knowledge", "next_grains"}
+    # What other inputs cannot make any more goes.
+    for stage in ("next.json", "summary.json"):
+        (output / stage).unlink()
+    assert main(["report", str(output), "--figures", "svg"]) == 0
+    assert not list((output / "figures").iterdir())
 
 
 def test_an_empty_folder_has_a_report(tmp_path, capsys):

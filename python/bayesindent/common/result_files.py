@@ -17,7 +17,10 @@ import numpy as np
 
 from ..core import InputError
 
-__all__ = ["as_csv", "cell", "plain", "read_groups", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text"]
+__all__ = [
+    "as_csv", "cell", "plain", "read_groups", "read_json", "read_variables", "whole_file", "write_csv", "write_groups", "write_json",
+    "write_text",
+]  # fmt: skip
 
 #: What the last line of a netCDF file begins with.
 SEAL = b"\nbayesindent checksum "
@@ -98,6 +101,17 @@ def read_groups(path: Path) -> io.BytesIO:
     if file != content + seal(content):
         raise InputError(f"{path}: is damaged, or was changed since it was written; run the command that wrote it again")
     return io.BytesIO(content)
+
+
+def read_variables(path: Path) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
+    """Variables and facts of the groups of a file of `write_groups`, without xarray as there."""
+    import h5netcdf
+
+    with h5netcdf.File(read_groups(path), "r") as file:
+        return {
+            name: ({label: variable[...] for label, variable in group.variables.items()}, dict(group.attrs))
+            for name, group in file.groups.items()
+        }
 
 
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:

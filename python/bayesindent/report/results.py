@@ -6,9 +6,8 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-import xarray
 
-from ..common.result_files import read_groups, read_json
+from ..common.result_files import read_json, read_variables
 from ..core import InputError
 from ..crystal.elasticity import constant_names
 from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest, read_resolved, surrogate_input
@@ -72,22 +71,31 @@ class Results:
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Bounds of the prior in GPa, by constant."""
-        return json.loads(self.posterior.attrs["bounds"]) if self.posterior is not None else {}
+        return json.loads(self.posterior["posterior"][1]["bounds"]) if self.posterior else {}
 
     @cached_property
-    def posterior(self) -> xarray.Dataset | None:
-        """The draws that the document of `extract` is about."""
-        if not self.documents["extract"]:
-            return None
-        if not (self.folder / "posterior.nc").exists():
-            return None
-        with xarray.open_dataset(read_groups(self.folder / "posterior.nc"), group="posterior", engine="h5netcdf") as file:
-            return file.load() if json.loads(file.attrs["inputs"]) == self.documents["extract"]["inputs"] else None
+    def posterior(self) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
+        """Variables and facts of the groups of the posterior that the document of `extract` is about; nothing where there is none."""
+        file = self.folder / "posterior.nc"
+        if not self.documents["extract"] or not file.exists():
+            return {}
+        groups = read_variables(file)
+        return groups if json.loads(groups["posterior"][1]["inputs"]) == self.documents["extract"]["inputs"] else {}
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
         """Chains (chain, draw) of each constant; nothing where there is no posterior."""
-        return {} if self.posterior is None else {name: self.posterior[name].values for name in self.constants}
+        return {name: self.posterior["posterior"][0][name] for name in self.constants} if self.posterior else {}
+
+    @cached_property
+    def prior_samples(self) -> dict[str, np.ndarray]:
+        """Draws of each constant without the data; nothing where there is no posterior."""
+        return {name: self.posterior["prior"][0][name].ravel() for name in self.constants} if self.posterior else {}
+
+    def draws(self, count: int) -> np.ndarray:
+        """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""
+        table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
+        return table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
 
     def as_measured(self, modulus) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 
+from markupsafe import Markup
+
 from ..version import __version__
 from .results import Results
 from .words import best_first, number, orientation, powers_as_html, quantity_in_words
@@ -18,11 +20,12 @@ MOST_ROWS = 40
 
 @dataclass(frozen=True)
 class Table:
-    """A table: texts, or what is HTML already."""
+    """A table: texts, or what is HTML already; `prose`: more words than numbers."""
 
     caption: str
     header: Sequence[str]
     rows: Iterable[Sequence]
+    prose: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def surrogate(results: Results) -> Section | None:
         ["the same at its largest (%)", number(percent(build, "largest_relative_sd"), 2)],
         ["stopped because", build.get("stopped", "–")],
     ]
-    return Section("Step 1: the surrogate", before=[Table("The surrogate of the indentation modulus", ["", "value"], facts)])
+    return Section("Step 1: the surrogate", before=[Table("The surrogate of the indentation modulus", ["", "value"], facts, prose=True)])
 
 
 def percent(build: dict, name: str) -> float | None:
@@ -123,7 +126,7 @@ def identifiability(results: Results) -> Section | None:
     for row in rows:
         if row["kind"] == "knowledge":
             then = ", ".join(f"{name} {number(now[name], 1)} → {number(sd, 1)}" for name, sd in row["sd_then"].items())
-            further.append([f"{row['name']} to {100 * row['relative_sd']:.0f} %", then])
+            further.append([f"{' and '.join(map(quantity_in_words, row['name'].split(', ')))} to {100 * row['relative_sd']:.0f} %", then])
             continue
         share = number(row["contraction"], 3)
         if row["kind"] == "combination":
@@ -146,8 +149,8 @@ def identifiability(results: Results) -> Section | None:
                 combinations,
             ),
             Table("Quantities of the crystal", ["", "mean", "sd", "sd of the prior", "contraction"], ordered),
-            Table("What else to measure or look up, and what it would bring", ["known", "sd of the constants, GPa"], further),
-            Table("The prior that was in effect", ["", ""], prior_rows(results.documents["extract"].get("prior", {}))),
+            Table("What else to measure or look up, and what it would bring", ["known", "sd of the constants, GPa"], further, prose=True),
+            Table("The prior that was in effect", ["", ""], prior_rows(results.documents["extract"].get("prior", {})), prose=True),
         ],
     )
 
@@ -199,7 +202,7 @@ def provenance(results: Results) -> Section:
     ]
     if results.outdated:
         rows.append(["left out, since made from other inputs", ", ".join(results.outdated)])
-    return Section("Provenance", before=[Table("What made these results", ["", ""], rows)], fold=results.resolved)
+    return Section("Provenance", before=[Table("What made these results", ["", ""], rows, prose=True)], fold=results.resolved)
 
 
 def constants_table(results: Results) -> Table | None:
@@ -216,7 +219,7 @@ def constants_table(results: Results) -> Table | None:
                 number(item["mean"]),
                 number(item["sd"]),
                 number(item["map"]),
-                f"{number(low)} to {number(high)}",
+                Markup('<span class="whole">{} to {}</span>').format(number(low), number(high)),
                 number(contraction, 3),
             ]
         )

@@ -1,10 +1,13 @@
 """Numbers and names of results as people read them."""
 
 import math
+from collections.abc import Sequence
 
 from markupsafe import Markup, escape
 
-__all__ = ["best_first", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+__all__ = ["best_first", "listed", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def number(value, digits: int = 1) -> str:
@@ -35,9 +38,14 @@ def quantity_in_words(name: str) -> str:
     return word.replace("_", " ")
 
 
+def listed(words: Sequence[str]) -> str:
+    """Such as 'a, b and c'."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
 def subscript(name: str) -> str:
-    """C11 as C with a subscript, for matplotlib."""
-    return f"C$_{{{name[1:]}}}$" if name[:1] == "C" and name[1:].isdigit() else name
+    """C11 as C with a subscript, of signs of the font: formulas of matplotlib are slow, and no text in its files."""
+    return "C" + name[1:].translate(SUBSCRIPTS) if name[:1] == "C" and name[1:].isdigit() else name
 
 
 def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
@@ -54,7 +62,9 @@ def power_label(exponents: dict[str, float]) -> str:
 def powers_as_html(exponents: dict[str, float]) -> Markup:
     """A product of powers of constants, such as C11^1 C44^0.77."""
     factors = [
-        Markup("<i>C</i><sub>{}</sub>").format(index) + (Markup("<sup>{}</sup>").format(power) if power else "")
+        Markup('<span class="whole"><i>C</i><sub>{}</sub>').format(index)
+        + (Markup("<sup>{}</sup>").format(power.replace("-", "−")) if power else "")
+        + Markup("</span>")
         for index, power in powers(exponents)
     ]
     return Markup(" ").join(map(escape, factors))

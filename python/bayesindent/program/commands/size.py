@@ -5,8 +5,6 @@ from pathlib import Path
 from ...common.progress import Progress
 from ...common.result_files import whole_file
 from ...pipeline.specimen_size import specimen_size
-from ...report.figures.specimen_size import draw_bias
-from ...report.figures.style import house_style
 from ..command import namelist_command
 from ..console import show_table
 
@@ -15,6 +13,10 @@ __all__ = ["COMMAND"]
 
 def size(problem, output: Path, progress: Progress) -> dict:
     """Size.png and the document."""
+    # Not above: importing matplotlib is slow, and every command would.
+    from ...report.figures.specimen_size import draw_bias
+    from ...report.figures.style import house_style
+
     document = specimen_size(problem, progress)
     failed = [row for row in document["results"] if len(row["size_um"]) < max(len(other["size_um"]) for other in document["results"])]
     warnings = [f"{len(failed)} curves lack sizes at which the contact left the refined zone of the mesh"] if failed else []

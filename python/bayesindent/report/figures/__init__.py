@@ -1,6 +1,6 @@
 """The figures of the report: functions of `Results` that give a `Picture`, or None where there is nothing to show."""
 
-from . import learning, mesh, orientations, posterior, simulations, specimen_size
+from . import knowledge, learning, mesh, orientations, posterior, residuals, simulations, specimen_size, young
 
 __all__ = ["FIGURES"]
 
@@ -16,10 +16,14 @@ FIGURES = (
     ("surrogate", learning.validation),
     ("surrogate", learning.truncations),
     ("posterior", posterior.marginals),
+    ("posterior", posterior.prior_posterior),
     ("posterior", posterior.pairs),
     ("posterior", posterior.grain_comparison),
+    ("posterior", residuals.residuals),
     ("posterior", orientations.orientations),
+    ("posterior", young.young_surface),
     ("posterior", posterior.traces),
     ("identifiability", posterior.contraction),
+    ("identifiability", knowledge.knowledge),
     ("next", orientations.next_grains),
 )

@@ -68,7 +68,7 @@ def parity(results) -> Picture | None:
     predicted, sd = surrogate.predict(stiffness_rows(surrogate.symmetry, surrogate.data["constants"]), surrogate.data["euler_deg"])
     return Picture(
         against_simulated(surrogate.data["modulus_gpa"], predicted, sd),
-        "Predicted against simulated moduli: the points lie on the diagonal.",
+        f"Predicted against simulated moduli; the mean difference is {number(np.abs(predicted - surrogate.data['modulus_gpa']).mean(), 2)} GPa.",
         "The surrogate on the simulations that taught it, with one sd. The bands on the right are 1 and 2 sd.",
     )
 

@@ -1,5 +1,7 @@
 """The modulus, and what one more grain would teach, over all directions that the crystal tells apart."""
 
+import os
+
 import numpy as np
 
 from ...crystal.directions import direction_lattice, euler_of, indentation_direction, representative
@@ -20,10 +22,9 @@ def orientations(results) -> Picture | None:
     grains, surrogate, samples = results.documents["extract"].get("predicted", []), results.surrogate, results.samples
     if surrogate is None or not samples or any("euler_deg" not in item for item in grains):
         return None
-    draws = np.stack([chains.ravel() for chains in samples.values()], axis=1)
-    draws = draws[np.linspace(0, len(draws) - 1, min(len(draws), DRAWS)).astype(int)]
+    crystals = stiffness_rows(results.symmetry, results.draws(DRAWS))
     lattice = direction_lattice(results.symmetry)
-    modulus = results.as_measured(surrogate.predict(stiffness_rows(results.symmetry, draws)[:, None], euler_of(lattice))[0])
+    modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
     directions = representative(results.symmetry, indentation_direction([item["euler_deg"] for item in grains]))
     measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))
@@ -76,15 +77,16 @@ def next_grains(results) -> Picture | None:
         axes.plot(*stereographic(measured), "x", color="white", ms=5, mew=1.6)
         axes.plot(*stereographic(measured), "x", color=BLACK, ms=5, mew=0.9, label="measured")
         places = np.column_stack(stereographic(suggested))
-    axes.plot(*places.T, "o", color="white", mec=BLACK, ms=11, clip_on=False, label="suggested, by rank")
+    axes.plot(*places.T, "o", color="white", mec=BLACK, ms=12, clip_on=False, label="suggested, by rank")
     for rank, place in enumerate(places, start=1):
-        axes.annotate(str(rank), place, ha="center", va="center_baseline", size=7.5)
+        axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5)
     figure.legend(loc="outside upper left", ncols=3)
     return Picture(
         figure,
         f"The {len(suggested)} orientations that one more measurement would teach most at.",
         "Orientations that are expected to teach most, ranked, "
-        + ("over the declination of the c axis." if arc else "among the crystal directions that differ."),
+        + ("over the declination of the c axis; " if arc else "among the crystal directions that differ; ")
+        + "from the second on each is given those before it, and gains less than it would as the next.",
     )
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from ..words import power_label, quantity_in_words, subscript
 from .style import BLACK, BLUE, CYCLE, ORANGE, RED, SKY, Picture, new_figure, unique_legend
 
-__all__ = ["contraction", "grain_comparison", "marginals", "pairs", "traces"]
+__all__ = ["contraction", "grain_comparison", "marginals", "pairs", "prior_posterior", "traces"]
 
 #: Points of the posterior that are drawn at most.
 POINTS, LINE_POINTS = 3000, 1500
@@ -44,6 +44,36 @@ def marginals(results) -> Picture | None:
         f"Histograms of the posterior of each constant, in GPa: {words}.",
         "What the measurements say of each constant by itself; above each, mean ± sd. A thick line is a bound of the prior: where the "
         "histogram ends at one, the bound decided. A most probable value is shown where the data decided more than the prior.",
+    )
+
+
+def prior_posterior(results) -> Picture | None:
+    """Prior and posterior of each constant on one axis."""
+    samples, before = results.samples, results.prior_samples
+    if not samples:
+        return None
+    columns = min(3, len(samples))
+    figure = new_figure(1.7 * -(-len(samples) // columns) + 0.3)
+    grid = figure.subplots(-(-len(samples) // columns), columns, squeeze=False).ravel()
+    for spare in grid[len(samples) :]:
+        spare.remove()
+    for axes, name in zip(grid, samples):
+        after = samples[name].ravel()
+        low, high = np.percentile(before[name], [0.5, 99.5])
+        edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
+        for values, colour, label in ((before[name], "0.7", "prior"), (after, BLUE, "posterior")):
+            # Relative to the highest bin: a sharp posterior would flatten the prior.
+            counts = np.histogram(values, edges)[0]
+            axes.stairs(counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=label)
+        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], ylim=(0, 1.05))
+        axes.grid(False)
+        axes.spines["left"].set_visible(False)
+    unique_legend(figure)
+    return Picture(
+        figure,
+        f"Histograms of the prior and of the posterior of {', '.join(samples)}.",
+        "Each constant before the measurements (grey; the prior with what else was known) and after them (blue). Each histogram has the height 1, so that both "
+        "can be seen; one per cent of the prior may lie outside.",
     )
 
 
@@ -141,7 +171,7 @@ def contraction(results) -> Picture | None:
     labels += [subscript(quantity_in_words(row["name"])) for row in quantities]
     shares = np.clip([row["contraction"] for row in combinations + quantities], 0, 1)
     place = -np.arange(len(labels)) - 0.6 * (np.arange(len(labels)) >= len(combinations))
-    figure = new_figure(0.27 * len(labels) + 1.1)
+    figure = new_figure(0.29 * len(labels) + 1.2)
     axes = figure.subplots()
     axes.barh(place, shares, color=BLUE, height=0.7, label="decided by the data")
     axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.7, alpha=0.55, label="left to the prior")

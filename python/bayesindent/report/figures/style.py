@@ -7,8 +7,19 @@ from dataclasses import dataclass
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-__all__ = ["Picture", "diagonal", "house_style", "new_figure", "plain_log_ticks", "room_about_zero", "stamp_synthetic", "unique_legend"]
+__all__ = [
+    "Picture",
+    "diagonal",
+    "house_style",
+    "new_figure",
+    "plain_log_ticks",
+    "room_about_zero",
+    "stamp_synthetic",
+    "text_size",
+    "unique_legend",
+]
 
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
@@ -57,6 +68,13 @@ def house_style() -> Iterator[None]:
     """Draw in one style, whatever the user's configuration is."""
     with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", **STYLE}):
         yield
+
+
+def text_size(figure: Figure) -> float:
+    """The smallest size of text that is seen, in points; indices of formulas apart."""
+    return min(
+        (text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()), default=STYLE["font.size"]
+    )
 
 
 def stamp_synthetic(figure: Figure) -> None:

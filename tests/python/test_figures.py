@@ -1,0 +1,54 @@
+"""What the figures of the report compute, against closed forms; and figures drawn by two processes."""
+
+import os
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.report.drawing import halved
+from bayesindent.report.figures.residuals import chi_square
+from bayesindent.report.figures.young import youngs_modulus
+
+
+def test_youngs_modulus_of_a_cubic_crystal():
+    # 1/E = S11 - 2 (S11 - S12 - S44/2) (x²y² + y²z² + z²x²), and 2 (1 + nu) G of an isotropic one in every direction.
+    c11, c12, c44 = 168.4, 121.4, 75.4
+    s11, s12 = (c11 + c12) / ((c11 - c12) * (c11 + 2 * c12)), -c12 / ((c11 - c12) * (c11 + 2 * c12))
+    directions = np.random.default_rng(3).standard_normal((50, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    x, y, z = directions.T**2
+    expected = 1 / (s11 - 2 * (s11 - s12 - 0.5 / c44) * (x * y + y * z + z * x))
+    crystals = np.stack([bi.stiffness("cubic", C11=c11, C12=c12, C44=c44), bi.stiffness("isotropic", C11=269.23077, C12=115.38462)])
+    copper, steel = youngs_modulus(crystals, directions)
+    assert copper == pytest.approx(expected, rel=1e-12)
+    assert steel == pytest.approx(200.0, rel=1e-7)
+
+
+def test_the_expected_chi_square_is_its_mean_over_data():
+    """Of a linear model y = X b + e with b, e normal: by many draws of both."""
+    rng = np.random.default_rng(5)
+    design, prior_sd, sd, draws = rng.standard_normal((12, 3)), 4.0, np.linspace(0.5, 2.0, 12), 4000
+    covariance = np.linalg.inv(design.T @ (design / sd[:, None] ** 2) + np.eye(3) / prior_sd**2)
+    prediction_sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
+    found = []
+    for _ in range(draws):
+        measured = design @ (prior_sd * rng.standard_normal(3)) + sd * rng.standard_normal(12)
+        mean = design @ covariance @ design.T @ (measured / sd**2)
+        rows = [{"measured": m, "mean": p, "measured_sd": s, "sd": q} for m, p, s, q in zip(measured, mean, sd, prediction_sd)]
+        total, expected = chi_square(rows)
+        found.append(total)
+    assert 8.5 < expected < 10
+    assert np.mean(found) == pytest.approx(expected, abs=5 * np.std(found) / np.sqrt(draws))
+
+
+def test_two_processes_give_what_one_gives(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    mine = os.getpid()
+    drawn = halved(lambda item: (item, os.getpid() == mine), list(range(7)))
+    assert [item for item, _ in drawn] == list(range(7))
+    assert [here for _, here in drawn] == [True, False, True, False, True, False, True]
+    # What a second process cannot do is done here.
+    assert halved(lambda item: item if os.getpid() == mine else 1 // 0, list(range(5))) == list(range(5))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    assert all(here for here in halved(lambda _: os.getpid() == mine, list(range(3))))
