@@ -7,9 +7,9 @@ import signal
 import threading
 from collections.abc import Callable, Sequence
 from multiprocessing import Pipe
-from pathlib import Path
 
-from ..common.result_files import whole_file
+from ..common.result_files import whole_file, write_csv
+from .figure_data import figure_table
 from .figures import FIGURES
 from .figures.style import Picture, house_style, stamp_synthetic, text_size
 from .results import Results
@@ -17,8 +17,23 @@ from .results import Results
 __all__ = ["draw_figures"]
 
 
-def draw_figures(results: Results, kind_of_files: str) -> dict[str, list[dict]]:
-    """Of each section the figures that the results can make: PNG in base 64 and their words; as files too if that is wanted."""
+#: Kinds of files of figures that papers take, and dots per inch of what is no line.
+FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
+
+#: Dots per inch of other files.
+SCREEN = 160
+
+#: The same results make the same files.
+UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
+
+def draw_figures(results: Results, kind_of_files: str, paper: bool = False) -> dict[str, list[dict]]:
+    """Of each section the figures that the results can make: PNG in base 64 and their words.
+
+    As files too, of one kind in the folder `figures`, and for a paper in `paper/figures` with the numbers behind each as CSV.
+    """
+    files = [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []
+    files += [(results.folder / "paper" / "figures", kind, dots) for kind, dots in FOR_PAPERS.items() if paper]
     with house_style():
         made = [(section, function.__name__, function(results)) for section, function in FIGURES]
         pictures = [(name, picture) for _, name, picture in made if picture is not None]
@@ -27,9 +42,11 @@ def draw_figures(results: Results, kind_of_files: str) -> dict[str, list[dict]]:
             name, picture = item
             if results.synthetic:
                 stamp_synthetic(picture.figure)
-            if kind_of_files:
-                with whole_file(results.folder / "figures" / f"{name}.{kind_of_files}") as file:
-                    picture.figure.savefig(file)
+            for folder, kind, dots in files:
+                with whole_file(folder / f"{name}.{kind}") as file:
+                    picture.figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind))
+            if paper:
+                write_csv(results.folder / "paper" / "figures" / f"{name}.csv", *figure_table(picture), picture.caption)
             buffer = io.BytesIO()
             picture.figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 3})
             width, height = (72 * inches for inches in picture.figure.get_size_inches())
@@ -39,15 +56,12 @@ def draw_figures(results: Results, kind_of_files: str) -> dict[str, list[dict]]:
             }  # fmt: skip
 
         drawn = {figure["name"]: figure for figure in halved(draw, pictures)}
-    if kind_of_files:
-        remove_stale(results.folder / "figures", kind_of_files, [name for _, name, picture in made if picture is None])
+    for folder, kind, _ in [*files, *([(results.folder / "paper" / "figures", "csv", 0)] if paper else [])]:
+        for _, name, picture in made:
+            if picture is None:
+                # Of other inputs.
+                (folder / f"{name}.{kind}").unlink(missing_ok=True)
     return {section: [drawn[name] for other, name, _ in made if other == section and name in drawn] for section, _ in FIGURES}
-
-
-def remove_stale(folder: Path, kind: str, names: Sequence[str]) -> None:
-    """Remove figures that the results cannot make any more."""
-    for name in names:
-        (folder / f"{name}.{kind}").unlink(missing_ok=True)
 
 
 def halved(function: Callable, items: Sequence) -> list:

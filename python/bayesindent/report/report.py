@@ -7,6 +7,7 @@ from jinja2 import Environment
 
 from ..common.result_files import write_text
 from .drawing import draw_figures
+from .paper import write_paper
 from .results import Results
 from .sections import SECTIONS, constants_table
 from .summary import asked, well_known
@@ -14,13 +15,16 @@ from .summary import asked, well_known
 __all__ = ["write_report"]
 
 
-def write_report(folder: Path, output: Path | None = None, kind_of_files: str = "") -> Path:
+def write_report(folder: Path, output: Path | None = None, kind_of_files: str = "", paper: bool = False) -> Path:
     """Write report.html into `output` (default: the folder itself) from the results in `folder`; return its path.
 
-    With `kind_of_files` ('png', 'pdf' or 'svg') every figure is also a file in `folder`/figures.
+    With `kind_of_files` ('png', 'pdf' or 'svg') every figure is also a file in `folder`/figures; with
+    `paper` there is what a paper takes from the results in `folder`/paper.
     """
     results = Results(Path(folder))
-    figures = draw_figures(results, kind_of_files)
+    if paper:
+        write_paper(results)
+    figures = draw_figures(results, kind_of_files, paper)
     sections = [(section, figures.get(name, [])) for name, function in SECTIONS.items() if (section := function(results)) is not None]
     template = (resources.files("bayesindent") / "report" / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)

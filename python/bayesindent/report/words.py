@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup, escape
 
-__all__ = ["best_first", "listed", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+__all__ = ["best_first", "latex", "listed", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
@@ -36,6 +36,33 @@ def quantity_in_words(name: str) -> str:
     if word.startswith("polycrystal_"):
         return f"{moduli[word.removeprefix('polycrystal_')]} of the polycrystal"
     return word.replace("_", " ")
+
+
+def latex(text: str) -> str:
+    """A text as LaTeX has it."""
+    signs = {
+        "\\": r"\textbackslash{}",
+        "%": r"\%",
+        "_": r"\_",
+        "&": r"\&",
+        "#": r"\#",
+        "±": r"$\pm$",
+        "–": "--",
+        "°": r"$^\circ$",
+        "²": "$^2$",
+    }
+    signs |= {
+        "ν": r"$\nu$",
+        "χ": r"$\chi$",
+        "µ": r"\textmu{}",
+        "−": "$-$",
+        "^": r"\^{}",
+        "~": r"\~{}",
+        "<": "$<$",
+        ">": "$>$",
+        "→": r"$\to$",
+    }
+    return "".join(signs.get(sign, sign) for sign in text)
 
 
 def listed(words: Sequence[str]) -> str:

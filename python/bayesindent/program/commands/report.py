@@ -9,13 +9,14 @@ from ..command import Command, take_folder
 __all__ = ["COMMAND", "make"]
 
 
-def make(folder: Path, output: Path, kind_of_files: str = "") -> dict:
+def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
     from ...report.report import write_report
 
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder of results")
-    return {"file": str(write_report(folder, output, kind_of_files)), "warnings": []}
+    page = str(write_report(folder, output, kind_of_files, paper))
+    return {"file": page, "warnings": []} | ({"paper": str(folder / "paper")} if paper else {})
 
 
 def action(arguments: argparse.Namespace) -> dict:
@@ -23,13 +24,21 @@ def action(arguments: argparse.Namespace) -> dict:
     output = arguments.output or arguments.folder
     if arguments.folder.is_dir():
         take_folder(output)
-    return make(arguments.folder, output, arguments.figures)
+    return make(arguments.folder, output, arguments.figures, arguments.paper)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
     parser.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
     parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="", help="every figure as a file in DIR/figures, too")
+    parser.add_argument("--paper", action="store_true", help="texts, tables, figures and stiffness cards for a paper in DIR/paper, too")
+
+
+def show(document: dict) -> None:
+    """Where the page is, and the pack."""
+    print(f"Report: {document['file']}")
+    if "paper" in document:
+        print(f"For a paper: {document['paper']}, methods.tex first")
 
 
 COMMAND = Command(
@@ -37,5 +46,5 @@ COMMAND = Command(
     "report.html from what a folder holds",
     action=action,
     arguments=add_arguments,
-    show=lambda document: print(f"Report: {document['file']}"),
+    show=show,
 )

@@ -34,4 +34,12 @@ def knowledge(results) -> Picture | None:
         f"Standard deviation of {len(names)} constants now, and with each of {len(rows)} further pieces of knowledge.",
         "What else to measure or to look up: the sd of each constant now (black), and what is expected of it with each further piece of "
         "knowledge by itself.",
+        (
+            ["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"],
+            [
+                [row["name"], row["relative_sd"], name, document["parameters"][name]["sd"], row["sd_then"][name]]
+                for row in rows
+                for name in names
+            ],
+        ),
     )

@@ -28,6 +28,7 @@ def mesh(results) -> Picture | None:
         draw(arrays.x, arrays.brick, arrays.contact, indentation.contact_radius_max_um),
         f"{words}, with a quarter cut away, and its surface under the indenter.",
         f"{words}. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
+        (["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(arrays.x.tolist(), start=1)]),
     )
 
 

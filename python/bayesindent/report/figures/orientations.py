@@ -48,7 +48,10 @@ def orientations(results) -> Picture | None:
     left.scatter(x, y, c=measured, vmin=limits[0], vmax=limits[1], edgecolors="white", s=38, linewidths=1.2, zorder=3)
     right.plot(x, y, "o", color="white", mec=BLACK, ms=4, mew=0.8)
     words = "Posterior mean and sd of the modulus over the crystal directions that differ; discs are the measured grains"
-    return Picture(figure, f"{words}.", f"{words}, on the left in the colour of what was measured.")
+    header = ["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"]
+    rows = [["predicted", *direction, *values] for direction, *values in zip(lattice.tolist(), mean.tolist(), sd.tolist())]
+    rows += [["measured", *direction, *values] for direction, *values in zip(directions.tolist(), measured, error)]
+    return Picture(figure, f"{words}.", f"{words}, on the left in the colour of what was measured.", (header, rows))
 
 
 def next_grains(results) -> Picture | None:
@@ -87,6 +90,11 @@ def next_grains(results) -> Picture | None:
         "Orientations that are expected to teach most, ranked, "
         + ("over the declination of the c axis; " if arc else "among the crystal directions that differ; ")
         + "from the second on each is given those before it, and gains less than it would as the next.",
+        (
+            ["kind", "crystal_x", "crystal_y", "crystal_z", "gain"],
+            [["candidate", *place, value] for place, value in zip(everywhere.tolist(), gain.tolist())]
+            + [["suggested", *place, item["gain"]] for place, item in zip(suggested.tolist(), document["suggestions"])],
+        ),
     )
 
 

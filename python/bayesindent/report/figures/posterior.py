@@ -114,6 +114,7 @@ def pairs(results) -> Picture | None:
         "Points of the posterior for each pair of constants, with their correlations.",
         "Pairs of constants. Long thin clouds are ridges: combinations along which the measurements cannot tell crystals apart. The "
         "numbers are correlations.",
+        ([f"{name}_gpa" for name in names], table.T.tolist()),
     )
 
 
@@ -140,6 +141,10 @@ def grain_comparison(results) -> Picture | None:
         figure,
         "Measured modulus of each grain beside the prediction of the posterior.",
         f"The {results.kind} of each grain, measured and as the posterior predicts it, in order of the prediction.",
+        (
+            ["grain", "measured_gpa", "measured_sd_gpa", "predicted_gpa", "predicted_sd_gpa"],
+            [[grain, m, e, p, s] for (grain, _), m, e, p, s in zip(predicted, measured.tolist(), error, mean.tolist(), sd.tolist())],
+        ),
     )
 
 
@@ -188,4 +193,5 @@ def contraction(results) -> Picture | None:
         f"and of {len(quantities)} quantities of the crystal.",
         "Above, products of powers of the constants, from the best to the worst identified; below, the constants and quantities that "
         "follow from them.",
+        (["kind", "name", "contraction"], [[row["kind"], row["name"], row["contraction"]] for row in combinations + quantities]),
     )

@@ -42,7 +42,11 @@ STYLE = {
     "image.cmap": "cividis",
     "legend.frameon": False,
     "lines.linewidth": 1.4,
+    # Text that can be searched and edited.
+    "pdf.fonttype": 42,
     "savefig.dpi": 160,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "bayesindent",
 }
 
 #: Width of a figure in inches.
@@ -51,11 +55,13 @@ WIDTH = 7.0
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, its words for those who cannot see it, and its caption."""
+    """A figure, its words for those who cannot see it, its caption, and header and rows of the numbers behind it where it has more than
+    lines, bars and areas."""
 
     figure: Figure
     alt: str
     caption: str
+    table: tuple[list[str], list[list]] | None = None
 
 
 def new_figure(height: float) -> Figure:

@@ -38,6 +38,10 @@ def young_surface(results) -> Picture | None:
         f"{words}, as a surface; and its sd, at most {share.max():.1f} %.",
         f"{words}: the distance of the surface from the centre in each direction. Colour: on the left the same, on the right its sd in per "
         f"cent. The axes are those of the crystal.",
+        (
+            ["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"],
+            np.column_stack([directions.reshape(-1, 3), mean.ravel(), share.ravel()]).tolist(),
+        ),
     )
 
 
