@@ -77,7 +77,21 @@ def test_every_spelling_of_a_number_is_read_to_the_last_bit(tmp_path):
     spellings = [f"{value:.{digits}f}" for digits in range(20) for value in rng.uniform(-360, 360, 40)]
     spellings += [f"{value:.{digits}e}" for digits in range(20) for value in rng.uniform(-360, 360, 20) * 10.0 ** rng.integers(-320, 1, 20)]
     spellings += [repr(value) for value in rng.uniform(-360, 360, 200).tolist()]
-    spellings += ["+12.5", "-0", "0", ".5", "5.", "-.25e1", "1e2", "1E+02", "0.1d1", "3D-2", "00012.50", "0." + 30 * "3", 25 * "0" + "7." + 25 * "0"]
+    spellings += [
+        "+12.5",
+        "-0",
+        "0",
+        ".5",
+        "5.",
+        "-.25e1",
+        "1e2",
+        "1E+02",
+        "0.1d1",
+        "3D-2",
+        "00012.50",
+        "0." + 30 * "3",
+        25 * "0" + "7." + 25 * "0",
+    ]
     # In the middle of two neighbours, and beside.
     spellings += ["9007199254740993e-14", "90.07199254740993", "0.90071992547409921e2", "1.7976931348623157e-300", "4.9e-324", "1e-400"]
     path = tmp_path / "a.csv"
