@@ -158,6 +158,8 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
         arguments.command.show(document)
     if arguments.results is not None:
         tell(f"results are in {arguments.results}")
+    if arguments.command.then is not None:
+        tell(f"next: {arguments.command.then(arguments, document)}")
     return DONE
 
 

@@ -14,7 +14,7 @@ from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest, wr
 from ..settings.problem import Problem, schema, stages
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "take_folder"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "take_folder"]
 
 log = logging.getLogger("bayesindent")
 
@@ -28,6 +28,7 @@ class Command:
 
     A command that reads a namelist has a stage, (problem, output, progress) -> document, which stands in for the action; its help
     explains `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
+    `then(arguments, document)` says what to do next.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Command:
     arguments: Callable[[argparse.ArgumentParser], None] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False
+    then: Callable[[argparse.Namespace, dict], str] | None = None
 
     @property
     def has_document(self) -> bool:
@@ -73,6 +75,11 @@ def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     write_resolved(output, problem.resolved)
     update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
     return problem, output
+
+
+def report_of(arguments: argparse.Namespace, document: dict) -> str:
+    """What to do after a stage that leaves only figures to be drawn."""
+    return f"bayesindent report {arguments.results}"
 
 
 def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:

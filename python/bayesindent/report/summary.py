@@ -81,6 +81,7 @@ def specimen_in_words(results: Results) -> str:
         return ""
     substrate = f" on a substrate of E = {group['substrate_young_gpa']:g} GPa" if group.get("substrate_young_gpa") else ""
     return {
+        "halfspace": "half-space",
         "block": f"block, {group.get('width_um', 0):g} µm wide and {group.get('height_um', 0):g} µm high",
         "film": f"film of {group.get('thickness_um', 0):g} µm{substrate}",
         "grain": f"grain of radius {group.get('grain_radius_um') or 0:g} µm among others",

@@ -1,10 +1,11 @@
 """The commands, in the order of the help and of `run`."""
 
-from . import build, extract, next_grain, predict, report, run, simulate, size, source_tree, theory
+from . import build, extract, init, next_grain, predict, report, run, simulate, size, source_tree, theory
 
 __all__ = ["COMMANDS"]
 
 COMMANDS = (
+    init.COMMAND,
     run.COMMAND,
     simulate.COMMAND,
     theory.COMMAND,

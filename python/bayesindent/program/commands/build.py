@@ -40,6 +40,15 @@ def show(document: dict) -> None:
         )
 
 
+def then(arguments: argparse.Namespace, document: dict) -> str:
+    """What to do next."""
+    if "points" in document:
+        return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
+    if "imported" in document:
+        return f"bayesindent build {arguments.file}, which learns from them"
+    return f"bayesindent extract {arguments.file} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
     either = parser.add_mutually_exclusive_group()
@@ -47,4 +56,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
 
-COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show, resumes=True)
+COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show, resumes=True, then=then)

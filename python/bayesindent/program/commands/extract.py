@@ -1,5 +1,7 @@
 """`extract`: Step 2."""
 
+import argparse
+
 from ...pipeline.step_2 import extract_stage
 from ...report.words import best_first, number
 from ..command import namelist_command
@@ -23,4 +25,9 @@ def show(document: dict) -> None:
     print("The prior that was in effect:", *document["prior"]["words"], sep="\n  ")
 
 
-COMMAND = namelist_command("extract", stage=extract_stage, show=show, resumes=True)
+def then(arguments: argparse.Namespace, document: dict) -> str:
+    """What to do next."""
+    return f"bayesindent report {arguments.results}, and bayesindent next {arguments.file} for the grain to measure next"
+
+
+COMMAND = namelist_command("extract", stage=extract_stage, show=show, resumes=True, then=then)

@@ -1,5 +1,7 @@
 """`next`: the grains worth measuring next."""
 
+import argparse
+
 from ...pipeline.step_2 import next_stage
 from ..command import namelist_command
 from ..console import show_table
@@ -13,4 +15,9 @@ def show(document: dict) -> None:
     show_table("Orientations worth measuring next (degrees)", ["phi1", "Phi", "phi2", "expected gain"], rows)
 
 
-COMMAND = namelist_command("next", stage=next_stage, show=show, resumes=True)
+def then(arguments: argparse.Namespace, document: dict) -> str:
+    """What to do next."""
+    return f"measure such grains, add them to the measurements of {arguments.file}, and bayesindent run it again"
+
+
+COMMAND = namelist_command("next", stage=next_stage, show=show, resumes=True, then=then)

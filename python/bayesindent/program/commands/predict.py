@@ -53,4 +53,5 @@ COMMAND = Command(
     action=predict,
     arguments=add_arguments,
     show=show,
+    then=lambda arguments, document: f"the same rows are in {document['file']}",
 )

@@ -47,4 +47,7 @@ COMMAND = Command(
     action=action,
     arguments=add_arguments,
     show=show,
+    then=lambda arguments, document: (
+        f"open {document['file']} in a browser" + ("" if arguments.paper else "; --paper writes what a paper takes")
+    ),
 )

@@ -47,9 +47,17 @@ def show(document: dict) -> None:
             command.show(document[command.name])
 
 
+def then(arguments: argparse.Namespace, document: dict) -> str:
+    """What to do next."""
+    if arguments.check:
+        return f"bayesindent run {arguments.file}"
+    more = f"; bayesindent report {arguments.results} --paper for a paper" if "extract" in document else ""
+    return f"open {document['report']['file']} in a browser{more}"
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options."""
     parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
 
 
-COMMAND = namelist_command("run", action=run, arguments=add_arguments, show=show, resumes=True)
+COMMAND = namelist_command("run", action=run, arguments=add_arguments, show=show, resumes=True, then=then)

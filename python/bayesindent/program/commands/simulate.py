@@ -9,7 +9,7 @@ from ...fe.indentation import Indentation, moduli_by_depth
 from ...pipeline.campaign import Campaign
 from ...pipeline.moduli import identified, write_moduli
 from ...pipeline.simulator import Simulator, engine_of, resolution_warnings, simulate_into
-from ..command import namelist_command
+from ..command import namelist_command, report_of
 from ..console import show_moduli
 
 __all__ = ["COMMAND", "simulate"]
@@ -80,4 +80,4 @@ def write_fields(problem, rows: list, output: Path, progress: Progress) -> None:
             advance(1)
 
 
-COMMAND = namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True)
+COMMAND = namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of)

@@ -5,7 +5,7 @@ from pathlib import Path
 from ...common.progress import Progress
 from ...common.result_files import whole_file
 from ...pipeline.specimen_size import specimen_size
-from ..command import namelist_command
+from ..command import namelist_command, report_of
 from ..console import show_table
 
 __all__ = ["COMMAND"]
@@ -40,4 +40,4 @@ def show(document: dict) -> None:
     print(document["figure"])
 
 
-COMMAND = namelist_command("size", stage=size, show=show)
+COMMAND = namelist_command("size", stage=size, show=show, then=report_of)

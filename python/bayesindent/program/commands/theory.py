@@ -5,7 +5,7 @@ from pathlib import Path
 from ...common.progress import Progress
 from ...crystal.elasticity import halfspace_modulus
 from ...pipeline.moduli import identified, write_moduli
-from ..command import namelist_command
+from ..command import namelist_command, report_of
 from ..console import show_moduli
 
 __all__ = ["COMMAND"]
@@ -19,4 +19,4 @@ def theory(problem, output: Path, progress: Progress) -> dict:
     return {"results": [identified(points, i) | {"indentation_modulus_gpa": modulus} for i, modulus in enumerate(moduli)]}
 
 
-COMMAND = namelist_command("theory", stage=theory, show=show_moduli)
+COMMAND = namelist_command("theory", stage=theory, show=show_moduli, then=report_of)

@@ -1,0 +1,155 @@
+"""A namelist and a table of measurements to begin with: every variable of Step 2 explained, and what handbooks know of a metal."""
+
+import csv
+import textwrap
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from math import isclose
+
+import numpy as np
+
+from ..core import InputError
+from ..crystal.elasticity import class_name, constant_names
+from ..inference.quantities import quantities
+from ..settings.problem import Variable, schema
+
+__all__ = ["Metal", "metals", "template"]
+
+#: What pressure tells of a crystal: the bulk modulus, and by it alone where these are equal.
+COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
+
+#: Relative sd of these quantities: what handbooks differ by, of the largest of them.
+SPREAD = 0.03
+
+#: Groups of the file, and the variables that are set in it; the others stand there as comments with their defaults.
+GROUPS = {
+    "problem": ("symmetry", "title"),
+    "surrogate": ("file",),
+    "measurements": ("file", "modulus_kind"),
+    "prior": (),
+    "knowledge": (),
+    "sampler": (),
+    "next": ("count",),
+}
+
+#: Variables of &surrogate that only `build` reads.
+FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
+
+TABLE = """\
+# One grain a row: Bunge-Euler angles (v_crystal = g v_sample; the indenter moves along -z of the sample), modulus, and its standard deviation
+# (the standard error of the value given). Lines that start with # are not read: put your grains below the header.
+phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa
+# 46.3,88.7,199.3,151.0,2.0
+"""
+
+
+@dataclass(frozen=True)
+class Metal:
+    """A pure metal: the word for its structure, its crystal class, its constants in GPa at room temperature, and where they are from."""
+
+    symbol: str
+    name: str
+    structure: str
+    symmetry: str
+    constants: dict[str, float]
+    source: str
+
+    @property
+    def known(self) -> dict[str, tuple[float, float]]:
+        """Mean and sd of what high pressure tells: bulk modulus in GPa, or compressibilities in 1/TPa."""
+        values = np.array([self.constants[name] for name in constant_names(self.symmetry)])
+        found = {name: float(value) for name, value in quantities(self.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)).items()}
+        along = [found[name] for name in COMPRESSIBILITIES]
+        means = {name: found[name] for name in (("bulk_modulus",) if isclose(*along, rel_tol=1e-9) else COMPRESSIBILITIES)}
+        return {name: (mean, SPREAD * max(means.values())) for name, mean in means.items()}
+
+
+@cache
+def metals() -> dict[str, Metal]:
+    """The metals that come with the package, by their symbols."""
+    text = (resources.files("bayesindent") / "data" / "metals.csv").read_text(encoding="utf-8")
+    found = {}
+    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+        constants = {name: float(value) for name, value in row.items() if name[1:].isdigit() and value}
+        found[row["symbol"]] = Metal(row["symbol"], row["name"], row["structure"], row["symmetry"], constants, row["source"])
+    return found
+
+
+def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, str]:
+    """The texts of a namelist and of its table of measurements, a file named `table`.
+
+    `symmetry`: a crystal class, or 'fcc', 'bcc', 'hcp'; `metal`: its symbol. One of them is enough if it is the metal.
+    """
+    known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
+    if metal and known is None:
+        raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")
+    if symmetry is None:
+        if known is None:
+            raise InputError("init: say the crystal class, such as fcc, hcp or mmm, or a --metal")
+        symmetry = known.structure
+    structures = {metal.structure: metal.symmetry for metal in metals().values()}
+    word = class_name(structures.get(symmetry.lower(), symmetry))
+    if known and (word != known.symmetry or (structures.get(symmetry.lower()) and symmetry.lower() != known.structure)):
+        raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
+    values = {
+        "symmetry": quoted(word),
+        "title": quoted(known.name.capitalize() if known else ""),
+        "surrogate file": quoted("halfspace"),
+        "measurements file": quoted(table),
+        "modulus_kind": quoted("effective_modulus"),
+        "count": "3",
+    }
+    constants = ", ".join(constant_names(word))
+    lines = [
+        f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",
+        f"! Fill in {table}, look through this file, and run it: bayesindent run THIS_FILE",
+        "! What starts with ! is a comment: take the ! away where you want another value than the default.",
+    ]
+    for group, chosen in GROUPS.items():
+        variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
+        lines += ["", f"! {variables[0].group_meaning}"]
+        if group == "prior":
+            lines += [f"! The constants are in the order {constants}."]
+        lines += [f"&{group}"]
+        if group == "knowledge" and known:
+            lines += knowledge(known)
+        for variable in variables:
+            if variable.name in chosen:
+                lines += explained(variable, values.get(variable.name) or values[f"{group} {variable.name}"], "")
+            elif not (group == "knowledge" and known and variable.name in ("quantity", "mean", "sd")):
+                lines += explained(variable, quoted(variable.default) if is_text(variable) else variable.default, "! ")
+        lines += ["/"]
+    return "\n".join(lines) + "\n", TABLE
+
+
+def knowledge(metal: Metal) -> list[str]:
+    """The variables of &knowledge with what is known of a metal."""
+    stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
+    said = f"Of pure {metal.name} at room temperature, by its constants {stated} GPa ({metal.source}). Of an alloy take its own, or a larger sd."
+    units = "GPa" if "bulk_modulus" in metal.known else "1/TPa"
+    return [
+        *(f"  ! {line}" for line in textwrap.wrap(said, 120)),
+        f"  quantity = {', '.join(quoted(name) for name in metal.known)}",
+        f"  mean = {', '.join(f'{mean:.4g}' for mean, _ in metal.known.values())}   ! {units}",
+        f"  sd = {', '.join(f'{sd:.2g}' for _, sd in metal.known.values())}",
+    ]
+
+
+def is_text(variable: Variable) -> bool:
+    """Whether its value stands in quotes."""
+    return variable.kind in ("text", "choice", "file") and variable.default not in ("*", "unset")
+
+
+def quoted(text: str) -> str:
+    """A text of a namelist."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def explained(variable: Variable, value: str, mark: str) -> list[str]:
+    """The line of a variable under its meaning."""
+    allowed = f"; {variable.allowed}" if variable.allowed and variable.kind != "logical" and len(variable.allowed) < 120 else ""
+    unit = f", {variable.unit}" if variable.unit else ""
+    words = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
+    stated = value if value not in ("unset", "*", "") else ".."
+    return [*(f"  ! {line}" for line in words), f"  {mark}{variable.name} = {stated}"]
