@@ -98,7 +98,10 @@ contains
       end if
       if (allocated(error)) return
       wrong = not_utf8(content)
-      if (index(content, achar(0)) > 0 .or. wrong == 1) then
+      if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
+         call raise(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not text: save its sheet as CSV', &
+            & exit_bad_input)
+      else if (index(content, achar(0)) > 0 .or. wrong == 1) then
          call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
       else if (wrong > 0) then
          call raise(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &

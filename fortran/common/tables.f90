@@ -2,7 +2,7 @@
 !>
 !> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by commas, numbers may have decimal ones.
 !> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
-!> order mark are accepted.
+!> order mark are accepted. A row of units may follow the header.
 module tables
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
@@ -19,13 +19,16 @@ module tables
       !> Line of the file on which each row begins, (rows).
       integer, allocatable :: line(:)
       !> Every cell, unquoted, one after the other, row by row from the header, which is row 0: cell (j, i) is buffer(first(k):last(k)),
-      !> k = i*columns + j.
+      !> k = position_of(j, i).
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: first(:), last(:)
       logical, private :: decimal_comma = .false.
+      !> A row of units follows the header; it is none of `rows`.
+      logical, private :: has_units = .false.
    contains
       procedure :: cell
       procedure :: name
+      procedure :: unit
       procedure :: find
       procedure :: number
    end type table_type
@@ -52,6 +55,7 @@ contains
       integer, allocatable :: line(:), counts(:)
       integer :: cells, rows, i
       character :: delimiter
+      character(len=:), allocatable :: words
 
       delimiter = delimiter_of(content)
       table%decimal_comma = delimiter /= ','
@@ -65,16 +69,48 @@ contains
       table%rows = rows - 1
       do i = 2, rows
          if (counts(i) /= counts(1)) then
+            words = ''
+            if (delimiter == ',' .and. counts(i) > counts(1)) words = '; if commas are decimal, separate the cells by semicolons'
+            if (counts(1) == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
             call raise(error, 'line '//to_text(line(i))//': '//to_text(counts(i))//' cells where the header has ' &
-               & //to_text(counts(1)), exit_bad_input)
+               & //to_text(counts(1))//words, exit_bad_input)
             return
          end if
       end do
-      table%line = line(2:rows)
+      if (rows > 1) table%has_units = are_units(table, counts(1))
+      if (table%has_units) table%rows = table%rows - 1
+      table%line = line(rows - table%rows + 1:rows)
       call check_header(table, line(1), error)
       if (allocated(error)) return
       if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
    end subroutine parse_table
+
+   !> Whether the cells below the header are units and nothing else.
+   pure logical function are_units(table, columns)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: columns
+      character(len=*), parameter :: known = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
+      character(len=:), allocatable :: word
+      integer :: k
+
+      are_units = .false.
+      do k = columns + 1, 2*columns
+         word = bare_unit(table%buffer(table%first(k):table%last(k)))
+         if (len(word) == 0) cycle
+         are_units = index(known, ' '//word//' ') > 0
+         if (.not. are_units) return
+      end do
+   end function are_units
+
+   !> 'gpa' of '[GPa]'.
+   pure function bare_unit(string) result(word)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: word
+
+      word = lower(string)
+      if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
+      word = trim(adjustl(word))
+   end function bare_unit
 
    !> Names must be names, and each of its own.
    subroutine check_header(table, line, error)
@@ -277,9 +313,19 @@ contains
 
       integer :: k
 
-      k = row*self%columns + column
+      k = position_of(self, column, row)
       string = self%buffer(self%first(k):self%last(k))
    end function cell
+
+   !> Where a cell is among all cells of the file.
+   pure integer function position_of(self, column, row) result(k)
+      type(table_type), intent(in) :: self
+      !> As of `cell`.
+      integer, intent(in) :: column, row
+
+      k = row*self%columns + column
+      if (self%has_units .and. row > 0) k = k + self%columns
+   end function position_of
 
    !> The name of a `column`.
    pure function name(self, column) result(string)
@@ -289,6 +335,19 @@ contains
 
       string = self%cell(column, 0)
    end function name
+
+   !> What a row of units says of a `column`, in lower case; empty if nothing.
+   pure function unit(self, column) result(word)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      character(len=:), allocatable :: word
+
+      word = ''
+      associate (k => self%columns + column)
+         if (self%has_units) word = bare_unit(self%buffer(self%first(k):self%last(k)))
+      end associate
+      if (word == '-') word = ''
+   end function unit
 
    !> Number of the column of this name, exactly or else whatever the case; 0 if there is none.
    pure integer function find(self, name)
@@ -318,13 +377,17 @@ contains
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
       type(error_type), allocatable, intent(out) :: error
-      integer :: outcome, k
-      character(len=:), allocatable :: string, place
+      integer :: outcome
+      character(len=:), allocatable :: string, place, words
 
-      k = row*self%columns + column
-      call read_real(self%buffer(self%first(k):self%last(k)), value, outcome)
+      associate (k => position_of(self, column, row))
+         call read_real(self%buffer(self%first(k):self%last(k)), value, outcome)
+      end associate
       if (outcome == number_ok) return
+      words = ''
       string = self%cell(column, row)
+      if (.not. self%decimal_comma .and. index(string, ',') > 0) words = '; decimal commas are read where semicolons or tabs ' &
+         & //'separate the cells'
       if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',') == index(string, ',', back=.true.)) then
          if (index(string, ',') > 0) string(index(string, ','):index(string, ',')) = '.'
       end if
@@ -334,7 +397,7 @@ contains
       if (len(string) == 0) then
          call raise(error, place//'the cell is empty; a number is needed', exit_bad_input)
       else if (outcome == number_malformed) then
-         call raise(error, place//''''//printable(string)//''' is not a number', exit_bad_input)
+         call raise(error, place//''''//printable(string)//''' is not a number'//words, exit_bad_input)
       else
          call raise(error, place//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
       end if

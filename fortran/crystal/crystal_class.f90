@@ -17,21 +17,24 @@ module crystal_class
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
+      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; words are free, the same word is the same length.
+      character(len=29) :: cell
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants
    end type row_type
 
    type(row_type), parameter :: table(*) = [ &
-      & row_type('isotropic', '', '0 z, 0 x', 'C11 C12'), &
-      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'C11 C12 C44'), &
-      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'C11 C12 C44 C33 C13'), &
-      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'C11 C12 C13 C33 C44 C66'), &
-      & row_type('4/m', '', '4 z', 'C11 C12 C13 C33 C44 C66 C16'), &
-      & row_type('trigonal', '-3m', '3 z, 2 x', 'C11 C12 C13 C14 C33 C44'), &
-      & row_type('-3', '', '3 z', 'C11 C12 C13 C14 C33 C44 C15'), &
-      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
-      & row_type('monoclinic', '2/m', '2 y', 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
-      & row_type('triclinic', '-1', '', &
+      & row_type('isotropic', '', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
+      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
+      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
+      & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
+      & row_type('4/m', '', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
+      & row_type('trigonal', '-3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &
+      & row_type('-3', '', '3 z', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44 C15'), &
+      & row_type('orthorhombic', 'mmm', '2 z, 2 x', 'a, b, c, 90, 90, 90', 'C11 C12 C13 C22 C23 C33 C44 C55 C66'), &
+      & row_type('monoclinic', '2/m', '2 y', 'a, b, c, 90, beta, 90', &
+      & 'C11 C12 C13 C15 C22 C23 C25 C33 C35 C44 C46 C55 C66'), &
+      & row_type('triclinic', '-1', '', 'a, b, c, alpha, beta, gamma', &
       & 'C11 C12 C13 C14 C15 C16 C22 C23 C24 C25 C26 C33 C34 C35 C36 C44 C45 C46 C55 C56 C66')]
 
    !> The class without symmetry, whose constants are all 21 entries row by row.
@@ -39,6 +42,8 @@ module crystal_class
 
    type :: crystal_class_type
       character(len=:), allocatable :: name
+      !> Edges and angles of the unit cell, a list of six: see `crystal_lattice`.
+      character(len=:), allocatable :: cell
       !> Names of the independent constants, (n_constants).
       character(len=3), allocatable :: constants(:)
       integer :: n_constants = 0
@@ -72,6 +77,7 @@ contains
          return
       end if
       class%name = trim(table(i)%name)
+      class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
       allocate (class%constants(class%n_constants))
       do k = 1, class%n_constants

@@ -25,17 +25,15 @@ subroutine problem_new(path, command, content, handle, status, message)
    call error_to_status(error, status, message)
 end subroutine problem_new
 
-!> A table alone, as `crystals` (symmetry: of the rows that do not say theirs) or, if symmetry is blank, `measurements` of a
-!> problem; sd_optional: 1 if the column sd_gpa may be absent.
-subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message)
+!> The `crystals` of a table alone, which has no settings; symmetry: of the rows that do not say theirs.
+subroutine problem_of_table(path, symmetry, handle, status, message)
    use crystal_class, only: crystal_class_type, new_crystal_class
    use interoperation, only: c_int, c_int64_t, error_to_status, error_type
-   use point_tables, only: read_crystals, read_measurements
+   use point_tables, only: read_crystals
    use object_registry, only: keep_object
    use problem, only: problem_type
    implicit none
    character(len=*), intent(in) :: path, symmetry
-   integer(c_int), intent(in) :: sd_optional
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
@@ -44,14 +42,9 @@ subroutine problem_of_table(path, symmetry, sd_optional, handle, status, message
    type(error_type), allocatable :: error
 
    allocate (self)
-   if (len_trim(symmetry) > 0) then
-      allocate (self%crystals)
-      call new_crystal_class(symmetry, class, error)
-      if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
-   else
-      allocate (self%measurements)
-      call read_measurements(path, path//': ', sd_optional == 1, .false., self%measurements, error)
-   end if
+   allocate (self%crystals)
+   call new_crystal_class(symmetry, class, error)
+   if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
    call keep_object(self, 'problem', error, handle)
    call error_to_status(error, status, message)
 end subroutine problem_of_table

@@ -66,6 +66,11 @@ contains
          call document%put('measured', found%posterior%measured(i))
          call document%put('measured_sd', found%posterior%sd(i))
          call document%put('euler_deg', problem%measurements%euler_deg(:, i))
+         if (problem%measurements%named_by > 0) call document%put('grain', problem%measurements%name(i))
+         if (allocated(problem%measurements%tests)) then
+            call document%put('tests', problem%measurements%tests(i))
+            call document%put('chi_square_of_tests', problem%measurements%chi_square(i))
+         end if
          call document%end_object()
       end do
       call document%end_array()
@@ -257,7 +262,7 @@ contains
       end associate
       factor = 1.0_wp
       if (size(found%names) > k) factor = found%parameters(k + 1)%mean
-      call judge_grains(found%posterior%measured, found%expected, factor*found%posterior%sd, &
+      call judge_grains(problem%measurements, found%posterior%measured, found%expected, factor*found%posterior%sd, &
          & problem%settings%measurements%likelihood, warnings)
    end subroutine judge_extraction
 end module extraction_document

@@ -2,12 +2,16 @@
 module next_grains
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: rotation_matrix
+   use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type
    use json, only: json_type
-   use kinds, only: degree, pi, wp
+   use kinds, only: degree, wp
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
+   use orientation_columns, only: angles_of_direction
    use problem, only: problem_type
    use problem_posterior, only: check_target
    use quantities, only: evaluate_quantities, new_quantity, quantity_type
@@ -52,7 +56,8 @@ contains
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
-         call new_candidates(posterior, few, sd, problem%settings%problem%seed, candidates, euler_deg, error)
+         call place_candidates(problem, posterior%prior%class, candidates, euler_deg)
+         call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
          if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
             & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions, error)
@@ -64,36 +69,56 @@ contains
       end if
    end subroutine next_document
 
-   !> What each draw predicts at each direction that the crystal tells apart.
-   subroutine new_candidates(posterior, draws, sd, seed, candidates, euler_deg, error)
+   !> The grains of &next, each of which may be measured once, or all directions that the crystal tells apart.
+   subroutine place_candidates(problem, class, candidates, euler_deg)
+      type(problem_type), intent(in) :: problem
+      type(crystal_class_type), intent(in) :: class
+      type(candidates_type), intent(inout) :: candidates
+      !> Bunge-Euler angles of the candidates, (3, candidate).
+      real(wp), allocatable, intent(out) :: euler_deg(:, :)
+      type(region_type) :: region
+      real(wp), allocatable :: directions(:, :)
+      integer :: i, j, n
+
+      if (allocated(problem%grains)) then
+         euler_deg = problem%grains%euler_deg
+         n = size(euler_deg, 2)
+         allocate (candidates%near(n, n), source=.false.)
+         do j = 1, n
+            candidates%near(j, j) = .true.
+         end do
+         return
+      end if
+      call new_region(class, region)
+      call lattice_of_directions(region, directions)
+      n = size(directions, 2)
+      allocate (euler_deg(3, n), candidates%near(n, n))
+      do j = 1, n
+         euler_deg(:, j) = angles_of_direction(directions(:, j))
+         do i = 1, n
+            candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
+         end do
+      end do
+   end subroutine place_candidates
+
+   !> What each draw predicts at each candidate.
+   subroutine predict_candidates(posterior, draws, sd, seed, euler_deg, candidates, error)
       type(posterior_type), intent(in) :: posterior
       !> (dimension, draw), as the sampler has them.
       real(wp), intent(in) :: draws(:, :)
       !> Of the next measurement, GPa.
       real(wp), intent(in) :: sd
       integer, intent(in) :: seed
-      type(candidates_type), intent(out) :: candidates
-      !> Bunge-Euler angles of the candidates, (3, candidate).
-      real(wp), allocatable, intent(out) :: euler_deg(:, :)
+      !> See `place_candidates`.
+      real(wp), intent(in) :: euler_deg(:, :)
+      type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
-      type(region_type) :: region
       type(random_stream_type) :: stream
-      real(wp), allocatable :: directions(:, :), own_variance(:, :)
+      real(wp), allocatable :: own_variance(:, :)
       class(grain_model_type), allocatable :: grains
-      integer :: i, j, n
+      integer :: i, n
 
-      call new_region(posterior%prior%class, region)
-      call lattice_of_directions(region, directions)
-      n = size(directions, 2)
-      allocate (euler_deg(3, n), candidates%near(n, n))
-      do j = 1, n
-         associate (v => directions(:, j))
-            euler_deg(:, j) = [0.0_wp, acos(max(-1.0_wp, min(1.0_wp, v(3)))), modulo(atan2(v(1), v(2)), 2.0_wp*pi)]/degree
-         end associate
-         do i = 1, n
-            candidates%near(i, j) = angle_between(region, directions(:, i), directions(:, j)) < separation_deg*degree
-         end do
-      end do
+      n = size(euler_deg, 2)
       call posterior%new_grains(euler_deg*degree, grains, error)
       if (allocated(error)) return
       allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
@@ -106,7 +131,7 @@ contains
       candidates%predicted = transpose(candidates%predicted)
       candidates%shared_variance = transpose(candidates%shared_variance)
       candidates%sd = sqrt(sd**2 + sum(own_variance, 2)/size(draws, 2))
-   end subroutine new_candidates
+   end subroutine predict_candidates
 
    !> The values of what is to be known: of a product of powers its logarithm.
    subroutine set_target(posterior, target, draws, candidates, error)
@@ -127,6 +152,24 @@ contains
       end do
       if (quantity(1)%is_product()) candidates%target = log(candidates%target)
    end subroutine set_target
+
+   !> The indented direction, as a unit vector in crystal axes and, where the unit cell is known, as [uvw].
+   subroutine put_direction(document, problem, euler_deg)
+      type(json_type), intent(inout) :: document
+      type(problem_type), intent(in) :: problem
+      real(wp), intent(in) :: euler_deg(3)
+      type(lattice_type) :: lattice
+      type(error_type), allocatable :: unknown
+      real(wp), allocatable :: parameters(:)
+      real(wp) :: g(3, 3)
+
+      g = rotation_matrix(euler_deg*degree)
+      call document%put('direction', g(:, 3))
+      allocate (parameters(0))
+      if (allocated(problem%settings%problem%lattice)) parameters = problem%settings%problem%lattice
+      call new_lattice(problem%class, parameters, lattice, unknown)
+      if (.not. allocated(unknown)) call document%put('uvw', lattice%nearest(g(:, 3)))
+   end subroutine put_direction
 
    pure real(wp) function median(values)
       real(wp), intent(in) :: values(:)
@@ -156,7 +199,9 @@ contains
          associate (c => suggestions%chosen(i))
             mean = sum(candidates%predicted(:, c))/draws
             call document%begin_object()
+            if (allocated(problem%grains)) call document%put('grain', problem%grains%name(c))
             call document%put('euler_deg', euler_deg(:, c))
+            call put_direction(document, problem, euler_deg(:, c))
             call document%put('gain', suggestions%gains(i))
             call document%put('predicted', mean)
             call document%put('sd', sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws))
@@ -167,6 +212,7 @@ contains
       call document%begin_array('candidates')
       do i = 1, size(euler_deg, 2)
          call document%begin_object()
+         if (allocated(problem%grains)) call document%put('grain', problem%grains%name(i))
          call document%put('euler_deg', euler_deg(:, i))
          call document%put('gain', suggestions%first_gains(i))
          call document%end_object()
@@ -176,7 +222,7 @@ contains
       call document%put('sd_gpa', sd)
       call document%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
       warnings = problem%warnings
-      if (found < problem%settings%next%count) call warn(warnings, 'only '//to_text(found)//' of ' &
+      if (found < min(problem%settings%next%count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of ' &
          & //to_text(problem%settings%next%count)//' orientations are '//fixed(separation_deg, 0)//' degrees apart')
       call document%put('warnings', warnings)
       call document%end_object()

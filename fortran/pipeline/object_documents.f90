@@ -29,8 +29,8 @@ contains
    !> The numbers and texts of an object.
    subroutine describe_object(handle, kind, visitor, error)
       integer(i8), intent(in) :: handle
-      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; 'crystals', 'measurements' or 'candidates', the cells of this
-      !> table of a problem, the header first; or 'settings', which has no handle: what namelists may hold.
+      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; 'crystals', 'measurements', 'candidates' or 'grains', the cells of
+      !> this table of a problem, the header first; or 'settings', which has no handle: what namelists may hold.
       character(len=*), intent(in) :: kind
       type(described_values_type), intent(inout) :: visitor
       type(error_type), allocatable, intent(out) :: error
@@ -44,7 +44,7 @@ contains
       case ('problem')
          call problem_of_handle(handle, problem, error)
          if (.not. allocated(error)) call describe_problem(problem, visitor)
-      case ('crystals', 'measurements', 'candidates')
+      case ('crystals', 'measurements', 'candidates', 'grains')
          call problem_of_handle(handle, problem, error)
          if (.not. allocated(error)) call describe_cells(problem, kind, visitor%document)
       case ('build')
@@ -149,9 +149,11 @@ contains
          call visitor%document%put('scan', transpose(real(pairs, wp)))
          call visitor%document%put_json('physics', identity_text(self%settings))
       end if
+      if (allocated(self%foreign)) call visitor%document%put('foreign', self%foreign)
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)
       call describe_points('candidates', self%candidates, visitor)
+      call describe_points('grains', self%grains, visitor)
       if (allocated(self%stiffness) .and. .not. allocated(visitor%wanted)) call put_cells('stiffness', self%stiffness%table, &
          & visitor%document)
       call visitor%document%end_object()
@@ -174,6 +176,7 @@ contains
       end if
       if (allocated(points%class)) call visitor%array(name//'_class', points%n, real(points%class, wp))
       if (allocated(visitor%wanted)) return
+      if (allocated(points%modulus_kind)) call visitor%document%put(name//'_modulus_kind', points%modulus_kind)
       call visitor%document%begin_array(name//'_classes')
       if (allocated(points%class)) then
          do i = 1, size(points%classes)
@@ -181,9 +184,16 @@ contains
          end do
       end if
       call visitor%document%end_array()
+      if (points%named_by > 0) then
+         call visitor%document%begin_array(name//'_names')
+         do i = 1, points%n
+            call visitor%document%put('', points%name(i))
+         end do
+         call visitor%document%end_array()
+      end if
    end subroutine describe_points
 
-   !> The cells of a table of a problem: 'crystals', 'measurements' or 'candidates'.
+   !> The cells of a table of a problem: 'crystals', 'measurements', 'candidates' or 'grains'.
    subroutine describe_cells(self, name, document)
       type(problem_type), intent(in) :: self
       character(len=*), intent(in) :: name
@@ -194,6 +204,8 @@ contains
          call put_cells('', self%crystals%table, document)
       case ('measurements')
          call put_cells('', self%measurements%table, document)
+      case ('grains')
+         call put_cells('', self%grains%table, document)
       case default
          call put_cells('', self%candidates%table, document)
       end select

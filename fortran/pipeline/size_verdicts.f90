@@ -1,9 +1,11 @@
 !> What a person should know of measurements whose depths, or whose grains' sizes, are given: by how much moduli are expected to be off.
 module size_verdicts
    use errors, only: error_type
+   use files, only: printable
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use indenters, only: indenter_type, new_indenter
    use kinds, only: degree, wp
+   use point_tables, only: points_type
    use problem, only: problem_type
    use surrogate_model, only: surrogate_type
    use text, only: fixed, to_text
@@ -38,7 +40,7 @@ contains
          if (taught_radius > 0.0_wp) then
             if (any(measured%depth_um > 0.0_wp)) call judge_depths(contact_radius, taught_radius, addition, warnings)
          else if (any(measured%grain_radius_um > 0.0_wp)) then
-            call judge_grain_radii(measured%modulus_gpa, contact_radius, measured%grain_radius_um, warnings)
+            call judge_grain_radii(measured, contact_radius, warnings)
          end if
       end associate
    end subroutine judge_sizes
@@ -78,19 +80,22 @@ contains
    end function mean_addition
 
    !> Neighbours are taken to be as stiff as the mean measurement.
-   subroutine judge_grain_radii(modulus, contact_radius, grain_radius, warnings)
-      !> Of each grain, GPa, um and um; NaN where its radius is not given.
-      real(wp), intent(in) :: modulus(:), contact_radius(:), grain_radius(:)
+   subroutine judge_grain_radii(measured, contact_radius, warnings)
+      type(points_type), intent(in) :: measured
+      !> Of each grain, um.
+      real(wp), intent(in) :: contact_radius(:)
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp) :: bias(size(modulus))
+      real(wp) :: bias(measured%n)
       integer :: worst
 
       bias = 0.0_wp
-      where (grain_radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/grain_radius) - 1.0_wp
+      associate (modulus => measured%modulus_gpa, radius => measured%grain_radius_um)
+         where (radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/radius) - 1.0_wp
+      end associate
       if (count(abs(bias) > small_bias) == 0) return
       worst = maxloc(abs(bias), dim=1)
       call warn(warnings, to_text(count(abs(bias) > small_bias))//' of '//to_text(size(bias))//' grains are so small that their ' &
-         & //'neighbours are expected to change the modulus by more than 1 % (grain '//to_text(worst)//': ' &
+         & //'neighbours are expected to change the modulus by more than 1 % (grain '//printable(measured%name(worst))//': ' &
          & //fixed(100.0_wp*bias(worst), 1)//' %): see the command size, or build a correction with geometry = ''grain''')
    end subroutine judge_grain_radii
 end module size_verdicts

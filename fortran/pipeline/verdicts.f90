@@ -3,9 +3,11 @@ module verdicts
    use chain_diagnostics, only: diagnostics_type
    use constants_prior, only: knowledge_type
    use field_degree, only: allowed_error
+   use files, only: printable
    use further_knowledge, only: gain_type
    use kinds, only: wp
    use knowledge_conflict, only: conflict_type
+   use point_tables, only: points_type
    use posterior_summary, only: combination_type, decided_by_data, left_open
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
@@ -255,7 +257,8 @@ contains
    end subroutine judge_bound
 
    !> Grains whose modulus disagrees with all others; the `likelihood` may take that into account.
-   subroutine judge_grains(measured, predicted, scale, likelihood, warnings)
+   subroutine judge_grains(points, measured, predicted, scale, likelihood, warnings)
+      type(points_type), intent(in) :: points
       !> Measured moduli, means of what is predicted, and the errors' sds; GPa, (grain).
       real(wp), intent(in) :: measured(:), predicted(:), scale(:)
       character(len=*), intent(in) :: likelihood
@@ -270,8 +273,9 @@ contains
       do i = 1, size(measured)
          residual = (measured(i) - predicted(i))/scale(i)
          if (.not. abs(residual) > far) cycle
-         call warn(warnings, 'grain '//to_text(i)//' disagrees with the others: its modulus is '//fixed(abs(residual), 1)//' sd ' &
-            & //trim(merge('above', 'below', residual > 0.0_wp))//' what all grains together predict'//advice)
+         call warn(warnings, 'grain '//printable(points%name(i))//' disagrees with the others: its modulus is ' &
+            & //fixed(abs(residual), 1)//' sd '//trim(merge('above', 'below', residual > 0.0_wp)) &
+            & //' what all grains together predict'//advice)
       end do
    end subroutine judge_grains
 end module verdicts

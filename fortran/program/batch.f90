@@ -4,8 +4,9 @@ program batch
    use batch_build, only: build_surrogate, check_new_surrogate
    use batch_sample, only: check_sampling, sample_constants
    use batch_simulate, only: simulate_crystals
-   use errors, only: error_type, exit_bad_input, exit_status
-   use files, only: replace_file
+   use errors, only: error_type, exit_bad_input, exit_status, raise
+   use files, only: printable, replace_file
+   use namelist_file, only: place
    use choices, only: all_choices
    use problem, only: problem_type
    use problem_input, only: read_problem
@@ -72,6 +73,9 @@ contains
       integer :: i
 
       call read_problem(path, 'run', self, error)
+      if (.not. allocated(error) .and. allocated(self%foreign)) call raise(error, place(path, 'measurements', 'file') &
+         & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
+         & //'its sheet as CSV', exit_bad_input)
       call stop_on(error)
       call tell(self%warnings)
       if (self%settings%design%given) call check_new_surrogate(self, output, error)

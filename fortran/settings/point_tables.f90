@@ -4,13 +4,16 @@ module point_tables
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: printable
    use kinds, only: degree, pi, wp
+   use orientation_columns, only: find_ways, read_directions
+   use settings_groups, only: measurements_settings_type
+   use table_columns, only: check_unit, column_list, find_column, find_modulus, nearest_to, need_column, refuse_cell, &
+      & says_radians
    use tables, only: parse_table, read_table, table_type
-   use text, only: join, lower, to_text
+   use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_measurements, measurements_of_text, angles_look_like_radians
+   public :: points_type, read_crystals, read_grains, read_measurements, measurements_of_text, angles_look_like_radians
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -24,29 +27,28 @@ module point_tables
       real(wp), allocatable :: constants(:, :)
       !> Crystal frame, GPa, (6, 6, n).
       real(wp), allocatable :: stiffness(:, :, :)
-      !> Bunge-Euler angles, degrees, (3, n).
+      !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
       real(wp), allocatable :: euler_deg(:, :)
+      logical :: has_angles = .true.
       !> Moduli and their sds, GPa, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
+      !> Of measurements: which modulus was measured.
+      character(len=:), allocatable :: modulus_kind
       !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth of the indentation and radius of the
       !> grain, um; and its group, 1, 2, .., (n).
       real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
+      !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n).
+      integer :: named_by = 0
+      integer, allocatable :: row(:)
+      !> Where a point is several tests combined: their numbers, and the chi-square of each one's tests about their mean, (n).
+      integer, allocatable :: tests(:)
+      real(wp), allocatable :: chi_square(:)
+   contains
+      procedure :: name
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
-   !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
-   type :: column_type
-      character(len=12) :: name
-      character(len=60) :: others
-      character(len=30) :: units
-   end type column_type
-   type(column_type), parameter :: known_columns(*) = [ &
-      & column_type('phi1_deg', ' phi1 phi_1 euler1 euler_1 ', ' deg degrees degree ° rad radians '), &
-      & column_type('Phi_deg', ' phi euler2 euler_2 ', ' deg degrees degree ° rad radians '), &
-      & column_type('phi2_deg', ' phi2 phi_2 euler3 euler_3 ', ' deg degrees degree ° rad radians '), &
-      & column_type('modulus_gpa', ' modulus ', ' gpa '), &
-      & column_type('sd_gpa', ' sd std stdev error standard_deviation ', ' gpa ')]
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
@@ -61,55 +63,101 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      integer :: column
 
       call read_table(path, points%table, error)
       if (.not. allocated(error)) call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
-      if (.not. allocated(error)) call read_moduli(points, .false., error)
+      if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
+      if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
+      if (.not. allocated(error)) call read_moduli(points, column, .false., error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
-   !> Orientations with moduli; the column of the sds may be absent if `sd_optional`. Messages begin with `prefix`.
-   subroutine read_measurements(path, prefix, sd_optional, radians, points, error)
+   !> The name of point `i`, or its number.
+   function name(self, i)
+      class(points_type), intent(in) :: self
+      !> 1, 2, ..
+      integer, intent(in) :: i
+      character(len=:), allocatable :: name
+
+      if (self%named_by > 0) then
+         name = self%table%cell(self%named_by, self%row(i))
+      else
+         name = to_text(i)
+      end if
+   end function name
+
+   !> Orientations with moduli, as `&measurements` says. Messages begin with `prefix`.
+   subroutine read_measurements(path, prefix, asked, crystal, parameters, points, error)
       character(len=*), intent(in) :: path, prefix
-      !> `radians`: the unit of the angles in the file.
-      logical, intent(in) :: sd_optional, radians
+      type(measurements_settings_type), intent(in) :: asked
+      !> Of the grains.
+      type(crystal_class_type), intent(in) :: crystal
+      !> Of its unit cell, see `new_lattice`; perhaps unallocated.
+      real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
       call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_measured(points, sd_optional, radians, error)
+      if (.not. allocated(error)) call read_measured(points, asked, crystal, parameters, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_measurements
 
-   !> The same from a text that is no file: its rows are counted from 1, without the header.
-   subroutine measurements_of_text(page, prefix, sd_optional, radians, points, error)
+   !> The same from a text.
+   subroutine measurements_of_text(page, prefix, is_file, asked, crystal, parameters, points, error)
       !> Header and rows.
       character(len=*), intent(in) :: page
       !> With which messages begin.
       character(len=*), intent(in) :: prefix
-      !> The column of the sds may be absent; the unit of the angles.
-      logical, intent(in) :: sd_optional, radians
+      !> Its lines are those of a file; else rows are counted from 1, without the header.
+      logical, intent(in) :: is_file
+      type(measurements_settings_type), intent(in) :: asked
+      !> See `read_measurements`.
+      type(crystal_class_type), intent(in) :: crystal
+      !> Of its unit cell.
+      real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
       call parse_table(page, points%table, error)
       if (.not. allocated(error)) then
-         points%table%line = [(i, i=1, points%table%rows)]
-         call read_measured(points, sd_optional, radians, error)
+         if (.not. is_file) points%table%line = [(i, i=1, points%table%rows)]
+         call read_measured(points, asked, crystal, parameters, error)
       end if
       if (allocated(error)) error%message = prefix//error%message
    end subroutine measurements_of_text
 
-   subroutine read_measured(points, sd_optional, radians, error)
-      type(points_type), intent(inout) :: points
-      logical, intent(in) :: sd_optional, radians
+   !> Orientations of grains that may be measured, with their names. Messages begin with `prefix`.
+   subroutine read_grains(path, prefix, radians, crystal, parameters, points, error)
+      character(len=*), intent(in) :: path, prefix
+      !> The unit of the angles in the file.
+      logical, intent(in) :: radians
+      type(crystal_class_type), intent(in) :: crystal
+      !> See `read_measurements`.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
-      call read_angles(points, radians, error)
-      if (.not. allocated(error)) call read_moduli(points, .true., error)
-      if (.not. allocated(error)) call read_sds(points, sd_optional, error)
+      call read_table(path, points%table, error)
+      if (.not. allocated(error)) call read_orientations(points, radians, crystal, parameters, error)
+      if (.not. allocated(error)) call find_column(points%table, 'grain', points%named_by, error)
+      if (allocated(error)) error%message = prefix//error%message
+   end subroutine read_grains
+
+   subroutine read_measured(points, asked, crystal, parameters, error)
+      type(points_type), intent(inout) :: points
+      type(measurements_settings_type), intent(in) :: asked
+      type(crystal_class_type), intent(in) :: crystal
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: column
+
+      call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
+      if (.not. allocated(error)) call read_moduli(points, column, .true., error)
+      if (.not. allocated(error)) call read_sds(points, asked%scale == 'inferred', error)
       if (.not. allocated(error)) call read_optional(points, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', &
          & points%orientation_sd_deg, error)
       if (.not. allocated(error)) call read_optional(points, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
@@ -118,30 +166,75 @@ contains
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measured
 
-   !> The angles of every row; what comes later is NaN.
+   !> The angles of every row, or angles for the direction that is stated in another way.
+   subroutine read_orientations(points, radians, crystal, parameters, error)
+      type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(crystal_class_type), intent(in) :: crystal
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: columns(:)
+      integer :: way, column, angles, j
+
+      call find_ways(points%table, way, columns, error)
+      angles = 0
+      do j = 1, 3
+         if (allocated(error)) return
+         call find_column(points%table, trim(angle_names(j)), column, error)
+         if (column > 0) angles = angles + 1
+      end do
+      if (allocated(error)) return
+      if (way == 0 .or. angles == 3) call read_angles(points, radians, error)
+      if (allocated(error)) then
+         if (angles == 0) error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
+      else if (way > 0 .and. angles == 3) then
+         call raise(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', '&
+            & //points%table%name(columns(2))//', ..; one of them is allowed', exit_bad_input)
+      else if (way > 0) then
+         call set_size(points)
+         points%has_angles = .false.
+         call read_directions(points%table, way, columns, crystal, parameters, points%euler_deg, error)
+      end if
+   end subroutine read_orientations
+
+   !> A point a row; what is not read yet is NaN.
+   subroutine set_size(points)
+      type(points_type), intent(inout) :: points
+      integer :: i
+
+      points%n = points%table%rows
+      points%row = [(i, i=1, points%n)]
+      allocate (points%euler_deg(3, points%n))
+      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=not_a_number())
+   end subroutine set_size
+
+   !> The angles of every row.
    subroutine read_angles(points, radians, error)
       type(points_type), intent(inout) :: points
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
       type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
-      real(wp) :: nan, most, unit
+      real(wp) :: most, unit
       character(len=:), allocatable :: unit_name
       integer :: column(3), i, j
 
-      points%n = points%table%rows
-      nan = not_a_number()
+      call set_size(points)
       unit = 1.0_wp
       unit_name = ' degrees'
       if (radians) then
          unit = degree
          unit_name = ' radians'
       end if
-      allocate (points%euler_deg(3, points%n))
-      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
       do j = 1, 3
          call need_column(points%table, trim(angle_names(j)), column(j), error)
          if (allocated(error)) return
+         if (.not. radians .and. says_radians(points%table, column(j))) then
+            call raise(error, 'column '//points%table%name(column(j))//' is in radians; degrees are needed, or of measurements ' &
+               & //'angles = ''radians''', exit_bad_input)
+            return
+         end if
       end do
       do i = 1, points%n
          do j = 1, 3
@@ -181,6 +274,8 @@ contains
       names = general%constants
       do j = 1, 21
          column(j) = points%table%find(names(j))
+         if (column(j) > 0) call check_unit(points%table, column(j), ' gpa ', error)
+         if (allocated(error)) return
       end do
       symmetry_column = points%table%find('symmetry')
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
@@ -270,19 +365,16 @@ contains
       if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
    end subroutine read_row
 
-   subroutine read_moduli(points, required, error)
+   !> The moduli of a `column`; 0 leaves them NaN.
+   subroutine read_moduli(points, column, required, error)
       type(points_type), intent(inout) :: points
+      integer, intent(in) :: column
+      !> No cell may be empty.
       logical, intent(in) :: required
       type(error_type), allocatable, intent(out) :: error
-      integer :: column, i
+      integer :: i
 
-      call find_column(points%table, 'modulus_gpa', column, error)
-      if (allocated(error)) return
-      if (column == 0 .and. .not. required) column = points%table%find('indentation_modulus_gpa')
-      if (column == 0) then
-         if (required) call need_column(points%table, 'modulus_gpa', column, error)
-         return
-      end if
+      if (column == 0) return
       do i = 1, points%n
          if (.not. required .and. len(points%table%cell(column, i)) == 0) cycle
          call points%table%number(column, i, points%modulus_gpa(i), error)
@@ -310,7 +402,8 @@ contains
       if (allocated(error)) return
       if (column == 0) then
          if (.not. optional_column) call raise(error, 'the column sd_gpa is missing; it may be absent only with ' &
-            & //'scale = ''inferred''; the columns are '//column_list(points%table), exit_bad_input)
+            & //'scale = ''inferred''; the columns are '//column_list(points%table) &
+            & //nearest_to(points%table, 'sd_gpa'), exit_bad_input)
          return
       end if
       do i = 1, points%n
@@ -337,8 +430,8 @@ contains
       integer :: column, i
 
       allocate (values(points%n), source=not_a_number())
-      column = points%table%find(name)
-      if (column == 0) return
+      call find_column(points%table, name, column, error)
+      if (allocated(error) .or. column == 0) return
       do i = 1, points%n
          if (len_trim(points%table%cell(column, i)) == 0) cycle
          call points%table%number(column, i, values(i), error)
@@ -371,79 +464,6 @@ contains
          points%group(i) = j
       end do
    end subroutine read_groups
-
-   !> A column by its name or, without regard to case, by another one, perhaps with its unit: 'Euler1 (deg)'; 0 where there is none.
-   subroutine find_column(table, name, column, error)
-      type(table_type), intent(in) :: table
-      character(len=*), intent(in) :: name
-      integer, intent(out) :: column
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: word, unit
-      integer :: i, j, k
-
-      column = table%find(name)
-      i = findloc(known_columns%name, name, dim=1)
-      if (column > 0 .or. i == 0) return
-      do j = 1, table%columns
-         word = lower(table%name(j))
-         unit = ''
-         k = scan(word, '([')
-         if (k > 0) then
-            unit = word(k + 1:)
-            if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
-            word = word(:k - 1)
-         end if
-         word = trim(word)
-         do k = 1, len(word)
-            if (scan(word(k:k), ' -') == 1) word(k:k) = '_'
-         end do
-         if (index(known_columns(i)%others, ' '//word//' ') == 0) cycle
-         if (len(unit) > 0 .and. index(known_columns(i)%units, ' '//trim(adjustl(unit))//' ') == 0) then
-            call raise(error, 'column '//printable(table%name(j))//': the unit '//printable(unit)//' is not read; allowed' &
-               & //trim(known_columns(i)%units), exit_bad_input)
-            return
-         end if
-         column = j
-         return
-      end do
-   end subroutine find_column
-
-   subroutine need_column(table, name, column, error)
-      type(table_type), intent(in) :: table
-      character(len=*), intent(in) :: name
-      integer, intent(out) :: column
-      type(error_type), allocatable, intent(out) :: error
-
-      call find_column(table, name, column, error)
-      if (allocated(error)) return
-      if (column == 0) call raise(error, 'the column '//name//' is missing; the columns are '//column_list(table), &
-         & exit_bad_input)
-   end subroutine need_column
-
-   function column_list(table) result(list)
-      type(table_type), intent(in) :: table
-      character(len=:), allocatable :: list
-      integer, parameter :: most = 30
-      integer :: j
-
-      list = ''
-      do j = 1, min(table%columns, most)
-         if (j > 1) list = list//', '
-         list = list//printable(table%name(j))
-      end do
-      if (table%columns > most) list = list//', ...'
-   end function column_list
-
-   !> Refuse a cell: its text, then what is wrong with it.
-   subroutine refuse_cell(table, column, row, message, error)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: column, row
-      character(len=*), intent(in) :: message
-      type(error_type), allocatable, intent(out) :: error
-
-      call raise(error, 'line '//to_text(table%line(row))//', column '//printable(table%name(column))//': ' &
-         & //printable(table%cell(column, row))//message, exit_bad_input)
-   end subroutine refuse_cell
 
    !> No angle above a full turn in radians, and not all zero.
    pure logical function angles_look_like_radians(points)

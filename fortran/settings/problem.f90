@@ -10,7 +10,9 @@ module problem
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
-   use point_tables, only: angles_look_like_radians, measurements_of_text, points_type, read_crystals, read_measurements
+   use point_tables, only: angles_look_like_radians, measurements_of_text, points_type, read_crystals, read_grains, &
+      & read_measurements
+   use repeated_tests, only: combine_tests, judge_scatter
    use settings_checks, only: check_settings
    use settings_groups, only: settings_type
    use settings_lists, only: settings_namelist
@@ -19,7 +21,8 @@ module problem
    use settings_visitor, only: choice_list_type
    use stiffness_table, only: read_stiffness_table, stiffness_table_of_text, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use text, only: split_list, to_text
+   use table_columns, only: column_hint
+   use text, only: lower, split_list, to_text
    use warning_lists, only: add_warning => warn, warning_type
    implicit none
    private
@@ -38,6 +41,10 @@ module problem
       type(warning_type), allocatable :: warnings(:)
       !> The tables that the file names, unallocated if it names none.
       type(points_type), allocatable :: crystals, measurements, candidates
+      !> Of &next: the grains to choose from; unallocated: all directions.
+      type(points_type), allocatable :: grains
+      !> Measurements in a form that Python turns into text (see `set_table`): their file. Unallocated: they are read.
+      character(len=:), allocatable :: foreign
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
@@ -109,10 +116,15 @@ contains
       end if
       if (allocated(self%settings%measurements%file)) then
          associate (name => self%settings%measurements%file)
+            if (is_spreadsheet(name)) self%foreign = resolve_path(self%folder, name)
+         end associate
+      end if
+      if (allocated(self%settings%measurements%file) .and. .not. allocated(self%foreign)) then
+         associate (name => self%settings%measurements%file)
             allocate (self%measurements)
             call read_measurements(resolve_path(self%folder, name), place(self%path, 'measurements', 'file') &
-               & //printable(name)//': ', self%settings%measurements%scale == 'inferred', &
-               & self%settings%measurements%angles == 'radians', self%measurements, error)
+               & //printable(name)//': ', self%settings%measurements, self%class, self%settings%problem%lattice, &
+               & self%measurements, error)
             if (.not. allocated(error)) call question_measurements(self, printable(name), error)
             if (allocated(error)) return
          end associate
@@ -125,17 +137,20 @@ contains
             if (allocated(error)) return
          end associate
       end if
+      if (allocated(self%settings%next%candidates)) call load_grains(self, self%settings%next%candidates, error)
+      if (allocated(error)) return
       associate (name => self%settings%design%candidates)
          if (.not. any(split_list(candidate_sources) == name)) call load_candidates(self, name, error)
       end associate
    end subroutine load_tables
 
-   !> A table that is no file.
+   !> A table that is no file, or, of measurements, the text that was made of their file.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements' or 'stiffness'; CSV, as a file has it.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: prefix, name
 
       if (table == 'stiffness') then
          if (allocated(self%stiffness)) deallocate (self%stiffness)
@@ -145,10 +160,25 @@ contains
       end if
       if (allocated(self%measurements)) deallocate (self%measurements)
       allocate (self%measurements)
-      call measurements_of_text(page, place(self%path, 'measurements', ''), self%settings%measurements%scale == 'inferred', &
-         & self%settings%measurements%angles == 'radians', self%measurements, error)
-      if (.not. allocated(error)) call question_measurements(self, 'the table', error)
+      prefix = place(self%path, 'measurements', '')
+      name = 'the table'
+      if (allocated(self%foreign)) then
+         name = printable(self%settings%measurements%file)
+         prefix = place(self%path, 'measurements', 'file')//name//': '
+      end if
+      call measurements_of_text(page, prefix, allocated(self%foreign), self%settings%measurements, self%class, &
+         & self%settings%problem%lattice, self%measurements, error)
+      if (.not. allocated(error)) call question_measurements(self, name, error)
    end subroutine set_table
+
+   pure logical function is_spreadsheet(name)
+      character(len=*), intent(in) :: name
+      integer :: dot
+
+      dot = index(name, '.', back=.true.)
+      is_spreadsheet = .false.
+      if (dot > 0) is_spreadsheet = any(lower(name(dot:)) == [character(len=5) :: '.xlsx', '.xlsm'])
+   end function is_spreadsheet
 
    subroutine load_candidates(self, name, error)
       type(problem_type), intent(inout) :: self
@@ -171,6 +201,38 @@ contains
       end do
    end subroutine load_candidates
 
+   subroutine load_grains(self, name, error)
+      type(problem_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      type(error_type), allocatable, intent(out) :: error
+      !> Of each the moduli of 2000 draws are kept.
+      integer, parameter :: most_grains = 2000
+      character(len=:), allocatable :: prefix
+
+      prefix = place(self%path, 'next', 'candidates')//printable(name)//': '
+      allocate (self%grains)
+      call read_grains(resolve_path(self%folder, name), prefix, self%settings%measurements%angles == 'radians', self%class, &
+         & self%settings%problem%lattice, self%grains, error)
+      if (allocated(error)) return
+      if (self%grains%n > most_grains) then
+         call raise(error, prefix//to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
+      else if (self%settings%measurements%angles == 'degrees') then
+         call refuse_radians(self%grains, prefix, error)
+      end if
+   end subroutine load_grains
+
+   !> As many angles below a full turn in radians, not all of them whole, are no chance.
+   subroutine refuse_radians(points, prefix, error)
+      type(points_type), intent(in) :: points
+      character(len=*), intent(in) :: prefix
+      type(error_type), allocatable, intent(out) :: error
+
+      if (.not. points%has_angles .or. points%n < few_grains .or. .not. angles_look_like_radians(points)) return
+      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call raise(error, prefix//'no angle is above 2 pi, so ' &
+         & //'these look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 ' &
+         & //'to a phi1', exit_bad_input)
+   end subroutine refuse_radians
+
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
    subroutine question_measurements(self, name, error)
       type(problem_type), intent(inout) :: self
@@ -180,24 +242,35 @@ contains
       real(wp), parameter :: alike = 5.0_wp
       character(len=:), allocatable :: prefix
       type(region_type) :: region
-      real(wp) :: directions(3, self%measurements%n), g(3, 3)
+      real(wp) :: g(3, 3)
+      real(wp), allocatable :: directions(:, :)
+      character(len=:), allocatable :: hint
       logical :: radians
       integer :: i
 
+      self%settings%measurements%modulus_kind = self%measurements%modulus_kind
       prefix = place(self%path, 'measurements', 'file')//name
-      radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
-      if (radians .and. self%measurements%n >= few_grains) then
-         associate (euler => self%measurements%euler_deg)
-            if (any(abs(euler - anint(euler)) > 0.0_wp)) call raise(error, prefix//': no angle is above 2 pi, so these look like ' &
-               & //'radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 to a phi1', &
-               & exit_bad_input)
-         end associate
-         if (allocated(error)) return
+      call combine_tests(self%class, self%measurements, error)
+      if (allocated(error)) then
+         error%message = prefix//': '//error%message
+         return
       end if
+      call judge_scatter(self%measurements, prefix, self%warnings)
+      associate (table => self%measurements%table)
+         do i = 1, table%columns
+            hint = column_hint(table, i)
+            if (len(hint) > 0) call self%warn(prefix//': the column '//printable(table%name(i))//' is not read'//hint)
+         end do
+      end associate
+      radians = self%settings%measurements%angles == 'degrees' .and. self%measurements%has_angles
+      if (radians) radians = angles_look_like_radians(self%measurements)
+      if (radians) call refuse_radians(self%measurements, prefix//': ', error)
+      if (allocated(error)) return
       associate (euler => self%measurements%euler_deg)
          if (self%measurements%n == 1) then
             call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
          else if (allocated(self%class%name)) then
+            allocate (directions(3, self%measurements%n))
             do i = 1, self%measurements%n
                g = rotation_matrix(euler(:, i)*degree)
                directions(:, i) = g(:, 3)

@@ -16,6 +16,8 @@ module settings_groups
    type :: problem_settings_type
       logical :: given = .false.
       character(len=:), allocatable :: symmetry, title
+      !> Lengths in any unit, angles in degrees.
+      real(wp), allocatable :: lattice(:)
       logical :: synthetic = .false.
       integer :: seed = 0
    end type problem_settings_type
@@ -75,7 +77,7 @@ module settings_groups
 
    type :: measurements_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: file, modulus_kind, angles, scale, likelihood
+      character(len=:), allocatable :: file, sheet, modulus_kind, angles, scale, likelihood
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
    end type measurements_settings_type
@@ -104,7 +106,7 @@ module settings_groups
 
    type :: next_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: target
+      character(len=:), allocatable :: target, candidates
       real(wp) :: sd_gpa = 0.0_wp
       integer :: count = 0
    end type next_settings_type

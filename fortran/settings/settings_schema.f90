@@ -22,6 +22,9 @@ contains
       call v%group('problem', s%problem%given, 'What the file is about.')
       call v%choice('symmetry', s%problem%symmetry, 'unset', crystal_class_names(), &
          & 'crystal symmetry of the material; a correction that is learnt from all classes needs none')
+      call v%reals('lattice', s%problem%lattice, 'unset', '(0, 1e4]', '', &
+         & 'unit cell, for indices of directions and planes: those of a, b, c (any unit), alpha, beta, gamma (degrees) that the ' &
+         & //'symmetry leaves open, such as a, c; cubic crystals have none')
       call v%text('title', s%problem%title, '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
       call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', '', &
@@ -148,8 +151,9 @@ contains
 
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
-      call v%choice('modulus_kind', s%measurements%modulus_kind, 'indentation_modulus', v%words('modulus_kind'), &
-         & 'which modulus was measured')
+      call v%text('sheet', s%measurements%sheet, '', 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
+      call v%choice('modulus_kind', s%measurements%modulus_kind, 'unset', v%words('modulus_kind'), &
+         & 'which modulus was measured; unset: as the name of its column says (effective_modulus_gpa, Er ..), and it must say it')
       call v%choice('angles', s%measurements%angles, 'degrees', 'degrees, radians', &
          & 'unit of the angles in the file, whatever the names of its columns')
       call v%real('indenter_modulus_gpa', s%measurements%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
@@ -205,6 +209,9 @@ contains
          & 'sd of the next measurement; 0: the median of those made')
       call v%text('target', s%next%target, 'all', &
          & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
+      call v%file('candidates', s%next%candidates, 'unset', &
+         & 'CSV of the grains to choose from: orientations as &measurements has them, names in the column grain; unset: all ' &
+         & //'directions')
       call v%integer('count', s%next%count, '5', '[1, 1000]', '', 'how many orientations to suggest')
 
       call v%group('execution', s%execution%given, 'The machine.')

@@ -52,12 +52,13 @@ def main(argv=None) -> int:
 def compare(name: str, arguments) -> None:
     """The rows of one data set."""
     path, document = REFERENCE / f"{CASES[name]}.csv", json.loads((REFERENCE / f"{CASES[name]}.json").read_text())
-    table, truth = read_measurements(path), np.array(document["truth"])
+    table, truth = read_measurements(path, name, modulus_kind="indentation_modulus"), np.array(document["truth"])
     width = HALF_WIDTH * np.maximum(np.abs(truth), LEAST * truth.max())
     low, high = document.get("bounds", (truth - width, truth + width))
     settings = {
         "bounds": dict(zip(constant_names(name), zip(low, high, strict=True), strict=True)),
         "surrogate": bi.Surrogate.load("halfspace"),
+        "modulus_kind": "indentation_modulus",
     }
     settings |= {"symmetry": name, "anisotropy_cap": document["anisotropy_cap"]} if "anisotropy_cap" in document else {"symmetry": name}
     print(f"{name}, {len(truth)} constants, {len(table.modulus_gpa)} grains")

@@ -62,7 +62,7 @@ def main(argv=None) -> int:
 def without_noise(arguments) -> tuple[np.ndarray, np.ndarray]:
     """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa in the film of copper."""
     namelist = f90nml.read(QUICKSTART)
-    angles = read_measurements(QUICKSTART.parent / namelist["measurements"]["file"]).euler_deg
+    angles = read_measurements(QUICKSTART.parent / namelist["measurements"].pop("file"), "cubic", **namelist["measurements"]).euler_deg
     file = arguments.output / "without_noise.txt"
     if not file.exists():
         film = Indentation(**namelist["specimen"], refine=1.5, extrapolate=True)

@@ -90,7 +90,7 @@ def read(path: Path, command: str) -> str:
         if path.suffix == ".nml":
             Problem(path, command)
         elif path.suffix == ".csv":
-            read_measurements(path)
+            read_measurements(path, "cubic", modulus_kind="indentation_modulus")
         else:
             Surrogate.load(path)
         outcome = "read"

@@ -144,7 +144,7 @@ class Study:
             table = {"euler_deg": angles, "modulus_gpa": moduli, "sd_gpa": np.full(len(moduli), sd)}
             for label, model in (("exact", "halfspace"), ("the paper's surrogate", self.surrogate)):
                 found = extract(table, surrogate=model, symmetry=self.symmetry, bounds=self.bounds, anisotropy_cap=cap,
-                                surrogate_variance="none", seed=1, workers=self.workers)  # fmt: skip
+                                modulus_kind="indentation_modulus", surrogate_variance="none", seed=1, workers=self.workers)  # fmt: skip
                 self.row(f"{sd:g}, {label}", *([item[key] for item in summary(found)["parameters"].values()] for key in ("mean", "sd")))
 
     def moduli(self, label: str, declinations) -> np.ndarray:

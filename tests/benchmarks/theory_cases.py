@@ -32,8 +32,9 @@ class Case:
         self.settings = {
             "bounds": dict(zip(self.names, zip(*document["bounds"], strict=True), strict=True)),
             "anisotropy_cap": document["anisotropy_cap"],
+            "modulus_kind": "indentation_modulus",
         }
-        self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv")
+        self.table = read_measurements(REFERENCE / f"{FILES[symmetry]}.csv", symmetry, modulus_kind="indentation_modulus")
         self.euler_deg, self.modulus_gpa, self.sd_gpa = self.table.euler_deg, self.table.modulus_gpa, self.table.sd_gpa
         self.surrogate = theory_surrogate(symmetry, *SIZES[symmetry], points=6000)
 

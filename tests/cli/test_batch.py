@@ -309,7 +309,7 @@ HEXAGONAL_PRIORS = """
     [
         ("cubic", "scmh", "modulus_kind = 'effective_modulus', scale = 'inferred'", CUBIC_PRIORS),
         ("cubic", "ensemble", "modulus_kind = 'sample_modulus', likelihood = 'student', student_dof = 5", "anisotropy_cap = 6"),
-        ("hexagonal", "ensemble", "calibration_sd = 0.02", HEXAGONAL_PRIORS),
+        ("hexagonal", "ensemble", "modulus_kind = 'indentation_modulus', calibration_sd = 0.02", HEXAGONAL_PRIORS),
     ],
     ids=["scmh", "student", "hexagonal"],
 )
@@ -349,9 +349,7 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
     done = batch("small.nml", "--output", "out")
     assert done.returncode == 0, done.stderr
     data = SOURCE / "tests" / "reference" / "hex_titanium.csv"
-    (tmp_path / "b.nml").write_text(
-        f"&surrogate file = 'surrogate.txt' /\n&problem symmetry = 'hexagonal' /\n&measurements file = '{data}' /\n"
-    )
+    (tmp_path / "b.nml").write_text("&surrogate file = 'surrogate.txt' /\n&problem symmetry = 'hexagonal' /\n" + MEASURED.format(data=data))
     done = batch("b.nml", "--output", "out")
     assert done.returncode == 2
     assert done.stderr == "b.nml: &surrogate file: out/surrogate.txt is for cubic crystals, not hexagonal ones\n"
@@ -362,7 +360,7 @@ def test_surrogate_of_another_symmetry(batch, tmp_path):
 
 def test_one_chain_has_no_r_hat(batch, tmp_path):
     (tmp_path / "a.nml").write_text(
-        f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = '{FE3SI}' /\n"
+        f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n{MEASURED.format(data=FE3SI)}"
         "&sampler method = 'scmh', samples = 50, burn_in = 100, chains = 1 /\n"
     )
     done = batch("a.nml", "--output", "out")
@@ -373,7 +371,8 @@ def test_one_chain_has_no_r_hat(batch, tmp_path):
 
 
 FE3SI = SOURCE / "tests" / "reference" / "cubic_fe3si.csv"
-CHECKED = "&problem symmetry = 'cubic' /\n&surrogate file = '{file}' /\n&measurements file = '{data}' /\n&sampler samples = 10 /\n"
+MEASURED = "&measurements file = '{data}', modulus_kind = 'indentation_modulus' /\n"
+CHECKED = "&problem symmetry = 'cubic' /\n&surrogate file = '{file}' /\n" + MEASURED + "&sampler samples = 10 /\n"
 
 
 def spoil(path):

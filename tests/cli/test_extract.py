@@ -14,7 +14,7 @@ from conftest import SOURCE
 PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 
 CASE = f"""&problem symmetry = 'cubic' /
-&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}' /
+&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
 &sampler samples = 1000, burn_in = 4000, chains = 2 /
@@ -65,7 +65,7 @@ def test_angles(bayesindent, tmp_path, unit):
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    text = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', ANGLES /\n"
+    text = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', modulus_kind = 'indentation_modulus', ANGLES /\n"
     (tmp_path / "stated.nml").write_text(text.replace("ANGLES", f"angles = '{unit}'"))
     (tmp_path / "unstated.nml").write_text(text.replace(", ANGLES", ""))
     assert bayesindent("run", "stated.nml", "--check").returncode == 0

@@ -55,7 +55,7 @@ SURROGATES = {
 def test_check_looks_at_the_surrogate(bayesindent, tmp_path, file):
     (tmp_path / "SURROGATE.nml").write_text(
         f"&problem\n symmetry = 'cubic'\n/\n&surrogate\n file = '{file}'\n/\n"
-        f"&measurements\n file = '{SOURCE / 'inputs' / 'data' / 'fe3si.csv'}'\n/\n"
+        f"&measurements\n file = '{SOURCE / 'inputs' / 'data' / 'fe3si.csv'}'\n modulus_kind = 'indentation_modulus'\n/\n"
     )
     done = bayesindent("run", "SURROGATE.nml", "--check", "--json")
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"SURROGATE.nml: &surrogate file: {SURROGATES[file]}\n")

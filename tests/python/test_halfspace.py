@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from step_2_cases import crystal, reference, table_of
+from step_2_cases import KIND, crystal, reference, table_of
 from theory_cases import FILES
 
 import bayesindent as bi
@@ -42,7 +42,7 @@ def test_reference_posteriors(symmetry):
 def test_every_class(name):
     symmetry, constants = crystal(name)
     table = measured(symmetry, constants, 12, 1)
-    result = bi.extract(table, symmetry=symmetry, seed=3, samples=100, burn_in=1500, chains=2)
+    result = bi.extract(table, symmetry=symmetry, seed=3, samples=100, burn_in=1500, chains=2, **KIND)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(symmetry)], axis=1)
     # The moduli of the draws are the theory's, and explain what was measured.
     exact = halfspace_modulus(stiffness_rows(symmetry, draws)[:, None], table["euler_deg"])
@@ -72,7 +72,7 @@ def test_measures_of_the_prior_differ_by_the_volume_of_the_logarithm():
     table = measured(symmetry, constants, 5, 2)
     points = constants * (1 + 0.01 * np.random.default_rng(3).normal(size=(6, len(constants))))
     density = {
-        measure: Posterior.of(table, symmetry=symmetry, surrogate=THEORY, measure=measure).evaluate(points)[0]
+        measure: Posterior.of(table, symmetry=symmetry, surrogate=THEORY, measure=measure, **KIND).evaluate(points)[0]
         for measure in ("constants", "logarithms")
     }
     found = density["logarithms"] - density["constants"]
@@ -108,11 +108,11 @@ def test_uncertain_orientations_against_brute_force():
     moduli = halfspace_modulus(stiffness, np.column_stack([0 * phi, phi, 0 * phi]))
     for value in np.quantile(moduli, [0.2, 0.5, 0.8]):
         table = table_of(angles, [value], sd)
-        _, likelihood = Posterior.of(table, symmetry=symmetry, surrogate=THEORY, orientation_sd_deg=tilt).evaluate(constants)
+        _, likelihood = Posterior.of(table, symmetry=symmetry, surrogate=THEORY, orientation_sd_deg=tilt, **KIND).evaluate(constants)
         brute = np.log(np.mean(np.exp(-0.5 * ((value - moduli) / sd) ** 2) / (sd * np.sqrt(2 * np.pi))))
         assert likelihood[0] == pytest.approx(brute, abs=0.03)
     # The column goes before the variable.
-    row = {"phi1_deg": [20.0], "Phi_deg": [50.0], "phi2_deg": [10.0], "modulus_gpa": [value], "sd_gpa": sd}
+    row = {"phi1_deg": [20.0], "Phi_deg": [50.0], "phi2_deg": [10.0], "indentation_modulus_gpa": [value], "sd_gpa": sd}
     certain = Posterior.of(row, symmetry=symmetry, surrogate=THEORY).evaluate(constants)[1]
     stated = Posterior.of(row | {"orientation_sd_deg": [tilt]}, symmetry=symmetry, surrogate=THEORY).evaluate(constants)[1]
     assert stated == pytest.approx(likelihood, abs=1e-12)
@@ -124,7 +124,8 @@ def test_groups_have_a_calibration_error_each():
     symmetry, constants = crystal("copper")
     table = measured(symmetry, constants, 7, 4)
     group = ["b", "a", "b", "b", "c", "a", "a"]
-    posterior = Posterior.of(table | {"group": group}, symmetry=symmetry, surrogate=THEORY, calibration_sd=0.03, scatter_sd=0.01)
+    errors = {"calibration_sd": 0.03, "scatter_sd": 0.01}
+    posterior = Posterior.of(table | {"group": group}, symmetry=symmetry, surrogate=THEORY, **errors, **KIND)
     model = posterior.moduli(constants, table["euler_deg"])[0][0]
     same = np.equal.outer(group, group)
     covariance = np.diag(table["sd_gpa"] ** 2 + (0.01 * model) ** 2)
@@ -138,13 +139,13 @@ def test_groups_have_a_calibration_error_each():
 
 def test_words_of_what_is_open():
     symmetry, constants = crystal("copper")
-    document = bi.summary(bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000))
+    document = bi.summary(bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000, **KIND))
     words = "\n".join(document["warnings"])
     assert "the data leave 1 of 3 combinations open" in words
     assert "bulk_modulus to 2 % would bring the sd of C12 from" in words
     gain = next(row for row in document["identifiability"] if row["kind"] == "knowledge" and row["name"] == "bulk_modulus")
     known = bi.summary(
-        bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000, knowledge={"bulk_modulus": (137.1, 2.74)})
+        bi.extract(measured(symmetry, constants, 40, 5), symmetry=symmetry, samples=4000, knowledge={"bulk_modulus": (137.1, 2.74)}, **KIND)
     )["parameters"]
     # What was promised, at other bulk moduli, and what came of it: the same order, far below what was there.
     for name in constant_names(symmetry):
@@ -159,7 +160,7 @@ def test_prior_alone_is_uniform_in_its_measure():
     young, nu = np.meshgrid(np.linspace(middle / 3, 3 * middle, 1201), np.linspace(0.05, 0.48, 1201))
     bulk, shear = young / (3 * (1 - 2 * nu)), young / (2 * (1 + nu))
     for measure, power in (("constants", 1.0), ("logarithms", 0.0)):
-        posterior = Posterior.of(table, symmetry="isotropic", surrogate=THEORY, measure=measure, what=PRIOR)
+        posterior = Posterior.of(table, symmetry="isotropic", surrogate=THEORY, measure=measure, what=PRIOR, **KIND)
         draws, _, _ = posterior.sample(method="ensemble", samples=20000, burn_in=2000, chains=1, threads=1, seed=1)
         # d(K, G) = K G |d(log K, log G)/d(log E, nu)| d(log E) d(nu); the constants are linear in K and G.
         weights = (bulk * shear) ** power / young * (1 / (1 + nu) + 2 / (1 - 2 * nu))
@@ -174,7 +175,7 @@ def test_prior_alone_is_uniform_in_its_measure():
 def test_references_of_lower_symmetry(name):
     """Posteriors by a theory and a sampler of others' making, with some thousand effective samples; nothing is stated of the prior."""
     case = json.loads((REFERENCE / f"{name}.json").read_text())
-    result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"])
+    result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"], **KIND)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(case["symmetry"])])
     assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.15)
     assert draws.std(axis=1) == pytest.approx(case["sd"], rel=0.12)

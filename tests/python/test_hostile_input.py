@@ -53,7 +53,7 @@ def test_a_pipe_is_read_like_a_file(tmp_path):
             stream.write(HEADER + "10.25,20.125,30.0625,200.5,4\n" * rows)
         os._exit(0)
     os.close(writing)
-    points = read_measurements(f"/dev/fd/{reading}")
+    points = read_measurements(f"/dev/fd/{reading}", "cubic", modulus_kind="indentation_modulus")
     os.close(reading)
     os.wait()
     assert len(points) == rows and points.euler_deg[-1].tolist() == [10.25, 20.125, 30.0625]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import block_diag
-from step_2_cases import columns, crystal, reference, rough_correction, table_of
+from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
 from theory_cases import SIZES, theory_surrogate
 
 import bayesindent as bi
@@ -101,10 +101,9 @@ def test_likelihood_is_the_dense_one(rough, symmetry, kind, family, full, calibr
     posterior = Posterior.of(
         table_of(angles, measured, sd),
         surrogate=model,
-        modulus_kind=kind,
         surrogate_variance="full" if full else "none",
         calibration_sd=calibration,
-        **settings,
+        **settings | {"modulus_kind": kind},
     )
     plain = Posterior.of(table_of(angles, measured, sd), surrogate=model, surrogate_variance="none", **settings)
     points = np.array(case["truth"]) * np.linspace(0.95, 1.0, 4)[:, None]
@@ -137,7 +136,7 @@ def test_a_correction_of_all_classes_serves_each(name, domain):
     measured, noise = m * (1 + 0.02 * rng.normal(size=8)), np.full(8, 0.02 * m.mean())
     values = {}
     for full in (False, True):
-        settings = {"symmetry": symmetry, "surrogate_variance": "full" if full else "none"}
+        settings = {"symmetry": symmetry, "surrogate_variance": "full" if full else "none", **KIND}
         posterior = Posterior.of(table_of(angles, measured, noise), surrogate=model, **settings)
         values[full] = posterior.evaluate([point])[1][0]
         assert values[full] == pytest.approx(brute_force(m, slope, terms, model, measured, noise, full=full), abs=0.1)
@@ -310,7 +309,7 @@ def test_few_grains_and_few_draws(surrogates, symmetry, grains, sampler):
 def test_one_bound_alone(surrogates):
     table = REFERENCE / "cubic_fe3si.csv"
     free, capped, floored = (
-        bi.extract(table, symmetry="cubic", surrogate=surrogates["cubic"], samples=2000, **settings).posterior["C11"].values
+        bi.extract(table, symmetry="cubic", surrogate=surrogates["cubic"], samples=2000, **KIND, **settings).posterior["C11"].values
         for settings in ({}, {"c_max": [180, 600, 600]}, {"c_min": [230, 1, 1]})
     )
     assert free.max() > 200

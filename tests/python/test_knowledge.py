@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy import stats
-from step_2_cases import table_of
+from step_2_cases import KIND, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
@@ -17,7 +17,7 @@ from conftest import SOURCE
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
 TITANIUM = SOURCE / "inputs" / "data" / "titanium.csv"
 #: Of the sampler, where means and sds are enough.
-SHORT = {"samples": 1000, "burn_in": 2000, "chains": 2}
+SHORT = {"samples": 1000, "burn_in": 2000, "chains": 2, **KIND}
 ANGLES = np.array([[0.0, 10.0, 0.0], [20.0, 50.0, 40.0], [10.0, 85.0, 5.0]])
 
 
@@ -33,7 +33,9 @@ def stiffness_of_file():
 def prior_of(knowledge, **settings):
     """The prior with this knowledge; the measurements only say about how stiff the crystal is."""
     table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 3.0))
-    return Posterior.of(table, surrogate=bi.Surrogate.load("halfspace"), symmetry="hexagonal", what=PRIOR, knowledge=knowledge, **settings)
+    return Posterior.of(
+        table, surrogate=bi.Surrogate.load("halfspace"), symmetry="hexagonal", what=PRIOR, knowledge=knowledge, **KIND, **settings
+    )
 
 
 def test_a_stiffness_with_its_covariance_is_one_normal_factor():
@@ -57,7 +59,7 @@ def test_where_data_say_nothing_the_posterior_is_what_is_known():
     wanted, spread = mean + gain * (other - mean[2]), covariance - np.outer(gain, covariance[2])
     table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 2000.0))
     knowledge = {"stiffness": (mean, covariance), "C44": (other, sd)}
-    result = bi.extract(table, symmetry="hexagonal", knowledge=knowledge, samples=5000, burn_in=2000, chains=2)
+    result = bi.extract(table, symmetry="hexagonal", knowledge=knowledge, samples=5000, burn_in=2000, chains=2, **KIND)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names("hexagonal")], axis=1)
     size = min(item["ess_bulk"] for item in bi.summary(result)["parameters"].values())
     assert size > 1000
@@ -138,7 +140,7 @@ def test_what_differs_may_be_known_together():
 def test_angles_in_radians():
     table = table_of(ANGLES, np.array([140.0, 135.0, 130.0]), np.full(3, 3.0))
     radians = table | {"euler_deg": np.radians(ANGLES)}
-    settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": "hexagonal"}
+    settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": "hexagonal", **KIND}
     point = [[162.0, 92.0, 47.0, 180.0, 69.0]]
     wanted = Posterior.of(table, **settings).evaluate(point)
     found = Posterior.of(radians, angles="radians", **settings)
@@ -168,7 +170,7 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
         angles = np.column_stack([np.zeros(n), 15.0 + 30.0 * np.arange(n) / max(1, n - 1), rng.uniform(60, 85, n)])
         angles = np.concatenate([angles, angles + np.array([50.0, 0, 0])])
         table = table_of(angles, np.full(2 * n, 150.0), np.full(2 * n, 4.0))
-        settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": symmetry}
+        settings = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": symmetry, **KIND}
         return [line for line in Posterior.of(table, **settings).problem.warnings if "directions" in line]
 
     if visible > 2:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from step_2_cases import KIND
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
@@ -106,7 +107,7 @@ def test_reference_tables_load(tmp_path):
     path = write(
         tmp_path,
         f"&problem symmetry = 'cubic' synthetic = .true. /\n&crystals points = '{REFERENCE}/halfspace_moduli.csv' /\n"
-        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv' /\n",
+        f"&measurements file = '{REFERENCE}/cubic_fe3si.csv', modulus_kind = 'indentation_modulus' /\n",
     )
     problem = bi.Problem(path)
     crystals = problem.crystals
@@ -144,13 +145,13 @@ def test_quoted_cells_and_comments(tmp_path):
         '"a ""b"", c" , 10,20 ,30, 210\r\n  # x\n,1e1,2d1,+30.,99.5',
         "a.csv",
     )
-    points = read_measurements(path, sd_optional=True)
+    points = read_measurements(path, "cubic", scale="inferred", **KIND)
     assert points.columns[0] == "note, too"
     assert [row[0] for row in points.rows] == ['a "b", c', ""]
     assert points.euler_deg.tolist() == [[10, 20, 30]] * 2
     assert points.sd_gpa is None
     with pytest.raises(bi.InputError, match=r"a\.csv: the column sd_gpa is missing"):
-        read_measurements(path)
+        read_measurements(path, "cubic", **KIND)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +165,7 @@ def test_quoted_cells_and_comments(tmp_path):
 )
 def test_warnings(tmp_path, rows, warning):
     write(tmp_path, "\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]), "m.csv")
-    problem = bi.Problem(write(tmp_path, "&problem symmetry='cubic'/\n&measurements file='m.csv'/\n"))
+    problem = bi.Problem(write(tmp_path, "&problem symmetry='cubic'/\n&measurements file='m.csv' modulus_kind='sample_modulus'/\n"))
     assert len(problem.warnings) == 1
     assert warning in problem.warnings[0]
     assert "\n" not in problem.warnings[0]
@@ -183,7 +184,7 @@ def test_folder_of_the_file_and_odd_names(tmp_path):
     folder = tmp_path / "a b é"
     folder.mkdir()
     (folder / "m.csv").write_text("phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa\n10,20,30,210,4\n")
-    path = write(folder, "&problem symmetry='cubic'/\n&measurements file='m.csv'/\n", "ü.nml")
+    path = write(folder, "&problem symmetry='cubic'/\n&measurements file='m.csv' modulus_kind='sample_modulus'/\n", "ü.nml")
     assert len(bi.Problem(path).measurements) == 1
     os.chdir(folder)
     assert len(bi.Problem("ü.nml").measurements) == 1

@@ -107,29 +107,34 @@ def test_keywords_are_resolved_as_files_are():
     assert bi.Problem.from_keywords("f", specimen={"geometry": None}).settings.specimen.geometry == "halfspace"
 
 
-MEASURED = (np.array([[0.0, 10.0, 20.0], [0.0, 80.0, 45.0]]), [200.0, 210.0], [4.0, 5.0])
+MEASURED = {"phi1_deg": [0.0, 0.0], "Phi_deg": [10.0, 80.0], "phi2_deg": [20.0, 45.0], "Er": [200.0, 210.0], "sd_gpa": [4.0, 5.0]}
 
 
 def test_measurements_from_arrays():
     def problem(table, **measurements):
         return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements=measurements)
 
-    points = problem(MEASURED).measurements
-    assert points.euler_deg.tolist() == MEASURED[0].tolist()
-    assert (points.modulus_gpa.tolist(), points.sd_gpa.tolist()) == MEASURED[1:]
-    assert problem((*MEASURED[:2], None), scale="inferred").measurements.sd_gpa is None
-    assert "has one grain" in problem(tuple(part[:1] for part in MEASURED)).warnings[0]
+    made = problem(MEASURED)
+    assert made.settings.measurements.modulus_kind == "effective_modulus"
+    assert made.measurements.euler_deg.T.tolist() == list(MEASURED.values())[:3]
+    assert (made.measurements.modulus_gpa.tolist(), made.measurements.sd_gpa.tolist()) == (MEASURED["Er"], MEASURED["sd_gpa"])
+    without = {name: values for name, values in MEASURED.items() if name != "sd_gpa"}
+    assert problem(without, scale="inferred").measurements.sd_gpa is None
+    assert "has one grain" in problem({name: values[:1] for name, values in MEASURED.items()}).warnings[0]
+    plain = {name.replace("Er", "modulus_gpa"): values for name, values in MEASURED.items()}
     for table, expected in (
-        ((MEASURED[0], [200.0, 1e5], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: 100000.0 GPa looks like MPa"),
-        ((MEASURED[0], [200.0, np.nan], MEASURED[2]), "f: &measurements: line 2, column modulus_gpa: nan is not finite"),
-        ((MEASURED[0], MEASURED[1], [4.0, 0.0]), "f: &measurements: line 2, column sd_gpa: 0.0 GPa; a standard deviation is above 0"),
-        ((MEASURED[0], MEASURED[1], None), "f: &measurements: the column sd_gpa is missing; it may be absent only with"),
-        ((np.empty((0, 3)), [], []), "f: &measurements: angles, moduli and sds have shapes"),
-        ((MEASURED[0].T, *MEASURED[1:]), "f: &measurements: angles, moduli and sds have shapes (3, 2), (2,), (2,); allowed"),
+        (MEASURED | {"Er": [200.0, 1e5]}, "f: &measurements: line 2, column Er: 100000.0 GPa looks like MPa"),
+        (MEASURED | {"Er": [200.0, np.nan]}, "f: &measurements: line 2, column Er: nan is not finite"),
+        (MEASURED | {"sd_gpa": [4.0, 0.0]}, "f: &measurements: line 2, column sd_gpa: 0.0 GPa; a standard deviation is above 0"),
+        (without, "f: &measurements: the column sd_gpa is missing; it may be absent only with"),
+        (plain, "f: &measurements: the column modulus_gpa does not say which modulus was measured, nor does modulus_kind; allowed 'inden"),
     ):
         with pytest.raises(bi.InputError) as caught:
             problem(table)
         assert str(caught.value).startswith(expected)
+    with pytest.raises(bi.InputError, match="modulus_kind = 'sample_modulus', but the moduli are those of the column Er;"):
+        problem(MEASURED, modulus_kind="sample_modulus")
+    assert problem(plain, modulus_kind="sample_modulus").settings.measurements.modulus_kind == "sample_modulus"
 
 
 def test_problems_are_made_anew(tmp_path):

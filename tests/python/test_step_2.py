@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import eigh
-from step_2_cases import columns, reference, rough_correction, table_of
+from step_2_cases import KIND, columns, reference, rough_correction, table_of
 from theory_cases import FILES, theory_surrogate
 
 import bayesindent as bi
@@ -88,7 +88,7 @@ def warnings_of(symmetry, euler_deg):
     """What is said of grains in these orientations."""
     n, theory = len(euler_deg), bi.Surrogate.load("halfspace")
     table = table_of(np.array(euler_deg), np.full(n, 200.0), np.full(n, 4.0))
-    return Posterior.of(table, surrogate=theory, symmetry=symmetry).problem.warnings
+    return Posterior.of(table, surrogate=theory, symmetry=symmetry, **KIND).problem.warnings
 
 
 def test_orientations_are_judged():
@@ -120,17 +120,17 @@ def test_refusals():
         ({"samples": 0}, "samples"),
     ):
         with pytest.raises(bi.InputError, match=words):
-            bi.extract(table, surrogate=model, **settings)
-    with pytest.raises(bi.InputError, match="sd"):
-        bi.extract(table | {"sd_gpa": 0 * sd}, surrogate=model)
+            bi.extract(table, surrogate=model, **KIND | settings)
+    with pytest.raises(bi.InputError, match="sd_gpa: 0"):
+        bi.extract(table | {"sd_gpa": 0 * sd}, surrogate=model, **KIND)
     with pytest.raises(bi.InputError, match="looks like MPa"):
-        bi.extract(table | {"modulus_gpa": 1000 * measured}, surrogate=model)
+        bi.extract(table | {"modulus_gpa": 1000 * measured}, surrogate=model, **KIND)
     with pytest.raises(bi.InputError, match="Phi"):
-        bi.extract(table | {"euler_deg": angles + np.array([0, 100, 0])}, surrogate=model)
+        bi.extract(table | {"euler_deg": angles + np.array([0, 100, 0])}, surrogate=model, **KIND)
     with pytest.raises(bi.InputError, match="at least one grain"):
         bi.extract({"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []}, surrogate=model)
     with pytest.raises(bi.InputError, match="&prior: the prior is outside the surrogate's domain"):
-        bi.extract(table, surrogate=model, bounds={"C44": (121, 160)})
+        bi.extract(table, surrogate=model, bounds={"C44": (121, 160)}, **KIND)
 
 
 def test_tables_of_measurements():
@@ -140,13 +140,16 @@ def test_tables_of_measurements():
     structured = np.array([tuple(row) for row in rows], dtype=[(name, float) for name in names])
     named = [dict(zip(names, row, strict=True)) for row in rows]
     for table in (columns, structured, structured.view(np.recarray), named, rows, rows.tolist()):
-        angles, modulus, sd = measurements_of(table)
-        assert np.array_equal(np.column_stack([angles, modulus, sd]), rows)
-    assert measurements_of(rows[:, :4])[2] is None
+        found = measurements_of(table)
+        assert tuple(found) == names and np.array_equal(np.column_stack(list(found.values())), rows)
+    assert "sd_gpa" not in measurements_of(rows[:, :4])
+    together = measurements_of({"euler_deg": rows[:, :3], "Er": rows[:, 3], "id": ["a", "b"], "sd_gpa": None})
+    assert (list(together), together["id"]) == ([*names[:3], "Er", "id"], ["a", "b"])
     for table, said in (
         (rows[:, :3], "an array of measurements"),
-        (columns | {"sd_gpa": ["a", "b"]}, "no table of numbers"),
-        ({"Phi_deg": [1.0]}, "no column 'phi1_deg'"),
+        (columns | {"euler_deg": rows[:, :2]}, r"shape \(2, 2\); allowed \(n, 3\)"),
+        (columns | {"sd_gpa": [4.0]}, "different lengths"),
+        ([*rows.astype(str).tolist(), ["a"] * 5], "no table of numbers"),
     ):
         with pytest.raises(bi.InputError, match=said):
             measurements_of(table)
@@ -155,14 +158,14 @@ def test_tables_of_measurements():
 def test_the_share_of_a_prior_that_a_box_covers_is_named():
     box = theory_surrogate("cubic", 2, 4, points=400)
     bounds = {"C11": (150, 250), "C12": (40, 100), "C44": (100, 140)}
-    result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=box, bounds=bounds, anisotropy_cap=7.2, samples=1000, chains=2)
+    result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=box, bounds=bounds, anisotropy_cap=7.2, samples=1000, chains=2, **KIND)
     # All of this prior is stable and below the cap; half of its range of C44 is below 120.
     assert any(re.search("the surrogate knows (49|50|51) %", line) for line in bi.summary(result)["warnings"])
     assert result.posterior["C44"].max() <= 120
 
 
 def test_crystals_that_the_surrogate_does_not_know_are_cut_and_told(rough):
-    settings = {"symmetry": "cubic", "bounds": {"C11": (60, 5000), "C12": (20, 5000), "C44": (1, 5000)}, "anisotropy_cap": 1e3}
+    settings = {"symmetry": "cubic", "bounds": {"C11": (60, 5000), "C12": (20, 5000), "C44": (1, 5000)}, "anisotropy_cap": 1e3, **KIND}
     result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=rough["cubic", "correction"], samples=1000, chains=2, **settings)
     assert any("the surrogate knows" in line for line in bi.summary(result)["warnings"])
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names("cubic")], axis=1)
@@ -171,7 +174,7 @@ def test_crystals_that_the_surrogate_does_not_know_are_cut_and_told(rough):
 
 def test_a_range_of_the_scale_cuts_the_prior_and_is_named():
     narrow = rough_correction(domain={"stiffness_min_gpa": 180.0, "stiffness_max_gpa": 200.0})
-    settings = {"symmetry": "cubic", "bounds": {"C11": (150, 250), "C12": (90, 150), "C44": (80, 140)}, "anisotropy_cap": 7.2}
+    settings = {"symmetry": "cubic", "bounds": {"C11": (150, 250), "C12": (90, 150), "C44": (80, 140)}, "anisotropy_cap": 7.2, **KIND}
     result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=narrow, samples=1000, chains=2, **settings)
     named = r"the surrogate knows \d+ % .* \(a scale, the geometric mean of the stiffness' eigenvalues, of 180.0 to 200.0 GPa\)"
     assert any(re.search(named, line) for line in bi.summary(result)["warnings"])
@@ -194,7 +197,7 @@ def test_kinds_of_modulus_agree(surrogates):
     means = []
     for kind, (values, sds) in tables.items():
         table = {"euler_deg": angles, "modulus_gpa": values, "sd_gpa": sds}
-        result = bi.extract(table, surrogate=surrogates["cubic"], modulus_kind=kind, samples=5000, **settings)
+        result = bi.extract(table, surrogate=surrogates["cubic"], samples=5000, **settings | {"modulus_kind": kind})
         means.append([result.posterior[name].values.mean() for name in constant_names("cubic")])
     assert np.ptp(means, axis=0) == pytest.approx([0, 0, 0], abs=1.0)
 
@@ -288,7 +291,7 @@ def test_stages(tmp_path):
     theory_surrogate("cubic", 2, 4, points=400).save(tmp_path / "model.txt")
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text())
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n"
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
         "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
     )
@@ -300,7 +303,7 @@ def test_stages(tmp_path):
     suggestions = next_stage(problem, tmp_path / "out", None)
     assert len(suggestions["suggestions"]) == 3
     (tmp_path / "case.nml").write_text(
-        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv' /\n&sampler samples = 100 /\n"
+        "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n&sampler samples = 100 /\n"
     )
     with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
         extract_stage(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", None)

@@ -1,15 +1,20 @@
 """Tables of measurements as people have them: each variant of one table is read right, or refused in a line that tells the mend."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import read_crystals, read_measurements
+from conftest import SOURCE
 
 ROWS = [(10.5, 20.25, 30.125, 210.5, 4.5), (40.0, 50.0, 60.0, 220.1, 4.25)]
-HEADER = ["phi1_deg", "Phi_deg", "phi2_deg", "modulus_gpa", "sd_gpa"]
+HEADER = ["phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa"]
+RADIANS = [(*np.radians(row[:3]).tolist(), *row[3:]) for row in (*ROWS, (70.0, 80.0, 90.0, 230.0, 5.0))]
+CHOICES = "allowed 'indentation_modulus', 'effective_modulus', 'sample_modulus'"
+KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
 
 
 def page(delimiter=",", header=HEADER, decimal=".", end="\n", rows=ROWS):
@@ -17,59 +22,138 @@ def page(delimiter=",", header=HEADER, decimal=".", end="\n", rows=ROWS):
     return end.join(lines) + end
 
 
+def named(*names):
+    """The table with other names of its last columns."""
+    return page(header=[*HEADER[: 5 - len(names)], *names])
+
+
+#: The text, and the kind of modulus that it is read as.
 READ = {
     "commas": page(),
     "semicolons": page(";"),
     "tabs": page("\t"),
-    "decimal commas, semicolons": page(";", decimal=","),
-    "decimal commas, tabs": page("\t", decimal=","),
-    "blanks around": page(" ; "),
-    "CRLF": page(end="\r\n"),
-    "byte order mark": "\ufeff" + page(";", decimal=","),
-    "comments": "# made by hand; with semicolons; and more\n" + page(),
-    "rows of empty cells": page() + ",,,,\n\n\n",
-    "empty rows between": page().replace("\n", "\n,,,,\n", 1),
-    "trailing delimiters": page().replace("\n", ",\n"),
-    "trailing delimiters of rows": page(";").replace("4.5\n", "4.5;;\n"),
-    "quotes": page().replace("210.5", '"210.5"'),
-    "quoted header with a comma": page(";", header=['"phi1_deg"', "Phi_deg", "phi2_deg", "modulus_gpa", "sd_gpa"]),
-    "other case": page(header=["PHI1_DEG", "PHI_DEG", "PHI2_DEG", "Modulus_GPa", "SD_GPa"]),
-    "short names": page(header=["phi1", "PHI", "phi2", "modulus", "sd"]),
-    "Euler": page(header=["Euler1", "Euler2", "Euler3", "Modulus (GPa)", "StDev (GPa)"]),
-    "units in brackets": page(header=["phi1 [deg]", "Phi [deg]", "phi2 [deg]", "modulus [GPa]", "std [GPa]"]),
-    "degree signs": page(header=["phi1 (°)", "Phi (°)", "phi2 (°)", "modulus (GPa)", "standard deviation (GPa)"]),
-    "another column": page(";", header=[*HEADER, "remark"], rows=[(*row, 1.0) for row in ROWS]),
+    "decimal commas, cells between semicolons": page(";", decimal=","),
+    "decimal commas, cells between tabs": page("\t", decimal=","),
+    "blanks around the cells": page(" ; "),
+    "lines that end as on Windows (CRLF)": page(end="\r\n"),
+    "a byte order mark (Excel's UTF-8)": "\ufeff" + page(";", decimal=","),
+    "comments after #": "# made by hand; with semicolons; and more\n" + page(),
+    "rows of empty cells at the end": page() + ",,,,\n\n\n",
+    "rows of empty cells between": page().replace("\n", "\n,,,,\n", 1),
+    "trailing commas": page().replace("\n", ",\n"),
+    "trailing semicolons of rows alone": page(";").replace("4.5\n", "4.5;;\n"),
+    "a row of units": page().replace("\n", "\ndeg,deg,deg,GPa,GPa\n", 1),
+    "a row of units in brackets, some empty": page(";", header=["phi1", "Phi", "phi2", "Er", "sd"]).replace("\n", "\n;;;[GPa];[GPa]\n", 1),
+    "numbers in quotes": page().replace("210.5", '"210.5"'),
+    "names in quotes": page(";", header=['"phi1_deg"', "Phi_deg", "phi2_deg", "Er", "sd_gpa"]),
+    "names in other case": page(header=["PHI1_DEG", "PHI_DEG", "PHI2_DEG", "Indentation_Modulus_GPa", "SD_GPa"]),
+    "phi1, PHI, phi2": page(header=["phi1", "PHI", "phi2", "Er", "sd"]),
+    "Greek letters": page(header=["φ1", "Φ", "φ2", "Er", "sd"]),
+    "Euler1, Euler2, Euler3": page(header=["Euler1", "Euler2", "Euler3", "reduced modulus (GPa)", "StDev (GPa)"]),
+    "units in square brackets": page(header=["phi1 [deg]", "Phi [deg]", "phi2 [deg]", "E_r [GPa]", "std [GPa]"]),
+    "units in round brackets, ° for degrees": page(header=["phi1 (°)", "Phi (°)", "phi2 (°)", "E_IT (GPa)", "standard deviation (GPa)"]),
+    "units after a slash": page(header=["phi1 / deg", "Phi / deg", "phi2 / deg", "E_r / GPa", "sd / GPa"]),
+    "units as last word": page(header=["euler1_deg", "euler2_deg", "euler3_deg", "er_gpa", "std_gpa"]),
+    "Er and error": named("Er", "error"),
+    "reduced modulus and uncertainty": named("Reduced modulus (GPa)", "Uncertainty (GPa)"),
+    "effective_modulus_gpa": named("effective_modulus_gpa", "sd_gpa"),
+    "sample_modulus_gpa and a standard error": named("sample_modulus_gpa", "standard error"),
+    "columns in another order": page(header=HEADER[::-1], rows=[row[::-1] for row in ROWS]),
+    "further columns": page(";", header=[*HEADER, "remark"], rows=[(*row, 1.0) for row in ROWS]),
 }
 
+#: The text, the variables of &measurements beside the file, and what the line of the refusal contains.
 REFUSED = {
-    "decimal commas among commas": (page(decimal=","), "line 2: 10 cells where the header has 5"),
-    "MPa": (page(header=[*HEADER[:3], "modulus (MPa)", "sd_gpa"]), ": column modulus (MPa): the unit mpa is not read; allowed gpa"),
-    "MPa without a word": (page(rows=[(*row[:3], 1000 * row[3], row[4]) for row in ROWS]), "210500.0 GPa looks like MPa"),
-    "no sd": (page(header=HEADER[:4], rows=[row[:4] for row in ROWS]), "the column sd_gpa is missing"),
-    "thousands": (page(";", decimal=",").replace("210,5", "1.210,5"), "'1.210,5' is not a number"),
-    "an unknown name": (page(header=["alpha", *HEADER[1:]]), "the column phi1_deg is missing; the columns are alpha"),
-    "a word for a number": (page().replace("210.5", "n/a"), "line 2, column modulus_gpa: 'n/a' is not a number"),
-    "no header": (page().split("\n", 1)[1], "line 1: numbers where the header row with the names of the columns must be"),
-    "a cell too many": (page().replace("4.5\n", "4.5,7\n"), "line 2: 6 cells where the header has 5"),
-}
+    "decimal commas among commas": (page(decimal=","), {}, "10 cells where the header has 5; if commas are decimal, separate the cells by semicolons"),
+    "decimal commas in quotes, cells between commas": (
+        page().replace("210.5", '"210,5"'), {}, "'210,5' is not a number; decimal commas are read where semicolons or tabs separate the cells",
+    ),
+    "MPa in the header": (named("Er (MPa)", "sd_gpa"), {}, "column Er (MPa): the unit mpa is not read; allowed gpa"),
+    "MPa in a row of units": (page().replace("\n", "\ndeg,deg,deg,MPa,MPa\n", 1), {}, "the unit mpa is not read; allowed gpa"),
+    "MPa without a word": (page(rows=[(*row[:3], 1000 * row[3], row[4]) for row in ROWS]), {}, "210500.0 GPa looks like MPa"),
+    "an error in per cent": (named("Er (GPa)", "error (%)"), {}, "column error (%): the unit % is not read; allowed gpa"),
+    "radians": (page(rows=RADIANS), {}, "these look like radians, and degrees are needed; if they are radians say angles = 'radians'"),
+    "radians in the header": (page(header=["phi1 (rad)", "Phi (rad)", "phi2 (rad)", "Er", "sd"]), {}, "is in radians; degrees are needed"),
+    "a modulus of no kind": (named("modulus_gpa", "sd_gpa"), {}, f"does not say which modulus was measured, nor does modulus_kind; {CHOICES}"),
+    "E alone": (named("E (GPa)", "sd"), {}, "the column E (GPa) does not say which modulus was measured"),
+    "two kinds of modulus": (
+        page(header=[*HEADER[:3], "Er", "E_IT", "sd"], rows=[(*row, 4.0) for row in ROWS]), {}, "the columns Er and E_IT are moduli; which to take",
+    ),
+    "Er where the namelist says indentation_modulus": (
+        named("Er", "sd"), {"modulus_kind": "indentation_modulus"}, "but the moduli are those of the column Er; leave modulus_kind out",
+    ),
+    "two columns for the sd": (page(header=[*HEADER[:4], "std", "error"], rows=[(*row, 4.0) for row in ROWS]), {}, "std and error are both sd_gpa"),
+    "no sd": (page(header=HEADER[:4], rows=[row[:4] for row in ROWS]), {}, "the column sd_gpa is missing; it may be absent only with scale"),
+    "an empty sd": (page().replace("4.5\n", "\n"), {}, "line 2, column sd_gpa: the cell is empty; a number is needed"),
+    "a name misspelt": (named("Er", "sdt_gpa"), {}, "sdt_gpa: did you mean sd_gpa?"),
+    "an angle misspelt": (page(header=["ph1_deg", *HEADER[1:]]), {}, "ph1_deg: did you mean phi1_deg?"),
+    "dots for thousands": (page(";", decimal=",").replace("210,5", "1.210,5"), {}, "'1.210,5' is not a number"),
+    "a word for a number": (page().replace("210.5", "n/a"), {}, "line 2, column indentation_modulus_gpa: 'n/a' is not a number"),
+    "no header": (page().split("\n", 1)[1], {}, "line 1: numbers where the header row with the names of the columns must be"),
+    "a cell too many": (page().replace("4.5\n", "4.5,7\n"), {}, "line 2: 6 cells where the header has 5"),
+    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is followed by what is not UTF-8 (save the file as UTF-8)"),
+    "UTF-16 (Excel's Unicode text)": (page("\t").encode("utf-16"), {}, "the file is not plain text (save it as UTF-8)"),
+}  # fmt: skip
+KIND_OF = {"Er": 1, "E_r": 1, "er_gpa": 1, "educed": 1, "effective": 1, "E_IT": 2, "sample": 2}
 
 
 @pytest.mark.parametrize("name", READ)
 def test_variants_that_are_read(tmp_path, name):
     path = tmp_path / "a.csv"
     path.write_text(READ[name], encoding="utf-8", newline="")
-    points = read_measurements(path)
+    points = read_measurements(path, "cubic")
     assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS)
+    header = next(line for line in READ[name].splitlines() if not line.startswith("#"))
+    kinds = {KINDS[number] for word, number in KIND_OF.items() if word in header} or {KINDS[0]}
+    assert {points.modulus_kind} == kinds
+    # What the namelist says beside the header is the same, or is refused.
+    assert read_measurements(path, "cubic", modulus_kind=points.modulus_kind).modulus_kind == points.modulus_kind
+    for other in set(KINDS) - kinds:
+        with pytest.raises(bi.InputError, match=f"modulus_kind = '{other}', but the moduli are those of the column"):
+            read_measurements(path, "cubic", modulus_kind=other)
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_variants_that_are_refused(tmp_path, name):
     path = tmp_path / "a.csv"
-    text, words = REFUSED[name]
-    path.write_text(text, encoding="utf-8", newline="")
+    text, asked, words = REFUSED[name]
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(bi.InputError) as error:
-        read_measurements(path)
+        read_measurements(path, "cubic", **asked)
     assert words in str(error.value) and str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+
+
+def test_a_refusal_is_mended_as_it_says(tmp_path):
+    def read(text, **asked):
+        (tmp_path / "a.csv").write_text(text)
+        points = read_measurements(tmp_path / "a.csv", "cubic", **asked)
+        return points.modulus_kind, np.column_stack([points.euler_deg, points.modulus_gpa])
+
+    for kind in KINDS:
+        found, table = read(REFUSED["a modulus of no kind"][0], modulus_kind=kind)
+        assert found == kind and np.array_equal(table, [row[:4] for row in ROWS])
+    for kind, column in (("effective_modulus", 3), ("sample_modulus", 4)):
+        found, table = read(REFUSED["two kinds of modulus"][0], modulus_kind=kind)
+        assert found == kind and table[:, 3].tolist() == [row[column] for row in ROWS]
+    _, table = read(REFUSED["radians"][0], angles="radians")
+    assert table[:2] == pytest.approx(np.array(ROWS)[:, :4], rel=1e-12)
+
+
+def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
+    table = dict(zip([*HEADER, "orientaton_sd_deg", "remark"], np.array([(*row, 1.0, 2.0) for row in ROWS]).T, strict=True))
+    problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "isotropic"}, measurements={})
+    assert problem.warnings == [
+        "f: &measurements file: the table: the column orientaton_sd_deg is not read, did you mean orientation_sd_deg?"
+    ]
+
+
+def test_the_list_in_the_documentation_is_this_one():
+    text = (SOURCE / "docs" / "measurements.md").read_text()
+    rows = dict(re.findall(r"^\| (.+?) \| (read|refused: .+?) \|$", text, flags=re.MULTILINE))
+    assert {name for name, outcome in rows.items() if outcome == "read"} == set(READ)
+    assert {name: outcome for name, outcome in rows.items() if outcome != "read"} == {
+        name: f"refused: {words}" for name, (_, _, words) in REFUSED.items()
+    }
 
 
 def test_every_spelling_of_a_number_is_read_to_the_last_bit(tmp_path):
@@ -96,9 +180,9 @@ def test_every_spelling_of_a_number_is_read_to_the_last_bit(tmp_path):
     spellings += ["9007199254740993e-14", "90.07199254740993", "0.90071992547409921e2", "1.7976931348623157e-300", "4.9e-324", "1e-400"]
     path = tmp_path / "a.csv"
     rows = [f"{spelling},20,30,200,4" for spelling in spellings]
-    path.write_text("\n".join(["phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", *rows]))
+    path.write_text("\n".join([",".join(HEADER), *rows]))
     expected = [float(spelling.lower().replace("d", "e")) for spelling in spellings]
-    found = read_measurements(path).euler_deg[:, 0].tolist()
+    found = read_measurements(path, "cubic").euler_deg[:, 0].tolist()
     assert [(spelling, value) for spelling, value in zip(spellings, found, strict=True)] == list(zip(spellings, expected, strict=True))
 
 

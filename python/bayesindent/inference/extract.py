@@ -15,7 +15,7 @@ def extract(measurements, *, surrogate="halfspace", **settings):
     """Sample the constants behind measured moduli; an ArviZ InferenceData whose `posterior` holds one variable a constant.
 
     `measurements`: a CSV file or a table (see `measurements_of`). `surrogate`: a `Surrogate`, or what `Surrogate.load` takes; 'halfspace'
-    is the exact theory. `settings`: `symmetry`, the crystal class, which only a surrogate of a class of its own can do without; `bounds` maps constants to (low, high) in GPa, either perhaps None; `knowledge` maps quantities ('C44', 'C33/C11',
+    is the exact theory. `settings`: `symmetry`, the crystal class, which only a surrogate of a class of its own can do without; `lattice`, its unit cell, where the table has indices (`&problem lattice`); `bounds` maps constants to (low, high) in GPa, either perhaps None; `knowledge` maps quantities ('C44', 'C33/C11',
     'bulk_modulus', 'young[110]', ..) to (mean, sd), and 'stiffness' to (means, covariance) of all constants in GPa and GPa², or to a CSV of
     them; `seed`, `workers` (0: all cores; results do not depend on it), and the variables of
     `&measurements`, `&prior` and `&sampler`: `modulus_kind`, `calibration_sd`, `likelihood`, `scale`, `anisotropy_cap`, `method`,

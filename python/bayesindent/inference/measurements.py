@@ -16,13 +16,13 @@ GROUPS = ("indenter", "measurements", "prior", "sampler", "next")
 
 
 def problem_of(
-    origin: str, surrogate, measurements, *, symmetry: str | None = None, bounds: Mapping | None = None,
+    origin: str, surrogate, measurements, *, symmetry: str | None = None, lattice=None, bounds: Mapping | None = None,
     knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **variables,
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
     `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if that is of one class, between
-    bounds. `bounds` maps constants to (low, high) in GPa, either of them perhaps None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
+    bounds. `lattice`: of its unit cell, where measurements have indices of directions or planes. `bounds` maps constants to (low, high) in GPa, either of them perhaps None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
     `variables` are those of `GROUPS`.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
@@ -36,7 +36,7 @@ def problem_of(
     if isinstance(measurements, str | os.PathLike):
         asked["measurements"]["file"] = measurements
     else:
-        table = (*measurements_of(measurements), further_columns(measurements))
+        table = measurements_of(measurements)
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     page = ""
@@ -51,7 +51,9 @@ def problem_of(
             asked["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
             page = stiffness_page(origin, symmetry, *stiffness)
-    return Problem.from_keywords(origin, table, page, problem={"symmetry": symmetry, "seed": seed}, execution={"workers": workers}, **asked)
+    return Problem.from_keywords(
+        origin, table, page, problem={"symmetry": symmetry, "lattice": lattice, "seed": seed}, execution={"workers": workers}, **asked
+    )
 
 
 def stiffness_page(origin: str, symmetry: str, mean, covariance) -> str:
@@ -83,52 +85,40 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
     return {"c_min": list(low), "c_max": list(high)}
 
 
-def measurements_of(table) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Angles (n, 3) in degrees, moduli (n,) and sds (n,) or None, of a mapping, data frame or structured array of the columns of a
-    measurements' file, a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1,
-    Phi, phi2, modulus and sd."""
+def measurements_of(table) -> dict[str, list]:
+    """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg, (n, 3), for the
+    three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
+    modulus and sd. What the columns mean is the core's to say."""
     if isinstance(table, list | tuple):
         named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
         table = {name: [row.get(name) for row in table] for name in table[0]} if named else _array(table)
-    if isinstance(table, np.ndarray):
-        if table.dtype.names:
-            table = {name: table[name] for name in table.dtype.names}
-        elif table.ndim == 2 and table.shape[1] in (4, 5):
-            table = {"euler_deg": table[:, :3], "modulus_gpa": table[:, 3]} | ({"sd_gpa": table[:, 4]} if table.shape[1] == 5 else {})
-        else:
+    if isinstance(table, np.ndarray) and not table.dtype.names:
+        if table.ndim != 2 or table.shape[1] not in (4, 5):
             raise InputError(f"an array of measurements has columns phi1, Phi, phi2, modulus and sd: (n, 5), not {table.shape}")
-    if hasattr(table, "euler_deg"):
-        angles, modulus, sd = table.euler_deg, table.modulus_gpa, table.sd_gpa
-    else:
-        try:
-            if "euler_deg" in table:
-                angles = _array(table["euler_deg"])
-            else:
-                angles = np.column_stack([_array(table[name]) for name in ("phi1_deg", "Phi_deg", "phi2_deg")])
-            sd = _array(table["sd_gpa"]) if "sd_gpa" in table else None
-            modulus = _array(table["modulus_gpa"])
-        except KeyError as error:
-            raise InputError(f"the measurements have no column {error}") from None
-    angles = np.asarray(angles, dtype=float).reshape(-1, 3)
-    modulus = np.atleast_1d(np.asarray(modulus, dtype=float))
-    if len(modulus) == 0:
+        table = dict(zip((*ANGLES, "modulus_gpa", "sd_gpa")[: table.shape[1]], table.T, strict=True))
+    elif isinstance(table, np.ndarray):
+        table = {name: table[name] for name in table.dtype.names}
+    elif hasattr(table, "euler_deg"):
+        table = {name: getattr(table, name) for name in ("euler_deg", "modulus_gpa", "sd_gpa")}
+    columns: dict[str, list] = {}
+    for name in table:
+        if name == "euler_deg":
+            angles = _array(table[name])
+            if angles.ndim != 2 or angles.shape[1] != 3:
+                raise InputError(f"the measurements' euler_deg have shape {angles.shape}; allowed (n, 3): phi1, Phi, phi2 of n grains")
+            columns |= dict(zip(ANGLES, angles.T.tolist(), strict=True))
+        elif table[name] is not None:
+            columns[name] = np.atleast_1d(table[name]).tolist()
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"the columns of the measurements have different lengths: {lengths}")
+    if not any(lengths.values()):
         raise InputError("there are no measurements: at least one grain is needed")
-    return angles, modulus, None if sd is None else np.atleast_1d(np.asarray(sd, dtype=float))
+    return columns
 
 
-#: Columns that a table of measurements may have beside those that it must.
-FURTHER = ("orientation_sd_deg", "depth_um", "grain_radius_um", "group")
-
-
-def further_columns(table) -> dict[str, list]:
-    """What else a table with named columns says of its grains: see `FURTHER`."""
-    if isinstance(table, list | tuple) and table and all(isinstance(row, Mapping) for row in table):
-        return {name: [row[name] for row in table] for name in FURTHER if name in table[0]}
-    if isinstance(table, np.ndarray):
-        return {name: list(table[name]) for name in FURTHER if name in (table.dtype.names or ())}
-    if isinstance(table, list | tuple) or hasattr(table, "euler_deg"):
-        return {}
-    return {name: list(table[name]) for name in FURTHER if name in table}
+#: Bunge's angles in a table.
+ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 
 
 def _array(values) -> np.ndarray:

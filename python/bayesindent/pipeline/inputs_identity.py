@@ -29,7 +29,7 @@ IMMATERIAL: dict[str, tuple[str, ...] | None] = {"problem": ("title",), "executi
 
 def inputs_of(problem, groups, output: Path) -> dict[str, str]:
     """Digests of these groups of a problem, with the tables and the surrogate that they name."""
-    tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates}
+    tables = {"crystals": problem.crystals, "measurements": problem.measurements, "design": problem.candidates, "next": problem.grains}
     cells = {name: table and [table.columns, table.rows] for name, table in tables.items()} | {"knowledge": problem.stiffness}
     inputs = {}
     for group in groups:

@@ -183,8 +183,11 @@ def next_grain(results: Results) -> Section | None:
     if not suggestions:
         return None
     unit = f" ({results.documents['next']['unit']})" if results.documents["next"].get("unit") else ""
-    rows = [[rank, *(number(angle) for angle in item["euler_deg"]), f"{item['gain']:.3f}"] for rank, item in enumerate(suggestions, 1)]
-    header = ["rank", "φ₁", "Φ", "φ₂ (degrees)", f"expected gain{unit}"]
+    rows = [
+        [item.get("grain", rank), *(number(angle) for angle in item["euler_deg"]), item.get("uvw", ""), f"{item['gain']:.3f}"]
+        for rank, item in enumerate(suggestions, 1)
+    ]
+    header = ["grain" if "grain" in suggestions[0] else "rank", "φ₁", "Φ", "φ₂ (degrees)", "[uvw] along z", f"expected gain{unit}"]
     return Section("Which grain to measure next", after=[Table("Suggested orientations, each chosen given those above it", header, rows)])
 
 

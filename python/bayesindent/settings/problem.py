@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core import InputError, NativeObject, call, document
 from ..crystal.elasticity import constant_names
+from .spreadsheets import page_of as spreadsheet_page
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "stages"]
 
@@ -49,13 +50,16 @@ class Points:
 
     `symmetry` is a list of n names (None in measurements), `constants` a list of n dicts (GPa), `stiffness` (n, 6, 6) in GPa
     (crystal frame) or None, `euler_deg` (n, 3), `modulus_gpa` and `sd_gpa` (n,) or None where the table has none (NaN in
-    empty cells). `columns` and `rows` are the cells as written.
+    empty cells). `columns` and `rows` are the cells as written; of measurements there are more rows than points where several tests of one
+    grain are combined. `modulus_kind`: of measurements, which modulus was measured. `names`: of grains, or None.
     """
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
         self._problem, self._table = problem, table
         self._classes = facts[f"{table}_classes"]
         self._n = facts[f"{table}_modulus_gpa"]
+        self.modulus_kind = facts.get(f"{table}_modulus_kind")
+        self.names = facts.get(f"{table}_names")
 
     def __len__(self) -> int:
         return self._n
@@ -137,8 +141,8 @@ class Problem(NativeObject):
     """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory', 'build', 'extract', 'next').
 
     `settings.design.budget` is a value as the command will use it, whether the file says it or not: None if it has none, an array
-    if there is one for each constant. `settings.design.given`: whether the file has the group. `crystals`, `measurements` and
-    `candidates` are the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file, group and
+    if there is one for each constant. `settings.design.given`: whether the file has the group. `crystals`, `measurements`,
+    `candidates` (of &design) and `grains` (of &next) are the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file, group and
     variable.
     """
 
@@ -149,12 +153,13 @@ class Problem(NativeObject):
         self._fill(call("problem_new", os.fsencode(path), command, ""), Path(path))
 
     @classmethod
-    def from_keywords(cls, origin: str, measurements_table: tuple | None = None, stiffness_page: str = "", **groups: Mapping) -> "Problem":
+    def from_keywords(
+        cls, origin: str, measurements_table: Mapping | None = None, stiffness_page: str = "", **groups: Mapping
+    ) -> "Problem":
         """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
 
-        The messages are those of a file with these values. What is None is left out. `measurements_table`: angles (n, 3) in degrees,
-        moduli (n,) and their sds (n,) in GPa, or None for these if a common scale is inferred, and perhaps further columns by name.
-        `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
+        The messages are those of a file with these values. What is None is left out. `measurements_table`: columns of equal length by name, as
+        a file of measurements has them. `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
         """
         self = cls.__new__(cls)
         self._made_of = (origin, measurements_table, stiffness_page, groups)
@@ -162,13 +167,19 @@ class Problem(NativeObject):
         self._fill(call("problem_new", origin.encode(), "", text.encode()), Path(origin), measurements_table, stiffness_page)
         return self
 
-    def _fill(self, handle: int, path: Path, measurements_table: tuple | None = None, stiffness_page: str = "") -> None:
+    def _fill(self, handle: int, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
         self._hold(handle, frozen=False)
         if stiffness_page:
             call("problem_set_table", handle, "stiffness", stiffness_page.encode())
         if measurements_table is not None:
-            call("problem_set_table", handle, "measurements", _page(path, *measurements_table).encode())
+            call("problem_set_table", handle, "measurements", _page(measurements_table).encode())
         facts = self._document()
+        if "foreign" in facts:
+            settings = _settings(facts["values"], [])
+            place = f"{path}: &measurements file: {settings.measurements.file}: "
+            page = spreadsheet_page(place, Path(facts["foreign"]), settings.measurements.sheet)
+            call("problem_set_table", handle, "measurements", page.encode())
+            facts = self._document()
         self.path = path
         self.folder = path.parent
         self.resolved = facts["resolved"]
@@ -181,7 +192,7 @@ class Problem(NativeObject):
         self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
         self.stiffness = facts.get("stiffness")
-        self._tables = {table: facts for table in ("crystals", "measurements", "candidates") if f"{table}_classes" in facts}
+        self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}_classes" in facts}
         self._frozen = True
 
     @property
@@ -199,6 +210,11 @@ class Problem(NativeObject):
         """The table of &design."""
         return self._points("candidates")
 
+    @property
+    def grains(self):
+        """The table of &next."""
+        return self._points("grains")
+
     def _points(self, table: str):
         return Points(self, table, self._tables[table]) if table in self._tables else None
 
@@ -208,15 +224,8 @@ class Problem(NativeObject):
         return _from_keywords, self._made_of
 
 
-def _page(origin: Path, angles, modulus, sd, further: Mapping | None = None) -> str:
-    """Measurements as a page of CSV."""
-    euler_deg, modulus, sd = (np.asarray([] if part is None else part, dtype=float) for part in (angles, modulus, sd))
-    n = modulus.size
-    if not n or modulus.shape != (n,) or euler_deg.shape != (n, 3) or sd.shape not in ((n,), (0,)):
-        found = ", ".join(str(part.shape) for part in (euler_deg, modulus, sd))
-        raise InputError(f"{origin}: &measurements: angles, moduli and sds have shapes {found}; allowed (n, 3), (n,), (n,)")
-    columns = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler_deg.T.tolist(), strict=True)) | {"modulus_gpa": modulus.tolist()}
-    columns |= ({"sd_gpa": sd.tolist()} if sd.size else {}) | {name: list(values) for name, values in (further or {}).items()}
+def _page(columns: Mapping) -> str:
+    """Columns as a page of CSV."""
     page = StringIO()
     writer = csv.writer(page, lineterminator="\n")
     writer.writerow(columns)
@@ -224,7 +233,7 @@ def _page(origin: Path, angles, modulus, sd, further: Mapping | None = None) -> 
     return page.getvalue()
 
 
-def _from_keywords(origin: str, measurements_table: tuple | None, stiffness_page: str, groups: Mapping) -> Problem:
+def _from_keywords(origin: str, measurements_table: Mapping | None, stiffness_page: str, groups: Mapping) -> Problem:
     return Problem.from_keywords(origin, measurements_table, stiffness_page, **groups)
 
 
@@ -248,12 +257,15 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
-    return _read("crystals", path, symmetry, 0)
+    holder = Problem.__new__(Problem)
+    holder._hold(call("problem_of_table", os.fsencode(path), symmetry))
+    return Points(holder, "crystals", holder._document())
 
 
-def read_measurements(path: str | os.PathLike, *, sd_optional: bool = False) -> Points:
-    """A CSV of orientations, modulus_gpa and sd_gpa (which may be absent only if `sd_optional`)."""
-    return _read("measurements", path, "", int(sd_optional))
+def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points:
+    """A CSV of orientations and moduli of grains of a `symmetry`, read as `&measurements` with the variables `asked` reads it."""
+    asked = {"file": Path(path).absolute()} | asked
+    return Problem.from_keywords(os.fspath(path), problem={"symmetry": symmetry}, measurements=asked).measurements
 
 
 @cache
@@ -266,13 +278,6 @@ def schema() -> tuple[Variable, ...]:
 def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
     return tuple(Stage(row[0], tuple(row[1].split()), *row[2:]) for row in document(0, "settings")["stages"])
-
-
-def _read(table: str, path: str | os.PathLike, symmetry: str, sd_optional: int) -> Points:
-    """A table alone, which the core holds as a problem without settings."""
-    holder = Problem.__new__(Problem)
-    holder._hold(call("problem_of_table", os.fsencode(path), symmetry, sd_optional))
-    return Points(holder, table, holder._document())
 
 
 @cache

@@ -10,9 +10,14 @@ __all__ = ["COMMAND"]
 
 
 def show(document: dict) -> None:
-    """The orientations."""
-    rows = [[*(f"{angle:.1f}" for angle in item["euler_deg"]), f"{item['gain']:.3g}"] for item in document["suggestions"]]
-    show_table("Orientations worth measuring next (degrees)", ["phi1", "Phi", "phi2", "expected gain"], rows)
+    """The orientations, or the grains, and their directions along the indenter."""
+    rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
+    for item in document["suggestions"]:
+        along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
+        name = [item["grain"]] if "grain" in item else []
+        rows.append([*name, *(f"{angle:.1f}" for angle in item["euler_deg"]), along, f"{item['gain']:.3g}"])
+    grains = any("grain" in item for item in document["suggestions"])
+    show_table(f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)", ["grain", *header] if grains else header, rows)
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:

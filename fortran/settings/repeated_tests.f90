@@ -1,0 +1,171 @@
+!> Several tests of one grain (column `grain`), combined, and their scatter compared with what their sds say.
+!>
+!> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
+!> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
+module repeated_tests
+   use chi_square, only: chi_square_above
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: rotation_matrix
+   use distinct_directions, only: angle_between, new_region, region_type
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use kinds, only: degree, wp
+   use point_tables, only: points_type
+   use table_columns, only: find_column, refuse_cell
+   use text, only: fixed, to_text
+   use warning_lists, only: warn, warning_type
+   implicit none
+   private
+   public :: combine_tests, judge_scatter
+
+   !> A scatter of less probability is told of; of single grains it is divided by their number.
+   real(wp), parameter :: improbable = 0.01_wp
+
+contains
+
+   !> Let each grain of a group be one point, in the order of their first tests; these give the orientation.
+   subroutine combine_tests(class, points, error)
+      !> Of the grains: equivalent orientations are one.
+      type(crystal_class_type), intent(in) :: class
+      type(points_type), intent(inout) :: points
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: point(:), first(:)
+      integer :: column, i, j
+
+      call find_column(points%table, 'grain', column, error)
+      if (allocated(error) .or. column == 0) return
+      allocate (point(points%n), first(0))
+      do i = 1, points%n
+         if (len(points%table%cell(column, i)) == 0) then
+            call raise(error, 'line '//to_text(points%table%line(i))//', column '//printable(points%table%name(column)) &
+               & //': the cell is empty; the name or number of the grain is needed', exit_bad_input)
+            return
+         end if
+         do j = 1, size(first)
+            if (points%group(first(j)) /= points%group(i)) cycle
+            if (points%table%cell(column, first(j)) == points%table%cell(column, i)) exit
+         end do
+         if (j > size(first)) first = [first, i]
+         point(i) = j
+      end do
+      points%named_by = column
+      if (size(first) == points%n) return
+      call check_tests(class, points, column, first(point), error)
+      if (.not. allocated(error)) call merge_tests(points, point, first)
+   end subroutine combine_tests
+
+   !> The tests of a grain have sds, and the orientation of its first one.
+   subroutine check_tests(class, points, column, first, error)
+      type(crystal_class_type), intent(in) :: class
+      type(points_type), intent(in) :: points
+      !> Of the grains' names; of each test the first one of its grain.
+      integer, intent(in) :: column, first(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: alike = 5.0_wp
+      type(region_type) :: region
+      real(wp) :: g(3, 3), direction(3, points%n), angle
+      integer :: i
+
+      if (.not. all(points%sd_gpa > 0.0_wp)) then
+         call raise(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to combine ' &
+            & //'them the column sd_gpa is needed', exit_bad_input)
+         return
+      end if
+      call new_region(class, region)
+      if (region%dimension == 0) return
+      do i = 1, points%n
+         g = rotation_matrix(points%euler_deg(:, i)*degree)
+         direction(:, i) = g(:, 3)
+         angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
+         if (angle > alike) then
+            call refuse_cell(points%table, column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &
+               & //'line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
+            return
+         end if
+      end do
+   end subroutine check_tests
+
+   !> Weighted means; sizes and depths are plain means of what is given.
+   subroutine merge_tests(points, point, first)
+      type(points_type), intent(inout) :: points
+      !> Of each test its grain, and of each grain its first test.
+      integer, intent(in) :: point(:), first(:)
+      real(wp), dimension(size(first)) :: modulus, sd, chi_square, tilt, depth, radius
+      real(wp) :: weight(points%n)
+      integer :: tests(size(first)), j
+
+      weight = 1.0_wp/points%sd_gpa**2
+      do j = 1, size(first)
+         associate (own => point == j)
+            tests(j) = count(own)
+            sd(j) = 1.0_wp/sqrt(sum(weight, own))
+            modulus(j) = sum(weight*points%modulus_gpa, own)*sd(j)**2
+            chi_square(j) = sum(weight*(points%modulus_gpa - modulus(j))**2, own)
+            tilt(j) = mean_of(points%orientation_sd_deg, own)
+            depth(j) = mean_of(points%depth_um, own)
+            radius(j) = mean_of(points%grain_radius_um, own)
+         end associate
+      end do
+      points%n = size(first)
+      points%euler_deg = points%euler_deg(:, first)
+      points%group = points%group(first)
+      points%row = first
+      points%modulus_gpa = modulus
+      points%sd_gpa = sd
+      points%orientation_sd_deg = tilt
+      points%depth_um = depth
+      points%grain_radius_um = radius
+      points%tests = tests
+      points%chi_square = chi_square
+   end subroutine merge_tests
+
+   !> Of those that are given; NaN if none is.
+   pure real(wp) function mean_of(values, own)
+      real(wp), intent(in) :: values(:)
+      logical, intent(in) :: own(:)
+      logical :: given(size(values))
+
+      given = own .and. values >= 0.0_wp
+      mean_of = values(findloc(own, .true., dim=1))
+      if (any(given)) mean_of = sum(values, given)/count(given)
+   end function mean_of
+
+   !> Warn of tests that scatter more or less than their sds say: all together, and in single grains.
+   subroutine judge_scatter(points, prefix, warnings)
+      type(points_type), intent(in) :: points
+      !> Of the lines.
+      character(len=*), intent(in) :: prefix
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp) :: above
+      integer :: freedom, i, repeated
+
+      if (.not. allocated(points%chi_square)) return
+      freedom = sum(points%tests - 1)
+      repeated = count(points%tests > 1)
+      above = chi_square_above(sum(points%chi_square), freedom)
+      if (above < improbable) then
+         call warn(warnings, prefix//': the tests of a grain scatter more than their sds say, '//in_words(sum(points%chi_square), &
+            & freedom)//', so sd_gpa is too small, or something differs within the grains; scale = ''inferred'' lets the data ' &
+            & //'say how large it is')
+      else if (above > 1.0_wp - improbable) then
+         call warn(warnings, prefix//': the tests of a grain scatter less than their sds say, '//in_words(sum(points%chi_square), &
+            & freedom)//', so sd_gpa is too large, or has an error in it that the tests share, which belongs to calibration_sd')
+      end if
+      do i = 1, points%n
+         if (points%tests(i) < 2) cycle
+         if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) cycle
+         call warn(warnings, prefix//': the '//to_text(points%tests(i))//' tests of grain '//printable(points%name(i)) &
+            & //' disagree with each other, '//in_words(points%chi_square(i), points%tests(i) - 1))
+      end do
+   end subroutine judge_scatter
+
+   !> '2.1 times as much (chi-square 12.3 with 3 degrees of freedom)'.
+   function in_words(chi_square, freedom) result(words)
+      real(wp), intent(in) :: chi_square
+      integer, intent(in) :: freedom
+      character(len=:), allocatable :: words
+
+      words = fixed(sqrt(chi_square/freedom), 1)//' times as much (chi-square '//fixed(chi_square, 1)//', degrees of freedom ' &
+         & //to_text(freedom)//')'
+   end function in_words
+end module repeated_tests

@@ -1,0 +1,318 @@
+!> Which column of a table is which quantity: the names that tables have, whatever the case, with their units in brackets, after a
+!> slash, as the last word or in a row of their own.
+module table_columns
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use spelling, only: suggestion
+   use tables, only: table_type
+   use text, only: lower, split_list, to_text
+   implicit none
+   private
+   public :: find_column, need_column, find_modulus, column_list, nearest_to, refuse_cell, check_unit, column_hint, says_radians
+
+   !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
+   type :: column_type
+      character(len=23) :: name
+      character(len=160) :: others
+      character(len=34) :: units
+   end type column_type
+   character(len=*), parameter :: angle_units = ' deg degrees degree ° rad radians ', gpa = ' gpa ', um = ' um µm μm '
+   !> The part of the name of a modulus' column after its kind.
+   character(len=*), parameter :: modulus_unit = '_gpa'
+   type(column_type), parameter :: known_columns(*) = [ &
+      & column_type('phi1_deg', ' phi1 phi_1 φ1 euler1 euler_1 ', angle_units), &
+      & column_type('Phi_deg', ' phi φ Φ euler2 euler_2 ', angle_units), &
+      & column_type('phi2_deg', ' phi2 phi_2 φ2 euler3 euler_3 ', angle_units), &
+      & column_type('modulus_gpa', ' modulus e youngs_modulus young_modulus elastic_modulus ', gpa), &
+      & column_type('indentation_modulus_gpa', ' indentation_modulus plane_strain_modulus ', gpa), &
+      & column_type('effective_modulus_gpa', ' effective_modulus reduced_modulus er e_r eeff e_eff ', gpa), &
+      & column_type('sample_modulus_gpa', ' sample_modulus es e_s eit e_it ', gpa), &
+      & column_type('sd_gpa', ' sd std stdev st_dev std_dev error err uncertainty standard_deviation standard_error sem sigma ' &
+      & //'modulus_sd modulus_std er_sd er_std e_r_sd e_r_std ', gpa), &
+      & column_type('orientation_sd_deg', ' orientation_sd ', ' deg degrees degree ° '), &
+      & column_type('depth_um', '', um), &
+      & column_type('grain_radius_um', '', um), &
+      & column_type('group', '', ''), &
+      & column_type('grain', ' grain_id grain_number ', '')]
+   !> What may be a unit in a name.
+   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm '
+   !> Fewer letters are near to everything.
+   integer, parameter :: shortest_misspelt = 4
+
+contains
+
+   !> A column by its name or by another one; 0 where there is none.
+   subroutine find_column(table, name, column, error)
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: name
+      integer, intent(out) :: column
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word, unit
+      integer :: i, j
+
+      column = table%find(name)
+      i = findloc(known_columns%name, name, dim=1)
+      if (i == 0) return
+      do j = 1, table%columns
+         if (column > 0) exit
+         call split_name(table%name(j), word, unit)
+         if (.not. is_one_of(word, i)) cycle
+         column = j
+      end do
+      do j = column + 1, table%columns
+         if (column == 0 .or. column == table%find(name)) exit
+         call split_name(table%name(j), word, unit)
+         if (.not. is_one_of(word, i)) cycle
+         call raise(error, 'the columns '//printable(table%name(column))//' and '//printable(table%name(j))//' are both ' &
+            & //trim(name)//'; one of them is allowed, or one that is named '//trim(name), exit_bad_input)
+         return
+      end do
+      if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
+   end subroutine find_column
+
+   pure logical function is_one_of(word, i)
+      !> A name without its unit; of `known_columns`.
+      character(len=*), intent(in) :: word
+      integer, intent(in) :: i
+
+      is_one_of = index(known_columns(i)%others, ' '//word//' ') > 0 .and. len(word) > 0
+   end function is_one_of
+
+   !> The unit that a column's name or the row of units says, if any, is one of `units`.
+   subroutine check_unit(table, column, units, error)
+      type(table_type), intent(in) :: table
+      !> Its number.
+      integer, intent(in) :: column
+      !> Words, each between blanks.
+      character(len=*), intent(in) :: units
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word, unit
+      integer :: i
+
+      call split_name(table%name(column), word, unit)
+      do i = 1, 2
+         if (i == 2) unit = table%unit(column)
+         if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
+         call raise(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; allowed' &
+            & //trim(units), exit_bad_input)
+         return
+      end do
+   end subroutine check_unit
+
+   !> Whether a column says that it is in radians.
+   logical function says_radians(table, column)
+      type(table_type), intent(in) :: table
+      !> Its number.
+      integer, intent(in) :: column
+      character(len=:), allocatable :: word, unit
+
+      call split_name(table%name(column), word, unit)
+      says_radians = index(unit, 'rad') == 1 .or. index(table%unit(column), 'rad') == 1
+   end function says_radians
+
+   !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
+   pure subroutine split_name(name, word, unit)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable, intent(out) :: word, unit
+      integer :: k
+
+      word = lower(name)
+      unit = ''
+      k = scan(word, '([/')
+      if (k > 0) then
+         unit = word(k + 1:)
+         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+         unit = trim(adjustl(unit))
+         word = word(:k - 1)
+      end if
+      word = trim(word)
+      do k = 1, len(word)
+         if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
+      end do
+      k = index(word, '''')
+      if (k > 0) word = word(:k - 1)//word(k + 1:)
+      k = index(word, '_', back=.true.)
+      if (k > 1 .and. len(unit) == 0) then
+         if (index(unit_words, ' '//word(k + 1:)//' ') > 0) then
+            unit = word(k + 1:)
+            word = word(:k - 1)
+         end if
+      end if
+   end subroutine split_name
+
+   !> The same of a column that must be there.
+   subroutine need_column(table, name, column, error)
+      type(table_type), intent(in) :: table
+      !> Of `known_columns`.
+      character(len=*), intent(in) :: name
+      !> Its number.
+      integer, intent(out) :: column
+      type(error_type), allocatable, intent(out) :: error
+
+      call find_column(table, name, column, error)
+      if (allocated(error)) return
+      if (column == 0) call raise(error, 'the column '//name//' is missing; the columns are '//column_list(table) &
+         & //nearest_to(table, name), exit_bad_input)
+   end subroutine need_column
+
+   !> The column of the moduli, and their kind from its name or as stated.
+   subroutine find_modulus(table, stated, column, kind, error)
+      type(table_type), intent(in) :: table
+      !> A kind of modulus, or unallocated.
+      character(len=:), allocatable, intent(in) :: stated
+      integer, intent(out) :: column
+      character(len=:), allocatable, intent(out) :: kind
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: kinds, choices, found
+      integer :: plain, other, own, n, i, k
+
+      call find_column(table, 'modulus_gpa', plain, error)
+      if (allocated(error)) return
+      column = plain
+      own = 0
+      n = 0
+      kinds = ''
+      choices = ''
+      found = ''
+      if (allocated(stated)) kind = stated
+      do i = 1, size(known_columns)
+         k = index(known_columns(i)%name, '_modulus'//modulus_unit)
+         if (k == 0) cycle
+         choices = choices//', '''//known_columns(i)%name(:k + len('_modulus') - 1)//''''
+         kinds = kinds//', '//trim(known_columns(i)%name)
+         call find_column(table, trim(known_columns(i)%name), other, error)
+         if (allocated(error)) return
+         if (other == 0) cycle
+         n = n + 1
+         if (n > 1) found = found//' and '
+         found = found//printable(table%name(other))
+         associate (says => known_columns(i)%name(:k + len('_modulus') - 1))
+            if (allocated(stated)) then
+               if (stated == says) own = other
+            else if (n == 1 .and. plain == 0) then
+               column = other
+               kind = says
+            end if
+         end associate
+      end do
+      kinds = kinds(3:)
+      choices = choices(3:)
+      if (own > 0) then
+         column = own
+      else if (plain == 0 .and. n == 0) then
+         call raise(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, '//kinds &
+            & //'; the columns are '//column_list(table)//nearest_to(table, 'modulus_gpa, '//kinds), exit_bad_input)
+      else if (allocated(stated) .and. plain == 0) then
+         call raise(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found &
+            & //'; leave modulus_kind out, or name the column modulus_gpa', exit_bad_input)
+      else if (.not. allocated(stated) .and. n + merge(1, 0, plain > 0) > 1) then
+         if (plain > 0) found = printable(table%name(plain))//' and '//found
+         call raise(error, 'the columns '//found//' are moduli; which to take says modulus_kind: '//choices, exit_bad_input)
+      else if (.not. allocated(stated) .and. plain > 0) then
+         call raise(error, 'the column '//printable(table%name(plain))//' does not say which modulus was measured, nor does ' &
+            & //'modulus_kind; allowed '//choices//' (effective_modulus: what instruments call reduced modulus, Er)', &
+            & exit_bad_input)
+      end if
+   end subroutine find_modulus
+
+   !> '; X: did you mean Y?' of the column that is nearest to one of `names` (separated by ', ') or their other names; or nothing.
+   function nearest_to(table, names) result(words)
+      type(table_type), intent(in) :: table
+      !> Of `known_columns`.
+      character(len=*), intent(in) :: names
+      character(len=:), allocatable :: words
+      character(len=:), allocatable :: wanted(:), allowed, near
+      integer :: i, j
+
+      wanted = split_list(names)
+      allowed = names
+      do i = 1, size(wanted)
+         do j = 1, size(known_columns)
+            if (known_columns(j)%name == wanted(i)) allowed = allowed//list_of(known_columns(j)%others)
+         end do
+      end do
+      words = ''
+      do j = 1, table%columns
+         if (len(table%name(j)) < shortest_misspelt .or. is_known(table%name(j))) cycle
+         near = suggestion(table%name(j), allowed)
+         if (len(near) == 0) cycle
+         words = '; '//printable(table%name(j))//':'//near(2:)
+         return
+      end do
+   end function nearest_to
+
+   !> ', a, b' of ' a b '.
+   pure function list_of(words) result(list)
+      character(len=*), intent(in) :: words
+      character(len=:), allocatable :: list
+      integer :: i
+
+      list = ''
+      do i = 1, len_trim(words)
+         if (words(i:i) == ' ') then
+            list = list//', '
+         else
+            list = list//words(i:i)
+         end if
+      end do
+   end function list_of
+
+   !> Whether a name is one of those of `known_columns`.
+   pure logical function is_known(name)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: word, unit
+      integer :: i
+
+      call split_name(name, word, unit)
+      is_known = .true.
+      do i = 1, size(known_columns)
+         if (is_one_of(word, i) .or. lower(trim(known_columns(i)%name)) == lower(name)) return
+      end do
+      is_known = .false.
+   end function is_known
+
+   !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
+   function column_hint(table, column) result(words)
+      type(table_type), intent(in) :: table
+      !> Its number.
+      integer, intent(in) :: column
+      character(len=:), allocatable :: words
+      character(len=:), allocatable :: names
+      integer :: i
+
+      words = ''
+      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%name(column))) return
+      names = trim(known_columns(1)%name)
+      do i = 2, size(known_columns)
+         names = names//', '//trim(known_columns(i)%name)
+      end do
+      words = suggestion(table%name(column), names)
+   end function column_hint
+
+   function column_list(table) result(list)
+      type(table_type), intent(in) :: table
+      character(len=:), allocatable :: list
+      integer, parameter :: most = 30
+      integer :: j
+
+      list = ''
+      do j = 1, min(table%columns, most)
+         if (j > 1) list = list//', '
+         list = list//printable(table%name(j))
+      end do
+      if (table%columns > most) list = list//', ...'
+   end function column_list
+
+   !> Refuse a cell: its text, then what is wrong with it.
+   subroutine refuse_cell(table, column, row, message, error)
+      type(table_type), intent(in) :: table
+      !> Its place in the table.
+      integer, intent(in) :: column, row
+      !> What follows the text of the cell.
+      character(len=*), intent(in) :: message
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, 'line '//to_text(table%line(row))//', column '//printable(table%name(column))//': ' &
+         & //printable(table%cell(column, row))//message, exit_bad_input)
+   end subroutine refuse_cell
+end module table_columns

@@ -1,0 +1,38 @@
+"""Spreadsheets as the text of a table, which the core reads like any other."""
+
+import csv
+from contextlib import closing
+from io import StringIO
+from pathlib import Path
+from zipfile import BadZipFile
+
+from ..core import InputError
+
+__all__ = ["page_of"]
+
+
+def page_of(place: str, path: Path, sheet: str) -> str:
+    """A sheet of an .xlsx file, the first one where `sheet` is empty: a line for each row, cells between tabs, numbers in full, formulas by
+    the values that were last computed. `place` begins the message of a refusal."""
+    try:
+        from openpyxl import load_workbook
+        from openpyxl.utils.exceptions import InvalidFileException
+    except ImportError:
+        raise InputError(
+            f"{place}reading a spreadsheet needs openpyxl, which is not installed: pip install 'bayesindent[xlsx]', or save the sheet as CSV"
+        ) from None
+    if not path.is_file():
+        raise InputError(f"{place}the file does not exist")
+    try:
+        book = load_workbook(path, read_only=True, data_only=True)
+    except (InvalidFileException, BadZipFile, KeyError, OSError, ValueError) as error:
+        raise InputError(f"{place}is no spreadsheet that can be read ({error})") from None
+    with closing(book):
+        if sheet and sheet not in book.sheetnames:
+            raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
+        page = StringIO()
+        writer = csv.writer(page, delimiter="\t", lineterminator="\n")
+        for row in book[sheet or book.sheetnames[0]].iter_rows(values_only=True):
+            cells = ["" if value is None else " ".join(str(value).split()) for value in row]
+            writer.writerow(cells if any(cells) else [])
+    return page.getvalue()

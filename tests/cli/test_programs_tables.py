@@ -1,0 +1,31 @@
+"""Tables that only one of the programs reads."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from conftest import SOURCE
+
+PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
+CASE = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = 20, burn_in = 50, chains = 1 /\n"
+
+
+def test_a_spreadsheet_from_a_namelist(bayesindent, tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    rows = [line.split(",") for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines() if not line.startswith("#")]
+    made = openpyxl.Workbook()
+    made.active.append([*rows[0][:3], "Er", "error"])
+    for row in rows[1:]:
+        made.active.append([float(cell) for cell in row])
+    made.save(tmp_path / "grains.xlsx")
+    (tmp_path / "a.nml").write_text(CASE)
+    done = bayesindent("extract", "a.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    assert [row["measured"] for row in json.loads(done.stdout)["predicted"]] == [float(row[3]) for row in rows[1:]]
+    assert "modulus_kind = 'effective_modulus'" in (tmp_path / "runs" / "a" / "resolved.nml").read_text()
+    refused = subprocess.run([PROGRAM, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    said = "a.nml: &measurements file: grains.xlsx: a spreadsheet is read by bayesindent, not by bayesindent-batch; save its sheet as CSV\n"
+    assert (refused.returncode, refused.stderr) == (2, said)

@@ -1,0 +1,140 @@
+"""Several tests of one grain: combined, and their scatter compared with what their sds say."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import bayesindent as bi
+from bayesindent.inference.posterior import Posterior
+from conftest import SOURCE
+
+#: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented direction.
+ROWS = [
+    ("b", 10.0, 40.0, 30.0, 200.0, 4.0), ("a", 0.0, 10.0, 20.0, 210.0, 3.0), ("b", 80.0, 40.0, 30.0, 206.0, 2.0),
+    ("b", 10.0, 41.0, 30.0, 203.0, 4.0), ("c", 5.0, 80.0, 45.0, 190.0, 5.0), ("a", 0.0, 10.0, 20.0, 204.0, 6.0),
+    ("b", 10.0, 40.0, 30.0, 198.0, 3.0),
+]  # fmt: skip
+NAMES = ("grain", "phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa")
+
+
+def table(rows=ROWS, **columns):
+    return dict(zip(NAMES, zip(*rows, strict=True), strict=True)) | columns
+
+
+def problem(table, symmetry="cubic", **asked):
+    return bi.Problem.from_keywords("f", table, problem={"symmetry": symmetry}, measurements=asked)
+
+
+def moments(name, rows=ROWS):
+    """Weighted mean, its sd and chi-square about it."""
+    values, sds = np.array([row[4:] for row in rows if row[0] == name]).T
+    mean = np.average(values, weights=sds**-2.0)
+    return mean, np.sum(sds**-2.0) ** -0.5, np.sum(((values - mean) / sds) ** 2)
+
+
+def test_tests_of_a_grain_are_their_weighted_mean():
+    found = problem(table()).measurements
+    assert found.names == ["b", "a", "c"]
+    expected = np.array([moments(name) for name in found.names])
+    assert found.modulus_gpa == pytest.approx(expected[:, 0], rel=1e-14)
+    assert found.sd_gpa == pytest.approx(expected[:, 1], rel=1e-14)
+    assert found.euler_deg.tolist() == [[10, 40, 30], [0, 10, 20], [5, 80, 45]]
+    assert (len(found), len(found.rows)) == (3, 7)
+
+
+def test_the_mean_is_sufficient():
+    """With errors of their own the tests one by one and their mean say the same of the crystal, up to a constant."""
+    rows = [(row[0], *ROWS[[other[0] for other in ROWS].index(row[0])][1:4], *row[4:]) for row in ROWS]
+    settings = {"symmetry": "cubic", "surrogate": bi.Surrogate.load("halfspace")}
+    single = {name: values for name, values in table(rows).items() if name != "grain"}
+    points = np.array([[220.0, 130.0, 110.0], [230.0, 140.0, 118.0], [210.0, 120.0, 100.0]])
+    apart, together = (Posterior.of(data, **settings).evaluate(points)[1] for data in (single, table(rows)))
+    assert apart - apart[0] == pytest.approx(together - together[0], abs=1e-9)
+
+
+def test_groups_are_kept_apart():
+    found = problem(table(group=["x", "x", "y", "x", "x", "x", "y"])).measurements
+    assert found.names == ["b", "a", "b", "c"]
+    assert found.sd_gpa[2] == pytest.approx((2.0**-2 + 3.0**-2) ** -0.5)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, None), (4.0, "more"), (0.02, "less")])
+def test_scatter_is_compared_with_the_sds(factor, said):
+    rng = np.random.default_rng(2)
+    rows = [(name, 0.0, 9.0 * name, 20.0, 200.0 + factor * 3.0 * rng.normal(), 3.0) for name in range(10) for _ in range(4)]
+    chi_square = sum(moments(name, rows)[2] for name in range(10))
+    warnings = [line for line in problem(table(rows)).warnings if "tests of a grain" in line]
+    share = stats.chi2.sf(chi_square, 30)
+    assert (said == "more") == (share < 0.01)
+    assert (said == "less") == (share > 0.99)
+    assert len(warnings) == (said is not None)
+    if said:
+        words = f"scatter {said} than their sds say, {np.sqrt(chi_square / 30):.1f} times as much (chi-square {chi_square:.1f}, degrees of freedom 30)"
+        assert words in warnings[0]
+
+
+def test_a_grain_whose_tests_disagree_is_named():
+    rows = [*ROWS, ("c", 5.0, 80.0, 45.0, 230.0, 5.0)]
+    lines = [line for line in problem(table(rows)).warnings if "disagree with each other" in line]
+    chi_square = moments("c", rows)[2]
+    assert len(lines) == 1
+    assert (
+        f"the 2 tests of grain c disagree with each other, 5.7 times as much (chi-square {chi_square:.1f}, degrees of freedom 1)"
+        in lines[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "freedom"), [(0.001, 1), (3.84, 1), (2.0, 7), (7.0, 7), (9.1, 7), (30.0, 7), (80.0, 100), (130.0, 100), (1100.0, 1000)]
+)
+def test_the_distribution_of_chi_square(value, freedom):
+    """A verdict turns where scipy's probability does."""
+    # Two values on both sides of 200 for each degree of freedom.
+    half = np.sqrt(value / freedom / 2)
+    rows = [(name, 0.0, 10.0, 20.0, 200.0 + sign * half, 1.0) for name in range(freedom) for sign in (-1, 1)]
+    lines = "\n".join(problem(table(rows), symmetry="isotropic").warnings)
+    assert ("scatter more" in lines) == (stats.chi2.sf(value, freedom) < 0.01)
+    assert ("scatter less" in lines) == (stats.chi2.sf(value, freedom) > 0.99)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"sd_gpa": None}, "the column grain has several tests of one grain, and to combine them the column sd_gpa is needed"),
+        (
+            {"grain": ["b", "a", "", "b", "c", "a", "b"]},
+            "line 3, column grain: the cell is empty; the name or number of the grain is needed",
+        ),
+        (
+            {"Phi_deg": [40.0, 10.0, 40.0, 47.0, 80.0, 10.0, 40.0]},
+            "line 4, column grain: b is indented 7.0 degrees away from its direction on line 1;",
+        ),
+    ],
+)
+def test_refusals(change, words):
+    asked = {"scale": "inferred"} if "sd_gpa" in change else {}
+    with pytest.raises(bi.InputError, match="f: &measurements file: the table: ") as error:
+        problem({name: values for name, values in table(**change).items() if values is not None}, **asked)
+    assert words in str(error.value)
+
+
+def test_equivalent_orientations_are_one():
+    """A quarter turn about a cube's axis."""
+    found = problem(table(phi2_deg=[30.0, 20.0, 120.0, 210.0, 45.0, 110.0, 300.0])).measurements
+    assert found.names == ["b", "a", "c"]
+
+
+def test_names_reach_the_document():
+    result = bi.extract(table(), symmetry="cubic", samples=50, burn_in=200, chains=1, knowledge={"bulk_modulus": (165, 3)})
+    rows = bi.summary(result)["predicted"]
+    assert [(row["grain"], row["tests"]) for row in rows] == [("b", 4), ("a", 2), ("c", 1)]
+    assert rows[0]["chi_square_of_tests"] == pytest.approx(moments("b")[2], rel=1e-12)
+
+
+def test_one_row_a_grain_stays_as_it_is(tmp_path):
+    rows = [line for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines() if not line.startswith("#")]
+    (tmp_path / "a.csv").write_text("\n".join([f"grain,{rows[0]}", *(f"{number},{row}" for number, row in enumerate(rows[1:]))]))
+    asked = {"file": str(tmp_path / "a.csv"), "modulus_kind": "indentation_modulus"}
+    named = bi.Problem.from_keywords("f", problem={"symmetry": "cubic"}, measurements=asked)
+    assert named.measurements.names == [str(number) for number in range(len(rows) - 1)]
+    assert named.warnings == []

@@ -1,0 +1,87 @@
+"""Measurements in a spreadsheet: the same numbers and the same refusals as of a text."""
+
+import datetime
+import sys
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.settings.problem import read_measurements
+
+openpyxl = pytest.importorskip("openpyxl")
+
+HEADER = ["specimen", "Euler1", "Euler2", "Euler3", "Er (GPa)", "StDev (GPa)"]
+ROWS = [("a", 10.5, 20.25, 30.125, 210.1, 1 / 3), ("b", 40, 50, 60, 220.5, 4.25)]
+
+
+def book(path, rows=(HEADER, *ROWS), **sheets):
+    """A file whose first sheet has these rows."""
+    made = openpyxl.Workbook()
+    for row in rows:
+        made.active.append(row)
+    for name, cells in sheets.items():
+        sheet = made.create_sheet(name)
+        for row in cells:
+            sheet.append(row)
+    made.save(path)
+    return path
+
+
+def test_numbers_to_the_last_digit(tmp_path):
+    points = read_measurements(book(tmp_path / "a.xlsx"), "cubic")
+    assert points.modulus_kind == "effective_modulus"
+    assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), [row[1:] for row in ROWS])
+    assert [row[0] for row in points.rows] == ["a", "b"]
+
+
+def test_what_sheets_have_beside_numbers(tmp_path):
+    """Blank rows and columns, a row of units, dates, texts with line breaks and tabs, decimal commas as text."""
+    rows = [
+        [], [*HEADER, "measured on", None], [None, "deg", "deg", "deg", "GPa", "GPa"], [],
+        ["a\n\tb", *ROWS[0][1:], datetime.date(2024, 5, 1)], ["b", "40,0", 50, 60, "220,5", 4.25], [None, None],
+    ]  # fmt: skip
+    points = read_measurements(book(tmp_path / "a.XLSX", rows), "cubic")
+    assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), [row[1:] for row in ROWS])
+    assert points.rows[0][0] == "a b"
+
+
+def test_sheets_by_name(tmp_path):
+    path = book(tmp_path / "a.xlsx", [["a title"]], grains=(HEADER, *ROWS))
+    assert len(read_measurements(path, "cubic", sheet="grains")) == 2
+    with pytest.raises(bi.InputError, match="a.xlsx: there is no sheet 'Grains'; the sheets are Sheet, grains"):
+        read_measurements(path, "cubic", sheet="Grains")
+    with pytest.raises(bi.InputError, match=r"a.xlsx: the table is empty"):
+        read_measurements(path, "cubic")
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([HEADER, ROWS[0], ["b", 40, 50, 60, 220500, 4]], r"line 3, column Er \(GPa\): 220500 GPa looks like MPa"),
+        ([[], HEADER, ROWS[0], ["b", 40, 50, 60, None, 4]], r"line 4, column Er \(GPa\): the cell is empty"),
+        ([HEADER, ["b", 40, 50, 60, "=A1+1", 4]], r"line 2, column Er \(GPa\): the cell is empty"),
+        ([["tests of May"], HEADER, *ROWS], "line 2: 6 cells where the header has 1; if line 1 is a title, put # before it"),
+        ([[*HEADER[:4], "modulus", "sd"], *ROWS], "the column modulus does not say which modulus was measured"),
+    ],
+)
+def test_refusals_name_the_row_of_the_sheet(tmp_path, rows, words):
+    path = book(tmp_path / "a.xlsx", rows)
+    with pytest.raises(bi.InputError, match=f"{path}: ({words})"):
+        read_measurements(path, "cubic")
+
+
+def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
+    path = tmp_path / "a.xlsx"
+    with pytest.raises(bi.InputError, match="a.xlsx: the file does not exist"):
+        read_measurements(path, "cubic")
+    path.write_text("phi1_deg,Phi_deg\n")
+    with pytest.raises(bi.InputError, match="a.xlsx: is no spreadsheet that can be read"):
+        read_measurements(path, "cubic")
+    # Under another name it is told what it is.
+    book(path).rename(tmp_path / "a.csv")
+    with pytest.raises(bi.InputError, match=r"a.csv: the file is a spreadsheet or another zip archive \(.xlsx, .ods\), not text: save"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(bi.InputError, match=r"needs openpyxl, which is not installed: pip install 'bayesindent\[xlsx\]', or save"):
+        read_measurements(book(path), "cubic")
