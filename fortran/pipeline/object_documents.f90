@@ -29,8 +29,8 @@ contains
    !> The numbers and texts of an object.
    subroutine describe_object(handle, kind, visitor, error)
       integer(i8), intent(in) :: handle
-      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; 'crystals', 'measurements', 'candidates' or 'grains', the cells of
-      !> this table of a problem, the header first; or 'settings', which has no handle: what namelists may hold.
+      !> 'basis', 'surrogate', 'learner', 'build', 'problem', 'indentation'; 'crystals', 'measurements', 'candidates' or 'grains', the cells
+      !> of this table of a problem, the header first; or 'settings', which has no handle: what namelists may hold.
       character(len=*), intent(in) :: kind
       type(described_values_type), intent(inout) :: visitor
       type(error_type), allocatable, intent(out) :: error
