@@ -31,6 +31,7 @@ module tables
       procedure :: unit
       procedure :: find
       procedure :: number
+      procedure :: join
    end type table_type
 
 contains
@@ -316,6 +317,38 @@ contains
       k = position_of(self, column, row)
       string = self%buffer(self%first(k):self%last(k))
    end function cell
+
+   !> Let the columns of another table with as many rows follow; it has no row of units.
+   subroutine join(self, other, error)
+      class(table_type), intent(inout) :: self
+      type(table_type), intent(in) :: other
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: first(:, :), last(:, :)
+      integer :: above, rows, j
+
+      do j = 1, other%columns
+         if (self%find(other%name(j)) == 0) cycle
+         call raise(error, 'the column '//printable(self%name(self%find(other%name(j))))//' is there, and follows from the other ' &
+            & //'table; leave it out', exit_bad_input)
+         return
+      end do
+      above = 1
+      if (self%has_units) above = 2
+      rows = self%rows + above
+      allocate (first(self%columns + other%columns, rows), last(self%columns + other%columns, rows))
+      first(:self%columns, :) = reshape(self%first(:self%columns*rows), [self%columns, rows])
+      last(:self%columns, :) = reshape(self%last(:self%columns*rows), [self%columns, rows])
+      first(self%columns + 1:, :) = 1
+      last(self%columns + 1:, :) = 0
+      first(self%columns + 1:, 1) = len(self%buffer) + other%first(:other%columns)
+      last(self%columns + 1:, 1) = len(self%buffer) + other%last(:other%columns)
+      first(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%first(other%columns + 1:), [other%columns, self%rows])
+      last(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%last(other%columns + 1:), [other%columns, self%rows])
+      self%buffer = self%buffer//other%buffer
+      self%columns = self%columns + other%columns
+      self%first = reshape(first, [size(first)])
+      self%last = reshape(last, [size(last)])
+   end subroutine join
 
    !> Where a cell is among all cells of the file.
    pure integer function position_of(self, column, row) result(k)

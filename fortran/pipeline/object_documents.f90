@@ -149,7 +149,12 @@ contains
          call visitor%document%put('scan', transpose(real(pairs, wp)))
          call visitor%document%put_json('physics', identity_text(self%settings))
       end if
-      if (allocated(self%foreign)) call visitor%document%put('foreign', self%foreign)
+      if (allocated(self%spreadsheet)) call visitor%document%put('spreadsheet', self%spreadsheet)
+      if (allocated(self%indents)) then
+         call visitor%document%put('map', self%map)
+         call visitor%array('indents_um', size(self%positions), self%positions)
+         if (.not. allocated(visitor%wanted)) call put_cells('indents', self%indents, visitor%document)
+      end if
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)
       call describe_points('candidates', self%candidates, visitor)

@@ -73,9 +73,12 @@ contains
       integer :: i
 
       call read_problem(path, 'run', self, error)
-      if (.not. allocated(error) .and. allocated(self%foreign)) call raise(error, place(path, 'measurements', 'file') &
+      if (.not. allocated(error) .and. allocated(self%spreadsheet)) call raise(error, place(path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
          & //'its sheet as CSV', exit_bad_input)
+      if (.not. allocated(error) .and. allocated(self%map)) call raise(error, place(path, 'measurements', 'ebsd') &
+         & //printable(self%settings%measurements%ebsd)//': an orientation map is read by bayesindent, not by ' &
+         & //'bayesindent-batch, which needs the orientations as columns', exit_bad_input)
       call stop_on(error)
       call tell(self%warnings)
       if (self%settings%design%given) call check_new_surrogate(self, output, error)

@@ -9,11 +9,12 @@ module point_tables
    use settings_groups, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, find_column, find_modulus, nearest_to, need_column, refuse_cell, &
       & says_radians
-   use tables, only: parse_table, read_table, table_type
+   use tables, only: read_table, table_type
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_grains, read_measurements, measurements_of_text, angles_look_like_radians
+   public :: points_type, read_crystals, read_grains, read_measurements, measurements_of_table, read_positions, &
+      & angles_look_like_radians
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -104,14 +105,11 @@ contains
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_measurements
 
-   !> The same from a text.
-   subroutine measurements_of_text(page, prefix, is_file, asked, crystal, parameters, points, error)
-      !> Header and rows.
-      character(len=*), intent(in) :: page
+   !> The same from a table.
+   subroutine measurements_of_table(table, prefix, asked, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
       !> With which messages begin.
       character(len=*), intent(in) :: prefix
-      !> Its lines are those of a file; else rows are counted from 1, without the header.
-      logical, intent(in) :: is_file
       type(measurements_settings_type), intent(in) :: asked
       !> See `read_measurements`.
       type(crystal_class_type), intent(in) :: crystal
@@ -119,15 +117,31 @@ contains
       real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
 
-      call parse_table(page, points%table, error)
-      if (.not. allocated(error)) then
-         if (.not. is_file) points%table%line = [(i, i=1, points%table%rows)]
-         call read_measured(points, asked, crystal, parameters, error)
-      end if
+      points%table = table
+      call read_measured(points, asked, crystal, parameters, error)
       if (allocated(error)) error%message = prefix//error%message
-   end subroutine measurements_of_text
+   end subroutine measurements_of_table
+
+   !> The columns x_um and y_um.
+   subroutine read_positions(table, positions, error)
+      type(table_type), intent(in) :: table
+      !> um, (n, 2).
+      real(wp), allocatable, intent(out) :: positions(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=4), parameter :: names(2) = ['x_um', 'y_um']
+      integer :: column, i, j
+
+      allocate (positions(table%rows, 2))
+      do j = 1, 2
+         call need_column(table, names(j), column, error)
+         if (allocated(error)) return
+         do i = 1, table%rows
+            call table%number(column, i, positions(i, j), error)
+            if (allocated(error)) return
+         end do
+      end do
+   end subroutine read_positions
 
    !> Orientations of grains that may be measured, with their names. Messages begin with `prefix`.
    subroutine read_grains(path, prefix, radians, crystal, parameters, points, error)

@@ -10,8 +10,8 @@ module problem
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
-   use point_tables, only: angles_look_like_radians, measurements_of_text, points_type, read_crystals, read_grains, &
-      & read_measurements
+   use point_tables, only: angles_look_like_radians, measurements_of_table, points_type, read_crystals, read_grains, &
+      & read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter
    use settings_checks, only: check_settings
    use settings_groups, only: settings_type
@@ -22,6 +22,7 @@ module problem
    use stiffness_table, only: read_stiffness_table, stiffness_table_of_text, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint
+   use tables, only: parse_table, read_table, table_type
    use text, only: lower, split_list, to_text
    use warning_lists, only: add_warning => warn, warning_type
    implicit none
@@ -43,8 +44,12 @@ module problem
       type(points_type), allocatable :: crystals, measurements, candidates
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Measurements in a form that Python turns into text (see `set_table`): their file. Unallocated: they are read.
-      character(len=:), allocatable :: foreign
+      !> Measurements in a spreadsheet, which Python turns into text (see `set_table`): its path. Unallocated: there is none.
+      character(len=:), allocatable :: spreadsheet
+      !> Measurements that wait for the orientations that Python takes from a map, the path of the map, and the positions, um, (n, 2).
+      type(table_type), allocatable :: indents
+      character(len=:), allocatable :: map
+      real(wp), allocatable :: positions(:, :)
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
@@ -116,10 +121,19 @@ contains
       end if
       if (allocated(self%settings%measurements%file)) then
          associate (name => self%settings%measurements%file)
-            if (is_spreadsheet(name)) self%foreign = resolve_path(self%folder, name)
+            if (is_spreadsheet(name)) self%spreadsheet = resolve_path(self%folder, name)
          end associate
       end if
-      if (allocated(self%settings%measurements%file) .and. .not. allocated(self%foreign)) then
+      if (allocated(self%settings%measurements%ebsd)) self%map = resolve_path(self%folder, self%settings%measurements%ebsd)
+      if (allocated(self%settings%measurements%file) .and. .not. allocated(self%spreadsheet)) then
+         if (allocated(self%map)) then
+            allocate (self%indents)
+            call read_table(resolve_path(self%folder, self%settings%measurements%file), self%indents, error)
+            call set_indents(self, error)
+            if (allocated(error)) return
+         end if
+      end if
+      if (allocated(self%settings%measurements%file) .and. .not. (allocated(self%spreadsheet) .or. allocated(self%map))) then
          associate (name => self%settings%measurements%file)
             allocate (self%measurements)
             call read_measurements(resolve_path(self%folder, name), place(self%path, 'measurements', 'file') &
@@ -144,13 +158,13 @@ contains
       end associate
    end subroutine load_tables
 
-   !> A table that is no file, or, of measurements, the text that was made of their file.
+   !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements' or 'stiffness'; CSV, as a file has it.
+      !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: prefix, name
+      type(table_type) :: parsed
 
       if (table == 'stiffness') then
          if (allocated(self%stiffness)) deallocate (self%stiffness)
@@ -158,18 +172,66 @@ contains
          call stiffness_table_of_text(page, place(self%path, 'knowledge', 'stiffness'), self%class, self%stiffness, error)
          return
       end if
+      call parse_table(page, parsed, error)
+      if (allocated(error)) then
+         error%message = prefix_of_table(self)//error%message
+      else if (table == 'ebsd') then
+         call self%indents%join(parsed, error)
+         if (allocated(error)) error%message = prefix_of_table(self)//error%message
+         if (.not. allocated(error)) call set_measurements(self, self%indents, error)
+      else
+         if (.not. allocated(self%spreadsheet)) call count_rows(parsed)
+         if (allocated(self%map)) then
+            self%indents = parsed
+            call set_indents(self, error)
+         else
+            call set_measurements(self, parsed, error)
+         end if
+      end if
+   end subroutine set_table
+
+   !> Rows that are lines of no file are counted from 1, without the header.
+   subroutine count_rows(table)
+      type(table_type), intent(inout) :: table
+      integer :: i
+
+      table%line = [(i, i=1, table%rows)]
+   end subroutine count_rows
+
+   !> Where the measurements were made that wait for their orientations.
+   subroutine set_indents(self, error)
+      type(problem_type), intent(inout) :: self
+      !> Of their reading, if there was one.
+      type(error_type), allocatable, intent(inout) :: error
+
+      if (.not. allocated(error)) call read_positions(self%indents, self%positions, error)
+      if (allocated(error)) error%message = prefix_of_table(self)//error%message
+   end subroutine set_indents
+
+   subroutine set_measurements(self, table, error)
+      type(problem_type), intent(inout) :: self
+      type(table_type), intent(in) :: table
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: name
+
       if (allocated(self%measurements)) deallocate (self%measurements)
       allocate (self%measurements)
-      prefix = place(self%path, 'measurements', '')
-      name = 'the table'
-      if (allocated(self%foreign)) then
-         name = printable(self%settings%measurements%file)
-         prefix = place(self%path, 'measurements', 'file')//name//': '
-      end if
-      call measurements_of_text(page, prefix, allocated(self%foreign), self%settings%measurements, self%class, &
+      call measurements_of_table(table, prefix_of_table(self), self%settings%measurements, self%class, &
          & self%settings%problem%lattice, self%measurements, error)
+      name = 'the table'
+      if (allocated(self%settings%measurements%file)) name = printable(self%settings%measurements%file)
       if (.not. allocated(error)) call question_measurements(self, name, error)
-   end subroutine set_table
+   end subroutine set_measurements
+
+   !> With which messages on the measurements begin.
+   function prefix_of_table(self) result(prefix)
+      type(problem_type), intent(in) :: self
+      character(len=:), allocatable :: prefix
+
+      prefix = place(self%path, 'measurements', '')
+      if (allocated(self%settings%measurements%file)) prefix = place(self%path, 'measurements', 'file') &
+         & //printable(self%settings%measurements%file)//': '
+   end function prefix_of_table
 
    pure logical function is_spreadsheet(name)
       character(len=*), intent(in) :: name

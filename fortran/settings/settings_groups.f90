@@ -77,7 +77,7 @@ module settings_groups
 
    type :: measurements_settings_type
       logical :: given = .false.
-      character(len=:), allocatable :: file, sheet, modulus_kind, angles, scale, likelihood
+      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
    end type measurements_settings_type

@@ -152,6 +152,8 @@ contains
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
       call v%text('sheet', s%measurements%sheet, '', 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
+      call v%file('ebsd', s%measurements%ebsd, 'unset', &
+         & 'orientation map (.ang, .ctf, .h5) that has the orientations of the grains at the columns x_um, y_um')
       call v%choice('modulus_kind', s%measurements%modulus_kind, 'unset', v%words('modulus_kind'), &
          & 'which modulus was measured; unset: as the name of its column says (effective_modulus_gpa, Er ..), and it must say it')
       call v%choice('angles', s%measurements%angles, 'degrees', 'degrees, radians', &

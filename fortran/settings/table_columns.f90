@@ -32,6 +32,8 @@ module table_columns
       & column_type('orientation_sd_deg', ' orientation_sd ', ' deg degrees degree ° '), &
       & column_type('depth_um', '', um), &
       & column_type('grain_radius_um', '', um), &
+      & column_type('x_um', ' x ', um), &
+      & column_type('y_um', ' y ', um), &
       & column_type('group', '', ''), &
       & column_type('grain', ' grain_id grain_number ', '')]
    !> What may be a unit in a name.

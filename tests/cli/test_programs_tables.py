@@ -29,3 +29,15 @@ def test_a_spreadsheet_from_a_namelist(bayesindent, tmp_path):
     refused = subprocess.run([PROGRAM, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False)
     said = "a.nml: &measurements file: grains.xlsx: a spreadsheet is read by bayesindent, not by bayesindent-batch; save its sheet as CSV\n"
     assert (refused.returncode, refused.stderr) == (2, said)
+
+
+def test_the_batch_program_reads_no_maps(tmp_path):
+    (tmp_path / "grains.csv").write_text("x_um,y_um,Er,sd\n1,2,200,4\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&measurements file = 'grains.csv', ebsd = 'map.ang' /\n")
+    refused = subprocess.run([PROGRAM, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    said = "a.nml: &measurements ebsd: map.ang: an orientation map is read by bayesindent, not by bayesindent-batch, which needs the orientations"
+    assert (refused.returncode, refused.stderr) == (2, f"{said} as columns\n")
+    # Positions are needed.
+    (tmp_path / "grains.csv").write_text("x_um,Er,sd\n1,200,4\n")
+    refused = subprocess.run([PROGRAM, "a.nml"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert refused.stderr == "a.nml: &measurements file: grains.csv: the column y_um is missing; the columns are x_um, Er, sd\n"

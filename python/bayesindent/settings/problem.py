@@ -174,11 +174,20 @@ class Problem(NativeObject):
         if measurements_table is not None:
             call("problem_set_table", handle, "measurements", _page(measurements_table).encode())
         facts = self._document()
-        if "foreign" in facts:
+        if "spreadsheet" in facts:
             settings = _settings(facts["values"], [])
             place = f"{path}: &measurements file: {settings.measurements.file}: "
-            page = spreadsheet_page(place, Path(facts["foreign"]), settings.measurements.sheet)
+            page = spreadsheet_page(place, Path(facts["spreadsheet"]), settings.measurements.sheet)
             call("problem_set_table", handle, "measurements", page.encode())
+            facts = self._document()
+        if "indents" in facts:
+            from .orientation_maps import page_of as page_of_map
+
+            settings = _settings(facts["values"], [])
+            place = f"{path}: &measurements ebsd: {settings.measurements.ebsd}: "
+            x, y = self._array("indents_um", facts["indents_um"]).reshape(2, -1)
+            page = page_of_map(place, Path(facts["map"]), x.copy(), y.copy(), facts["indents"][0])
+            call("problem_set_table", handle, "ebsd", page.encode())
             facts = self._document()
         self.path = path
         self.folder = path.parent

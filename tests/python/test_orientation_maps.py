@@ -1,0 +1,145 @@
+"""Orientations from a map (EBSD) at the positions of the indents. The maps are made here, in the formats of two vendors and of orix."""
+
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import bayesindent as bi
+
+orix_io = pytest.importorskip("orix.io")
+
+STEP, EDGE = 0.5, 8.0
+#: Bunge's angles of the grains left and right of x = EDGE, degrees.
+LEFT, RIGHT = (30.0, 40.0, 70.0), (200.0, 75.0, 20.0)
+SD_DEG = 0.4
+
+
+def bunge(euler_deg):
+    """From sample to crystal axes."""
+    return Rotation.from_euler("ZXZ", euler_deg, degrees=True).inv()
+
+
+def pixels(equivalents=False, sd=SD_DEG):
+    """Positions and angles (degrees) of a map of 30 x 20 points: two grains, tilted a little from point to point."""
+    y, x = (part.ravel() * STEP for part in np.mgrid[:20, :30])
+    rng = np.random.default_rng(3)
+    tilt = Rotation.from_rotvec(np.radians(sd) * rng.normal(size=(len(x), 3)))
+    quarter = Rotation.from_rotvec(np.outer(np.pi / 2 * rng.integers(0, 4 if equivalents else 1, len(x)), [0, 0, 1]))
+    mean = bunge(np.where((x < EDGE)[:, None], LEFT, RIGHT))
+    return x, y, (quarter * mean * tilt).inv().as_euler("ZXZ", degrees=True) % 360
+
+
+def write(path, x, y, euler, point_group="m-3m"):
+    """The map in the format of the file's ending."""
+    if path.suffix == ".ctf":
+        lines = ["Channel Text File", "Prj\tmade by hand", "Author\t[Unknown]", "JobMode\tGrid", "XCells\t30", "YCells\t20", f"XStep\t{STEP}",
+                 f"YStep\t{STEP}", "AcqE1\t0", "AcqE2\t0", "AcqE3\t0", "Euler angles refer to Sample Coordinate system (CS0)!\tMag\t100",
+                 "Phases\t1", "2.866;2.866;2.866\t90;90;90\tIron bcc (old)\t11\t229\t\t\t",
+                 "Phase\tX\tY\tBands\tError\tEuler1\tEuler2\tEuler3\tMAD\tBC\tBS"]  # fmt: skip
+        lines += [
+            f"1\t{a:.4f}\t{b:.4f}\t8\t0\t{e[0]:.5f}\t{e[1]:.5f}\t{e[2]:.5f}\t0.5\t100\t100" for a, b, e in zip(x, y, euler, strict=True)
+        ]
+        path.write_text("\n".join(lines) + "\n")
+        return path
+    from orix.crystal_map import CrystalMap, Phase, PhaseList
+    from orix.quaternion import Rotation as Orientations
+
+    phases = PhaseList(Phase("iron", point_group=point_group))
+    rotations = Orientations.from_euler(np.radians(euler))
+    orix_io.save(str(path), CrystalMap(rotations, np.ones(len(x), int), x, y, phase_list=phases, scan_unit="um"))
+    return path
+
+
+def measured(path, positions, **further):
+    table = dict(zip(("x_um", "y_um"), np.asarray(positions, float).T.tolist(), strict=True))
+    table |= {"Er": [200.0 + k for k in range(len(positions))], "sd": len(positions) * [4.0]} | further
+    return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"ebsd": path})
+
+
+def along(euler_deg):
+    """The indented direction up to the symmetry of the cube."""
+    return np.sort(np.abs(bunge(euler_deg).apply([0, 0, 1])), axis=-1)
+
+
+@pytest.mark.parametrize("ending", ["ang", "ctf", "h5"])
+def test_the_mean_orientation_of_the_grain_at_each_indent(tmp_path, ending):
+    path = write(tmp_path / f"map.{ending}", *pixels())
+    points = measured(path, [(2.1, 5.2), (12.3, 4.9)]).measurements
+    for found, true in zip(along(points.euler_deg), along([LEFT, RIGHT]), strict=True):
+        # Some 300 points of this sd: the mean is known to a hundredth of a degree or so.
+        assert np.degrees(np.arccos(min(1, found @ true))) < 0.15
+    assert len(points) == 2
+
+
+def test_equivalent_orientations_within_a_grain_are_one(tmp_path):
+    plain, mixed = (measured(write(tmp_path / f"{k}.h5", *pixels(k)), [(2.1, 5.2), (12.3, 4.9)]).measurements for k in (False, True))
+    assert along(mixed.euler_deg) == pytest.approx(along(plain.euler_deg), abs=1e-9)
+
+
+def columns(problem, *names):
+    """What the map added."""
+    header = problem.measurements.columns
+    return [[row[header.index(name)] for row in problem.measurements.rows] for name in names]
+
+
+def test_spread_distance_and_grain(tmp_path):
+    problem = measured(write(tmp_path / "map.h5", *pixels()), [(6.0, 5.0), (2.0, 5.0), (10.0, 5.0)])
+    grain, spread, radius = columns(problem, "grain", "orientation_sd_deg", "grain_radius_um")
+    # The tilt of the direction is in two of the three components of the turn.
+    assert [float(value) for value in spread] == pytest.approx(3 * [SD_DEG], rel=0.1)
+    # The edge is half way between the last point of one grain, at 7.5 um, and the first of the other at 8 um.
+    assert [float(value) for value in radius] == pytest.approx([1.75, 5.75, 2.25], abs=1e-9)
+    assert grain[0] == grain[1] != grain[2]
+    # Two indents in one grain are tests of it.
+    assert len(problem.measurements) == 2
+    assert problem.measurements.names == [grain[0], grain[2]]
+
+
+def test_columns_of_the_user_go_before(tmp_path):
+    path = write(tmp_path / "map.h5", *pixels())
+    problem = measured(path, [(6.0, 5.0), (2.0, 5.0)], grain=["a", "b"], grain_radius_um=[50.0, 60.0])
+    assert problem.measurements.names == ["a", "b"]
+    assert "grain_radius_um" in problem.measurements.columns
+    assert measured(path, [(6.0, 5.0)], **{"Grain ID": ["c"]}).measurements.names == ["c"]
+    with pytest.raises(bi.InputError, match="map.h5: the column Euler1 states the orientation too; one of them is allowed"):
+        measured(path, [(6.0, 5.0)], Euler1=[10.0])
+    with pytest.raises(bi.InputError, match="orientations are stated twice, by angles and by u, v, .."):
+        measured(path, [(6.0, 5.0)], u=[1], v=[1], w=[2])
+
+
+def test_noise_is_no_boundary(tmp_path):
+    x, y, euler = pixels()
+    euler[np.flatnonzero((x == 3.0) & (y == 5.0))] = RIGHT
+    problem = measured(write(tmp_path / "map.h5", x, y, euler), [(2.4, 5.0)])
+    (radius,) = columns(problem, "grain_radius_um")
+    assert float(radius[0]) == pytest.approx(5.35, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("positions", "further", "words"),
+    [
+        (
+            [(2.0, 2.0), (80.0, 2.0)],
+            {},
+            r"row 2: \(80, 2\) um is 65.5 um from the next indexed point; the map is from \(0, 0\) to \(14.5, 9.5\)",
+        ),
+        ([(2.0, np.nan)], {}, "column y_um: nan is not finite"),
+    ],
+)
+def test_refusals(tmp_path, positions, further, words):
+    with pytest.raises(bi.InputError, match=words):
+        measured(write(tmp_path / "map.h5", *pixels()), positions, **further)
+
+
+def test_what_is_no_map(tmp_path, monkeypatch):
+    path = tmp_path / "map.ang"
+    with pytest.raises(bi.InputError, match="map.ang: the file does not exist"):
+        measured(path, [(1.0, 1.0)])
+    path.write_text("nothing\n")
+    with pytest.raises(bi.InputError, match="map.ang: is no map that orix reads"):
+        measured(path, [(1.0, 1.0)])
+    monkeypatch.setitem(sys.modules, "orix", None)
+    with pytest.raises(bi.InputError, match=r"needs orix, which is not installed: pip install 'bayesindent\[ebsd\]'"):
+        measured(path, [(1.0, 1.0)])
