@@ -1,17 +1,20 @@
 """Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains."""
 
-from .core import BayesindentError, InputError, MachineError
+from . import report
+from .core import BayesindentError, BayesindentWarning, InputError, MachineError
 from .crystal.elasticity import anisotropy_index, halfspace_modulus, log_anisotropy, polycrystal_averages, stiffness
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, summary
 from .inference.next_grain import next_grain
 from .inference.quantities import quantities
+from .pipeline.build import build_surrogate as build
 from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError",
+    "BayesindentWarning",
     "Indentation",
     "IndentationResult",
     "InputError",
@@ -19,6 +22,7 @@ __all__ = [
     "Problem",
     "Surrogate",
     "anisotropy_index",
+    "build",
     "constants",
     "extract",
     "halfspace_modulus",
@@ -26,6 +30,7 @@ __all__ = [
     "next_grain",
     "polycrystal_averages",
     "quantities",
+    "report",
     "stiffness",
     "summary",
 ]

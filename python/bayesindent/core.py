@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import warnings
 from pathlib import Path
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
@@ -34,7 +35,18 @@ import numpy as np  # noqa: E402
 
 from . import _core  # type: ignore[attr-defined] # noqa: E402
 
-__all__ = ["BayesindentError", "InputError", "MachineError", "NativeObject", "call", "check", "document", "native"]
+__all__ = [
+    "BayesindentError",
+    "BayesindentWarning",
+    "InputError",
+    "MachineError",
+    "NativeObject",
+    "call",
+    "check",
+    "document",
+    "native",
+    "warn_of",
+]
 
 #: The f2py module itself.
 native = _core
@@ -50,6 +62,16 @@ class InputError(BayesindentError, ValueError):
 
 class MachineError(BayesindentError):
     """The machine could not do it (memory, disk): no result about the input; it may work next time."""
+
+
+class BayesindentWarning(UserWarning):
+    """What is to be known of a result before it is used."""
+
+
+def warn_of(document: dict) -> None:
+    """The warnings of a document, as Python's; they name the line that called the library's function."""
+    for line in document.get("warnings", []):
+        warnings.warn(line, BayesindentWarning, stacklevel=3)
 
 
 def check(status: int, message: bytes | str) -> None:

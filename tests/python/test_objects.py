@@ -39,6 +39,7 @@ MAKERS = {
         lambda surrogate: [values.tolist() for values in surrogate.predict(CRYSTAL[None], ANGLES[None])],
     ),
     "BayesindentError": (lambda file: bi.BayesindentError("why"), str),
+    "BayesindentWarning": (lambda file: bi.BayesindentWarning("why"), str),
     "InputError": (lambda file: bi.InputError("why"), str),
     "MachineError": (lambda file: bi.MachineError("why"), str),
 }

@@ -119,6 +119,11 @@ class Indentation(NativeObject):
         self.depth_max_um, self.contact_radius_max_um = (self._facts[name] for name in ("depth_max_um", "contact_radius_max_um"))
         self._frozen = True
 
+    def __repr__(self) -> str:
+        specimen, indenter = self.settings.specimen.geometry, self.settings.indenter.shape
+        last = f"depth {self.depth_max_um:.3g} um, contact radius {self.contact_radius_max_um:.3g} um"
+        return f"<Indentation of a {specimen} by a {indenter} to {last}: {self.bricks} bricks, {self.unknowns} unknowns>"
+
     def __reduce__(self):
         return self._made_of
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from ..core import warn_of
 from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
 from .quantities import quantity_names
@@ -23,7 +24,9 @@ def extract(measurements, *, surrogate="halfspace", **settings):
     of the crystal, for some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), `observed_data`.
     """
     surrogate = loaded(surrogate)
-    return inference_data(Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION))
+    found = Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION)
+    warn_of(found.document("extract"))
+    return inference_data(found)
 
 
 def loaded(surrogate):

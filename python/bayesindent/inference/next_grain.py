@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..core import warn_of
 from .extract import extract, loaded
 from .measurements import problem_of
 from .posterior import Posterior
@@ -20,7 +21,9 @@ def next_grain(measurements, *, surrogate="halfspace", result=None, **settings) 
     problem = problem_of("bi.next_grain", surrogate, measurements, **settings)
     if result is None:
         result = extract(measurements, surrogate=surrogate, **settings)
-    return Posterior(problem, surrogate).suggest(problem, draws_of(result))
+    document = Posterior(problem, surrogate).suggest(problem, draws_of(result))
+    warn_of(document)
+    return document
 
 
 def draws_of(result) -> np.ndarray:

@@ -35,6 +35,9 @@ class Posterior(NativeObject):
         """The posterior that `bi.extract` samples with these arguments."""
         return cls(problem_of("Posterior", surrogate, measurements, **settings), surrogate, what)
 
+    def __repr__(self) -> str:
+        return f"<Posterior of {', '.join(self.names)} of a {self.symmetry} crystal from {self.grains} grains, with {self.surrogate!r}>"
+
     def __reduce__(self):
         return type(self), (self.problem, self.surrogate, self.what)
 

@@ -3,6 +3,7 @@
 All results go through campaign.sqlite, so that an interrupted build goes on where it was, and a larger budget continues it.
 """
 
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,25 +11,69 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import NativeObject, call
+from ..core import BayesindentError, InputError, MachineError, NativeObject, call, warn_of
 from ..crystal.elasticity import constant_names
+from ..pipeline.inputs_identity import keep_document, write_resolved
 from ..pipeline.simulator import Simulator, engine_of, simulate_all
+from ..settings.problem import Problem
 from ..surrogate.basis import Basis
 from ..surrogate.lookup import check_replaceable
+from ..surrogate.surrogate import Surrogate
 
-__all__ = ["Build", "build"]
+__all__ = ["Build", "build", "build_surrogate"]
 
 
-def build(problem, output, progress: Progress | None = None) -> dict:
+def build_surrogate(problem, output, *, simulate: Callable | None = None) -> Surrogate:
+    """Step 1: the surrogate that `problem`, a namelist file or a `Problem`, asks for. Simulations are kept in the folder `output`; call it again to go on.
+
+    `simulate(stiffness, euler_deg)`, stiffness (6, 6) in GPa in crystal axes and Bunge-Euler angles (3,) in degrees, gives an indentation
+    modulus in GPa in place of the program's own simulations; it may raise `BayesindentError` where it fails. &simulation simulator must be 'import',
+    under which its results are kept. As many are called at once, from threads, as &execution says (0: as there are cores).
+    """
+    if not isinstance(problem, Problem):
+        problem = Problem(problem, "build")
+    if (simulate is not None) != (problem.settings.simulation.simulator == "import"):
+        raise InputError(
+            f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given where it is 'import', and only there"
+        )
+    output = Path(output)
+    document = build(problem, output, simulate=None if simulate is None else Given(simulate))
+    write_resolved(output, problem.resolved)
+    keep_document(problem, "build", output, document)
+    warn_of(document)
+    return Surrogate.load(output / problem.settings.surrogate.file)
+
+
+class Given:
+    """A function of the user's as a `Simulator`."""
+
+    def __init__(self, function: Callable):
+        self.function = function
+
+    def __call__(self, stiffness, euler_deg) -> dict:
+        """What `Campaign.add` stores."""
+        begun = time.perf_counter()
+        try:
+            modulus = float(self.function(stiffness, euler_deg))
+        except (InputError, MachineError):
+            raise
+        except BayesindentError as error:
+            return {"seconds": time.perf_counter() - begun, "message": str(error)}
+        if not (np.isfinite(modulus) and modulus > 0):
+            return {"seconds": time.perf_counter() - begun, "message": f"the modulus is {modulus}"}
+        return {"modulus_gpa": modulus, "seconds": time.perf_counter() - begun}
+
+
+def build(problem, output, progress: Progress | None = None, simulate: Callable | None = None) -> dict:
     """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
     progress = progress or Progress()
-    design, engine, simulate = problem.settings.design, None, None
+    design, engine = problem.settings.design, None
     steps = Build(problem, output)
     wanted, learnt, _ = steps.advance()
     with progress.bar("simulations", max(0, design.budget + design.validation - learnt)) as advance, ExitStack() as opened:
         while wanted:
-            if simulate is None:
-                simulate, engine = Simulator(problem), opened.enter_context(engine_of(problem))
+            if engine is None:
+                simulate, engine = simulate or Simulator(problem), opened.enter_context(engine_of(problem))
             steps.perform(simulate, engine, advance, wanted)
             wanted = steps.advance()[0]
     return steps.conclude()

@@ -14,7 +14,17 @@ from ..core import InputError
 from ..settings.problem import stages
 from ..surrogate.lookup import find_surrogate
 
-__all__ = ["DOCUMENTS", "belongs", "inputs_of", "read_manifest", "read_resolved", "surrogate_input", "update_manifest", "write_resolved"]
+__all__ = [
+    "DOCUMENTS",
+    "belongs",
+    "inputs_of",
+    "keep_document",
+    "read_manifest",
+    "read_resolved",
+    "surrogate_input",
+    "update_manifest",
+    "write_resolved",
+]
 
 #: The file of each stage's document.
 DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
@@ -48,6 +58,15 @@ def surrogate_input(name: str, output: Path, folder) -> dict[str, str]:
         file = find_surrogate(name, output, folder)
         return {"surrogate_file": digest(file.read_bytes()) if file else ""}
     return {}
+
+
+def keep_document(problem, stage: str, output: Path, document: dict) -> None:
+    """Keep what a stage gave in the output folder, with the inputs that it follows from, for reports."""
+    groups = next(row.groups for row in stages() if row.name == stage)
+    document["warnings"] = list(document.get("warnings", []))
+    document["inputs"] = inputs_of(problem, groups, output)
+    update_manifest(output, problem.path, document["inputs"])
+    write_json(output / DOCUMENTS[stage], document)
 
 
 def digest(content: bytes) -> str:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..common.progress import Progress
-from ..common.result_files import write_json
 from ..core import call
-from ..pipeline.inputs_identity import DOCUMENTS, inputs_of, update_manifest, write_resolved
+from ..pipeline.inputs_identity import inputs_of, keep_document, update_manifest, write_resolved
 from ..settings.problem import Problem, schema, stages
 from ..version import __version__
 
@@ -97,10 +96,7 @@ def perform(command: Command, problem, output: Path, progress: Progress) -> dict
     assert command.stage is not None, command.name
     log.info("%s begins", command.name)
     document = command.stage(problem, output, progress)
-    document["warnings"] = list(document.get("warnings", []))
-    document["inputs"] = inputs_of(problem, command.groups, output)
-    update_manifest(output, problem.path, document["inputs"])
-    write_json(output / DOCUMENTS[command.name], document)
+    keep_document(problem, command.name, output, document)
     log.info("%s ends", command.name)
     return document
 

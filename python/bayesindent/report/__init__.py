@@ -1,1 +1,24 @@
-"""The report and its figures."""
+"""The report and its figures.
+
+`bi.report(folder)` writes it: this package is also the function, so that neither hides the other. It writes report.html of the results in `folder`
+into `output` (default: the folder itself), and returns its path; `figures`: 'png', 'pdf' or 'svg' for every figure as a file in `folder`/figures too;
+`paper`: what a paper takes in `folder`/paper.
+"""
+
+import sys
+from os import PathLike
+from pathlib import Path
+from types import ModuleType
+
+
+class _Report(ModuleType):
+    """A package that can be called."""
+
+    def __call__(self, folder: str | PathLike, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
+        """See the package."""
+        from .report import write_report
+
+        return write_report(Path(folder), Path(output) if output else None, figures, paper)
+
+
+sys.modules[__name__].__class__ = _Report

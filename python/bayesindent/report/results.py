@@ -107,7 +107,8 @@ class Results:
     @cached_property
     def surrogate(self) -> Surrogate | None:
         """The surrogate of the results: in the folder, beside the namelist, or one that comes with the package."""
-        name = self.group("surrogate").get("file")
+        # What was built through the library may not have said its name.
+        name = self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
         if not name:
             return None
         try:

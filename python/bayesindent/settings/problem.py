@@ -227,6 +227,10 @@ class Problem(NativeObject):
     def _points(self, table: str):
         return Points(self, table, self._tables[table]) if table in self._tables else None
 
+    def __repr__(self) -> str:
+        asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"
+        return f"<Problem {self.path}: {self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
+
     def __reduce__(self):
         if len(self._made_of) == 2:
             return type(self), self._made_of

@@ -85,6 +85,12 @@ class Surrogate(NativeObject):
             self.save(Path(folder) / "surrogate.txt")
             return _from_text, ((Path(folder) / "surrogate.txt").read_text(),)
 
+    def __repr__(self) -> str:
+        facts = self._document()
+        known = f"{facts['simulated_modulus_gpa']} simulations, {self.basis.n_terms} terms" if self.basis.n_terms else "the exact theory"
+        title = self.provenance.get("title") or ""
+        return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
+
     @property
     def covariance(self) -> np.ndarray:
         """Posterior covariance (n_terms, n_terms) of the coefficients, in units of y."""

@@ -11,7 +11,7 @@ from .style import BLACK, BLUE, SKY, Picture, new_figure
 __all__ = ["next_grains", "orientations"]
 
 #: Draws of the posterior that are carried through the surrogate.
-DRAWS = 200
+DRAWS = 100
 
 #: Directions that are named where they are corners of the map.
 CORNERS = ((0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (-1, 0, 0), (0, -1, 0))

@@ -25,7 +25,7 @@ def marginals(results) -> Picture | None:
     for axes, (name, chains) in zip(grid, samples.items()):
         values = chains.ravel()
         mean, sd, best = values.mean(), values.std(), results.documents["extract"]["parameters"][name]["map"]
-        axes.hist(values, bins=48, density=True, color=SKY, alpha=0.7, lw=0)
+        axes.stairs(*np.histogram(values, 48, density=True), fill=True, color=SKY, alpha=0.7)
         axes.axvline(mean, color=BLUE, label="mean")
         if best is not None:
             axes.axvline(best, color=RED, ls="--", label="most probable")
@@ -96,7 +96,7 @@ def pairs(results) -> Picture | None:
             cell.axis("off")
             cell.text(0.5, 0.5, f"{correlation[i, j]:+.2f}", ha="center", va="center", size=11, color="#555555", transform=cell.transAxes)
         elif i == j:
-            cell.hist(table[i], bins=36, color=SKY, alpha=0.7, lw=0)
+            cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])
         else:
             cell.plot(table[j], table[i], ".", ms=2.2, alpha=0.4, color=BLUE, rasterized=True, mew=0)

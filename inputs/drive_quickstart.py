@@ -1,0 +1,54 @@
+"""The quickstart step by step through the library: replace `simulate` by a simulation of your own (Abaqus, CalculiX, measurements, ..).
+
+    .venv/bin/python inputs/drive_quickstart.py
+
+The numbers are those of `./bayesindent run inputs/quickstart.nml`.
+"""
+
+from pathlib import Path
+
+import bayesindent as bi
+
+HERE = Path(__file__).parent
+FILM = {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 163, "substrate_nu": 0.223}
+GRAINS = HERE / "data" / "copper_film.csv"
+KNOWN = {"bulk_modulus": (137, 3)}  # mean and sd, GPa
+
+
+def simulator(**settings):
+    """A function that simulates one indentation. Yours may do so in any way."""
+    film = bi.Indentation(**FILM, **settings)
+
+    def simulate(stiffness, euler_deg) -> float:
+        """The indentation modulus in GPa of a crystal of this stiffness (6, 6), GPa, crystal axes, at these Bunge-Euler angles, degrees."""
+        return film.run(stiffness, euler_deg).indentation_modulus_gpa
+
+    return simulate
+
+
+def main(output="runs/drive_quickstart", simulate=None, budget=25, samples=10000):
+    """Both steps, the next grain and the report of Step 1; returns what was found."""
+    # Step 1: simulations of the film, each chosen so that all crystals are known best. Call it again, and it goes on where it was.
+    problem = bi.Problem.from_keywords(
+        "drive_quickstart.py", problem={"seed": 1}, specimen=FILM, simulation={"simulator": "import"}, design={"budget": budget}
+    )
+    surrogate = bi.build(problem, output, simulate=simulate or simulator())
+    print(surrogate)
+
+    # Step 2: the constants behind the measured moduli; warnings are Python's own.
+    asked = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "knowledge": KNOWN, "samples": samples, "chains": 4}
+    posterior = bi.extract(GRAINS, surrogate=surrogate, **asked)
+    for name, item in bi.summary(posterior)["parameters"].items():
+        print(f"{name} = {item['mean']:.1f} ± {item['sd']:.1f} GPa")
+
+    # What to measure next.
+    suggestions = bi.next_grain(GRAINS, surrogate=surrogate, result=posterior, count=5, **asked)["suggestions"]
+    for item in suggestions:
+        print("next grain, Bunge-Euler angles in degrees:", [round(angle, 1) for angle in item["euler_deg"]])
+
+    print(bi.report(output))
+    return surrogate, posterior, suggestions
+
+
+if __name__ == "__main__":
+    main()
