@@ -249,13 +249,15 @@ contains
       text = ''
       if (.not. abs(number) <= huge(number)) return
       call write_short(number, digits, n)
-      if (n > 0) then
+      if (abs(number) < tiny(number)) then
+         text = '0'
+      else if (n > 0) then
          text = digits(:n)
-         return
+      else
+         write (digits, '(es24.9e3)') abs(number)
+         text = spelled(digits, number)
+         if (index(text, '.0') == len(text) - 1) text = text(:len(text) - 2)
       end if
-      write (digits, '(es24.9e3)') abs(number)
-      text = spelled(digits, number)
-      if (index(text, '.0') == len(text) - 1) text = text(:len(text) - 2)
    end function short_text
 
    !> The `n` ten digits at most of the usual number, without those of the library, which take twenty times as long; n = 0 for a number

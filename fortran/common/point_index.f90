@@ -3,7 +3,7 @@ module point_index
    use kinds, only: i8, wp
    implicit none
    private
-   public :: point_index_type, new_point_index
+   public :: point_index_type, new_point_index, number_equal
 
    type :: point_index_type
       private
@@ -34,6 +34,27 @@ contains
          index%places(k) = j
       end do
    end subroutine new_point_index
+
+   !> The same number for equal `points`: that of the first.
+   pure function number_equal(points) result(numbers)
+      !> (coordinate, point).
+      real(wp), intent(in) :: points(:, :)
+      integer, allocatable :: numbers(:)
+      type(point_index_type) :: index
+      integer :: j, k
+
+      allocate (numbers(size(points, 2)), index%places(0:2*size(points, 2)))
+      index%places = 0
+      do j = 1, size(points, 2)
+         k = place_of(index, points(:, j))
+         do while (index%places(k) > 0)
+            if (.not. any(abs(points(:, index%places(k)) - points(:, j)) > 0.0_wp)) exit
+            k = modulo(k + 1, size(index%places))
+         end do
+         if (index%places(k) == 0) index%places(k) = j
+         numbers(j) = index%places(k)
+      end do
+   end function number_equal
 
    !> The numbers of all that are this `point`, none if there is none.
    pure subroutine find(self, point, numbers)

@@ -102,12 +102,10 @@ contains
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
       call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
       if (allocated(error)) return
-      if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = size(posterior%euler, 2)
+      if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (likelihood%surrogate_uncertainty .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_shared = posterior%grains%n_columns
-      if (likelihood%calibration_sd > 0.0_wp) posterior%n_shared = posterior%n_shared + posterior%n_groups
-      posterior%dimension = prior%n_constants
-      if (likelihood%infer_scale) posterior%dimension = posterior%dimension + 1
+      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, likelihood%calibration_sd > 0.0_wp)
+      posterior%dimension = prior%n_constants + merge(1, 0, likelihood%infer_scale)
    end subroutine new_posterior
 
    !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
@@ -119,6 +117,7 @@ contains
 
       self%grains%field_degree = degree
       call self%grains%set_grains(self%euler, error)
+      if (self%n_outputs > 0) self%n_outputs = self%grains%n_independent
    end subroutine set_field_degree
 
    pure subroutine evaluate(self, x, log_density, admitted)
@@ -185,21 +184,21 @@ contains
       end if
    end subroutine evaluate_working
 
-   !> Logarithms of the moduli of the measured grains, and of their tilts.
+   !> Logarithms of the moduli that are computed for the measured grains and their tilts.
    pure subroutine evaluate_outputs(self, w, arguments, outputs, admitted)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: w(:)
       real(wp), intent(out) :: arguments(:), outputs(:)
       logical, intent(out) :: admitted
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), modulus(size(outputs)), slope(size(outputs))
+      real(wp) :: c(6, 6), modulus(size(outputs))
 
       call self%prior%logarithms%from_logarithms(w(:self%n_constants), c, frame)
       admitted = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:self%n_constants)))
       if (.not. admitted) return
       arguments = w
       arguments(:self%n_constants) = self%prior%logarithms%saturating(frame, self%typical_modulus)
-      call self%grains%evaluate_moduli(c, modulus, slope)
+      call self%grains%evaluate_independent(c, modulus)
       outputs = log(modulus)
    end subroutine evaluate_outputs
 
@@ -216,8 +215,8 @@ contains
    pure real(wp) function density_of_crystal(self, x, c, rows) result(log_density)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> Moduli of all directions, where theory is not to be asked for them.
-      real(wp), intent(in), optional :: rows(:)
+      !> What is computed of them, where theory is not to be asked.
+      real(wp), intent(in), optional, contiguous :: rows(:)
 
       log_density = self%prior%log_density(c)
       if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
@@ -236,10 +235,9 @@ contains
       x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
    end subroutine draw_start
 
-   !> Stiffness of the crystal at a point, in its axes, GPa.
+   !> Stiffness of the crystal at a point `x`, in its axes, GPa.
    pure function stiffness(self, x) result(c)
       class(posterior_type), intent(in) :: self
-      !> (dimension).
       real(wp), intent(in) :: x(:)
       real(wp) :: c(6, 6)
 
@@ -275,14 +273,14 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> Moduli of all directions, if they are known.
-      real(wp), intent(in), optional :: known_rows(:)
+      !> What is computed of them, if it is known.
+      real(wp), intent(in), optional, contiguous :: known_rows(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
       integer :: g
 
       if (present(known_rows)) then
-         rows = known_rows
-         slopes = known_rows
+         call self%grains%expand(known_rows, rows)
+         slopes = rows
       else
          call self%grains%evaluate_moduli(c, rows, slopes)
       end if
@@ -304,10 +302,10 @@ contains
    pure real(wp) function likelihood_of_crystal(self, x, c, rows) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      real(wp), intent(in), optional :: rows(:)
+      real(wp), intent(in), optional, contiguous :: rows(:)
       real(wp) :: factor, model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
-      real(wp) :: u(self%n_grains, self%n_shared), fewer(self%n_grains, min(self%n_grains, self%n_shared))
-      real(wp) :: b(size(fewer, 2)), precision(size(fewer, 2), size(fewer, 2))
+      real(wp), allocatable :: u(:, :), fewer(:, :)
+      real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b))
 
       factor = scale_factor(self, x)
       call evaluate_grains(self, c, model, slope, own_variance, rows)
@@ -316,6 +314,7 @@ contains
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
          return
       end if
+      allocate (u(self%n_grains, self%n_shared), fewer(self%n_grains, size(b)))
       call whiten(self, c, factor, model, slope, own_variance, scales, u)
       call factor_columns(u, fewer)
       call self%errors%integrate((self%measured - model)/scales, fewer, b, precision, log_likelihood)
@@ -344,10 +343,10 @@ contains
       real(wp), intent(in) :: c(6, 6), factor
       real(wp), intent(inout) :: model(:), slope(:)
       real(wp), intent(in) :: own_variance(:)
-      real(wp), intent(out) :: scales(:), u(:, :)
+      real(wp), intent(out), contiguous :: scales(:), u(:, :)
       real(wp) :: ratio(size(scales)), map_slope(size(scales))
       real(wp), allocatable :: columns(:, :)
-      integer :: g, first
+      integer :: g
 
       map_slope = 1.0_wp
       call self%kind%apply(model, map_slope)
@@ -368,10 +367,9 @@ contains
          end do
       end if
       if (self%likelihood%calibration_sd > 0.0_wp) then
-         first = self%grains%n_columns
-         u(:, first + 1:) = 0.0_wp
+         u(:, self%grains%n_columns + 1:) = 0.0_wp
          do g = 1, self%n_grains
-            u(g, first + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
+            u(g, self%grains%n_columns + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
          end do
       end if
    end subroutine whiten
@@ -384,9 +382,11 @@ contains
       !> (shared error), in sds of the prior.
       real(wp), intent(out) :: b(:), precision(:, :)
       real(wp), dimension(self%n_grains) :: model, slope, own_variance, scales
-      real(wp) :: c(6, 6), value, u(self%n_grains, self%n_shared)
+      real(wp), allocatable :: u(:, :)
+      real(wp) :: c(6, 6), value
 
       if (self%n_shared == 0) return
+      allocate (u(self%n_grains, self%n_shared))
       c = self%stiffness(x)
       call evaluate_grains(self, c, model, slope, own_variance)
       call whiten(self, c, scale_factor(self, x), model, slope, own_variance, scales, u)
@@ -417,15 +417,15 @@ contains
       real(wp), intent(out), contiguous :: values(:)
       !> (group).
       real(wp), intent(out) :: factor(:)
-      real(wp) :: c(6, 6), slope(size(values)), columns(size(values), grains%n_columns)
-      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared)
+      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared)
+      real(wp), allocatable :: columns(:, :)
 
       c = self%stiffness(x)
       call infer_shared(self, x, b, precision)
       call grains%evaluate_moduli(c, values, slope)
       call draw_shared(self, stream, b, precision, factor)
-      if (grains%n_columns == 0) return
-      call grains%evaluate_columns(c, columns)
+      allocate (columns(size(values), grains%n_columns))
+      if (size(columns) > 0) call grains%evaluate_columns(c, columns)
       values = values + slope*matmul(columns, b(:grains%n_columns))
    end subroutine draw_moduli
 

@@ -14,7 +14,7 @@ module measured_grains
    !> More, in GPa, is taken for MPa.
    real(wp), parameter :: greatest_modulus = 2000.0_wp
    !> Work arrays of a thread are on its stack.
-   integer, parameter :: most_grains = 5000
+   integer, parameter :: most_grains = 20000
 
    !> What was measured in n grains.
    type :: measured_type

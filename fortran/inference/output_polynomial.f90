@@ -77,7 +77,7 @@ contains
       real(wp), parameter :: ridge = 1.0e-9_wp
       type(error_type), allocatable :: error
       real(wp) :: axes(size(points, 1), size(points, 1)), widths(size(points, 1))
-      real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:, :)
+      real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:, :), turned(:, :)
       integer :: n, many, i
       logical :: inside
 
@@ -108,8 +108,12 @@ contains
       end do
       call cholesky_factor(gram, error)
       if (allocated(error)) return
-      call multiply(f, transpose(outputs), rhs)
+      ! As an argument it would be on the stack.
+      allocate (turned(many, size(outputs, 1)))
+      turned = transpose(outputs)
+      call multiply(f, turned, rhs)
       call cholesky_solve(gram, rhs)
+      allocate (polynomial%coefficients(size(rhs, 2), size(rhs, 1)))
       polynomial%coefficients = transpose(rhs)
       polynomial%n_terms = size(gram, 1)
    end subroutine fit_output_polynomial

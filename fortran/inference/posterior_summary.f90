@@ -22,8 +22,10 @@ module posterior_summary
    real(wp), parameter :: decided_by_data = 0.9_wp, left_open = 0.75_wp
    !> Below this contraction a most probable value means nothing.
    real(wp), parameter :: decided_by_prior = 0.5_wp
-   !> Draws for derived quantities and predictions; more say nothing new.
-   integer, parameter :: most_draws = 4000
+   !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
+   !> predictions in all.
+   integer, parameter :: most_draws = 4000, fewest_draws = 400
+   real(wp), parameter :: most_predictions = 1.0e7_wp
 
    type :: parameter_type
       real(wp) :: mean = 0.0_wp, sd = 0.0_wp
@@ -287,11 +289,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp) :: slope(posterior%n_grains)
+      real(wp) :: slope(posterior%n_grains), wanted
       integer :: samples, n, i, c, s
 
       samples = size(chains%draws, 2)
-      predictions%stride = int(max(1.0_wp, real(samples, wp)*size(chains%draws, 3)/most_draws))
+      wanted = min(real(most_draws, wp), max(real(fewest_draws, wp), most_predictions/max(1, posterior%n_grains)))
+      predictions%stride = int(max(1.0_wp, real(samples, wp)*size(chains%draws, 3)/wanted))
       n = (samples + predictions%stride - 1)/predictions%stride
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))

@@ -2,7 +2,7 @@
 module extraction
    use constants_posterior, only: posterior_type
    use errors, only: error_type
-   use field_degree, only: allowed_error, choose_field_degree, largest_field_error
+   use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
    use knowledge_conflict, only: conflict_type, find_conflict
@@ -163,7 +163,8 @@ contains
          stride = max(1, size(self%chains%draws, 2)*size(self%chains%draws, 3)/checked_draws)
          some = reshape(self%chains%draws(:, ::stride, :), [size(some, 1), (1 + (size(self%chains%draws, 2) - 1)/stride) &
                                                            & *size(self%chains%draws, 3)])
-         self%field_error = largest_field_error(self%posterior, some)
+         call find_field_error(self%posterior, some, self%field_error, error)
+         if (allocated(error)) return
          if (self%field_error < allowed_error) exit
       end do
       self%field_degree = self%posterior%grains%field_degree

@@ -263,19 +263,29 @@ contains
       real(wp), intent(in) :: measured(:), predicted(:), scale(:)
       character(len=*), intent(in) :: likelihood
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp), parameter :: far = 3.0_wp
+      !> Beyond 3 sd; among very many grains so far that chance leaves fewer there than among the first hundred, and most that are named.
+      real(wp), parameter :: least_far = 3.0_wp, by_chance = 0.27_wp
+      integer, parameter :: most_named = 20
       character(len=:), allocatable :: advice
-      real(wp) :: residual
-      integer :: i
+      real(wp) :: residual, far
+      integer :: named, i
 
+      far = least_far
+      do while (size(measured)*erfc(far/sqrt(2.0_wp)) > by_chance)
+         far = far + 0.01_wp
+      end do
+      named = 0
       advice = '; likelihood ''student'' gives such grains less weight'
       if (likelihood == 'student') advice = ''
       do i = 1, size(measured)
          residual = (measured(i) - predicted(i))/scale(i)
          if (.not. abs(residual) > far) cycle
+         named = named + 1
+         if (named > most_named) cycle
          call warn(warnings, 'grain '//printable(points%name(i))//' disagrees with the others: its modulus is ' &
             & //fixed(abs(residual), 1)//' sd '//trim(merge('above', 'below', residual > 0.0_wp)) &
             & //' what all grains together predict'//advice)
       end do
+      if (named > most_named) call warn(warnings, to_text(named - most_named)//' more grains disagree with the others')
    end subroutine judge_grains
 end module verdicts

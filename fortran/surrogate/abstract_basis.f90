@@ -42,6 +42,8 @@ module abstract_basis
    type, abstract :: grain_model_type
       !> Of the factor of the covariance of y.
       integer :: n_columns = 0
+      !> How many moduli are computed: one a grain, or fewer from which those of all grains follow.
+      integer :: n_independent = 0
       !> Degree of the surface harmonics with which the theory is read, where the model has theory in it: even. Set it before the grains.
       integer :: field_degree = 12
       logical :: has_theory = .false.
@@ -53,6 +55,8 @@ module abstract_basis
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_moduli_interface), deferred :: evaluate_moduli
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
+      procedure :: evaluate_independent
+      procedure :: expand
    end type grain_model_type
 
    abstract interface
@@ -147,6 +151,29 @@ contains
          call self%evaluate_terms(c(:, :, i), euler(:, i), terms(:, i), scale(i))
       end do
    end subroutine evaluate_many
+
+   !> The moduli that are computed: those of the grains.
+   pure subroutine evaluate_independent(self, c, modulus)
+      class(grain_model_type), intent(in) :: self
+      !> Stiffness in crystal axes of a stable crystal, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (n_independent).
+      real(wp), intent(out), contiguous :: modulus(:)
+      real(wp) :: slope(size(modulus))
+
+      call self%evaluate_moduli(c, modulus, slope)
+   end subroutine evaluate_independent
+
+   !> The moduli of the grains from those that are computed.
+   pure subroutine expand(self, independent, modulus)
+      class(grain_model_type), intent(in) :: self
+      !> GPa, (n_independent).
+      real(wp), intent(in), contiguous :: independent(:)
+      !> GPa, (n).
+      real(wp), intent(out), contiguous :: modulus(:)
+
+      modulus = independent + 0.0_wp*self%n_columns
+   end subroutine expand
 
    !> Whether a surrogate with this basis knows a crystal: of its class, stable, within the limits, no coordinate out of its range.
    pure logical function covers(self, c)

@@ -45,13 +45,13 @@ module correction_basis
       private
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
-      !> From coordinates of log K to those about the axis of each grain, (n_grains, coordinate, n_constants).
+      !> From coordinates of log K to those about each axis for which moduli are computed, (axis, coordinate, n_constants).
       real(wp), allocatable :: maps(:, :, :)
       !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
    contains
       procedure :: set_grains
-      procedure :: evaluate_moduli
+      procedure :: evaluate_independent
       procedure :: evaluate_columns
       procedure, private :: terms_of_grains
    end type correction_grain_model_type
@@ -265,9 +265,9 @@ contains
       call self%theory_grain_model_type%set_grains(euler, error)
       if (allocated(error)) return
       if (allocated(self%maps)) deallocate (self%maps)
-      allocate (self%maps(size(euler, 2), self%polynomials%n_coordinates, self%logarithms%n))
-      do i = 1, size(euler, 2)
-         map = axial_map(self%logarithms, euler(:, i))
+      allocate (self%maps(self%n_independent, self%polynomials%n_coordinates, self%logarithms%n))
+      do i = 1, self%n_independent
+         map = axial_map(self%logarithms, self%euler(:, i))
          self%maps(i, :, :) = map(:self%polynomials%n_coordinates, :)
       end do
    end subroutine set_grains
@@ -289,35 +289,45 @@ contains
       call evaluate_polynomials(self%polynomials, x, terms)
    end function terms_of_grains
 
-   pure subroutine evaluate_moduli(self, c, modulus, slope)
+   pure subroutine evaluate_independent(self, c, modulus)
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      !> GPa, (n).
-      real(wp), intent(out), contiguous :: modulus(:), slope(:)
+      real(wp), intent(out), contiguous :: modulus(:)
       real(wp) :: w(self%logarithms%n)
       integer :: first, last
 
-      call self%theory_grain_model_type%evaluate_moduli(c, modulus, slope)
+      call self%theory_grain_model_type%evaluate_independent(c, modulus)
       w = self%logarithms%to_logarithms(c)
       do first = 1, size(modulus), at_once
          last = min(first + at_once - 1, size(modulus))
          modulus(first:last) = modulus(first:last)*exp(matmul(self%terms_of_grains(w, first, last), self%coefficients))
       end do
-      slope = modulus
-   end subroutine evaluate_moduli
+   end subroutine evaluate_independent
 
    pure subroutine evaluate_columns(self, c, columns)
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
+      real(wp), allocatable :: independent(:, :)
       real(wp) :: w(self%logarithms%n)
-      integer :: first, last
+      integer :: first, last, j
 
       w = self%logarithms%to_logarithms(c)
-      do first = 1, size(columns, 1), at_once
-         last = min(first + at_once - 1, size(columns, 1))
-         columns(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
+      if (.not. self%expansion%pays) then
+         do first = 1, size(columns, 1), at_once
+            last = min(first + at_once - 1, size(columns, 1))
+            columns(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
+         end do
+         return
+      end if
+      allocate (independent(self%n_independent, self%n_columns))
+      do first = 1, self%n_independent, at_once
+         last = min(first + at_once - 1, self%n_independent)
+         independent(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
+      end do
+      do j = 1, self%n_columns
+         call self%expand(independent(:, j), columns(:, j))
       end do
    end subroutine evaluate_columns
 end module correction_basis

@@ -5,6 +5,7 @@ module learning
    use errors, only: error_type
    use evidence_regression, only: coefficient_mean
    use kinds, only: degree, wp
+   use point_index, only: number_equal
    use sequential_design, only: update_posterior_mean
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner
    use text, only: to_text
@@ -147,7 +148,7 @@ contains
       if (allocated(error)) return
       entry%simulations = learning%n()
       call left_out(learning%learner, [(i, i=1, learning%n())], entry%loocv, error)
-      if (.not. allocated(error)) call left_out(learning%learner, number_crystals(learning%learner%simulations%constants), &
+      if (.not. allocated(error)) call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
          & entry%leave_crystal_out, error)
       if (allocated(error)) return
       associate (errors => learning%next_errors, regression => learning%learner%design%regression)
@@ -181,23 +182,6 @@ contains
       call leave_out(learner, groups, modulus, z, error)
       if (.not. allocated(error)) error_gpa = sum(abs(modulus - learner%simulations%modulus))/size(groups)
    end subroutine left_out
-
-   !> The same number for equal crystals.
-   pure function number_crystals(constants) result(groups)
-      !> Constants (n_constants, n).
-      real(wp), intent(in) :: constants(:, :)
-      integer :: groups(size(constants, 2))
-      integer :: i, j
-
-      do i = 1, size(constants, 2)
-         groups(i) = i
-         do j = 1, i - 1
-            if (any(abs(constants(:, j) - constants(:, i)) > 0.0_wp)) cycle
-            groups(i) = groups(j)
-            exit
-         end do
-      end do
-   end function number_crystals
 
    !> Why to stop before the budget, or ''.
    pure function why_to_stop(learning, target_gpa, patience) result(reason)

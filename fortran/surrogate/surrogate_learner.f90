@@ -5,8 +5,8 @@ module surrogate_learner
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
    use described_values, only: described_values_type
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
-      & log_evidence, set_precisions, spectrum_type, update_posterior
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
+      & leave_groups_out, log_evidence, refresh_interval, set_precisions, spectrum_type, update_posterior
    use kinds, only: degree, wp
    use sequential_design, only: absorb_choices, choose_candidates, choose_for_all, compute_variances, design_type, new_design, &
       & refit, set_candidates
@@ -117,18 +117,54 @@ contains
          call add_data(learner%design%regression, terms, y)
       else
          call absorb_choices(learner%design)
-         do i = 1, size(y)
-            call update_posterior(learner%design%regression, terms(:, i), y(i), error)
-            if (allocated(error)) return
-         end do
+         if (size(y) > refresh_interval) then
+            ! Once for all of them, not once in a while.
+            call add_data(learner%design%regression, terms, y)
+            call compute_posterior(learner%design%regression, error)
+         else
+            do i = 1, size(y)
+               call update_posterior(learner%design%regression, terms(:, i), y(i), error)
+               if (allocated(error)) return
+            end do
+         end if
+         if (allocated(error)) return
       end if
       associate (known => learner%simulations)
-         known%constants = reshape([known%constants, constants], [size(constants, 1), size(known%constants, 2) + size(y)])
-         known%euler_deg = reshape([known%euler_deg, euler_deg], [3, size(known%euler_deg, 2) + size(y)])
-         known%modulus = [known%modulus, modulus]
+         call append_columns(known%constants, constants)
+         call append_columns(known%euler_deg, euler_deg)
+         call append(known%modulus, modulus)
       end associate
-      learner%scale = [learner%scale, scale]
+      call append(learner%scale, scale)
    end subroutine add_simulations
+
+   !> Columns after others. An array constructor would be on the stack, and these may be large.
+   subroutine append_columns(columns, more)
+      real(wp), allocatable, intent(inout) :: columns(:, :)
+      !> As long.
+      real(wp), intent(in) :: more(:, :)
+      real(wp), allocatable :: longer(:, :)
+      integer :: n
+
+      n = size(columns, 2)
+      allocate (longer(size(columns, 1), n + size(more, 2)))
+      longer(:, :n) = columns
+      longer(:, n + 1:) = more
+      call move_alloc(longer, columns)
+   end subroutine append_columns
+
+   !> Values after others.
+   subroutine append(values, more)
+      real(wp), allocatable, intent(inout) :: values(:)
+      real(wp), intent(in) :: more(:)
+      real(wp), allocatable :: longer(:)
+      integer :: n
+
+      n = size(values)
+      allocate (longer(n + size(more)))
+      longer(:n) = values
+      longer(n + 1:) = more
+      call move_alloc(longer, values)
+   end subroutine append
 
    !> Forget the last simulations, which the design does not have: it was put back to what it was before them.
    subroutine forget_last(learner)

@@ -122,7 +122,8 @@ contains
       end if
       sd = scale
       if (surrogate%basis%logarithmic) sd = modulus
-      sd = sd*sqrt(variance + 1.0_wp/surrogate%beta)
+      if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
+      sd = sd*sqrt(variance)
    end subroutine predict_side_by_side
 
    !> Mean and sd (GPa) of the simulated indentation modulus of one crystal at one orientation.

@@ -9,6 +9,7 @@ module theory_basis
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
+   use modulus_expansion, only: modulus_expansion_type, new_modulus_expansion
    use surrogate_domain, only: new_wide_domain
    implicit none
    private
@@ -26,13 +27,17 @@ module theory_basis
 
    type, extends(grain_model_type) :: theory_grain_model_type
       type(crystal_class_type) :: class
+      !> Of the grains, or of the directions of their expansion if that pays.
       type(field_type), private :: field
-      !> Bunge-Euler angles (3, n), radians.
-      real(wp), allocatable, private :: euler(:, :)
+      type(modulus_expansion_type) :: expansion
+      !> Bunge-Euler angles of the moduli that are computed, (3, n_independent), radians.
+      real(wp), allocatable :: euler(:, :)
    contains
       procedure :: set_grains
       procedure :: evaluate_moduli
       procedure :: evaluate_columns
+      procedure :: evaluate_independent
+      procedure :: expand
    end type theory_grain_model_type
 
 contains
@@ -112,11 +117,20 @@ contains
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
 
-      self%euler = euler
-      call new_field(self%class, self%field_degree, euler, self%field, error)
+      call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
       if (allocated(error)) return
-      self%field_cost = size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*size(euler, 2)) + 0.07_wp*size(euler, 2)
-      self%full_cost = 2.6_wp*size(euler, 2)
+      self%euler = euler
+      self%field_cost = 0.0_wp
+      if (self%expansion%pays) then
+         self%euler = self%expansion%euler
+         self%field_cost = self%expansion%cost()
+      end if
+      self%n_independent = size(self%euler, 2)
+      call new_field(self%class, self%field_degree, self%euler, self%field, error)
+      if (allocated(error)) return
+      self%full_cost = self%field_cost + 2.6_wp*self%n_independent
+      self%field_cost = self%field_cost + size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*self%n_independent) &
+         & + 0.07_wp*self%n_independent
    end subroutine set_grains
 
    pure subroutine evaluate_moduli(self, c, modulus, slope)
@@ -124,6 +138,17 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:), slope(:)
+      real(wp) :: independent(self%n_independent)
+
+      call self%evaluate_independent(c, independent)
+      call self%expand(independent, modulus)
+      slope = modulus
+   end subroutine evaluate_moduli
+
+   pure subroutine evaluate_independent(self, c, modulus)
+      class(theory_grain_model_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      real(wp), intent(out), contiguous :: modulus(:)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       integer :: i
@@ -131,16 +156,27 @@ contains
 
       in_full = self%full_above < huge(1.0_wp)
       if (in_full) in_full = log_anisotropy(c) > self%full_above
-      if (in_full) then
-         do i = 1, size(modulus)
-            call halfspace_modulus(c, self%euler(:, i), theory, error)
-            modulus(i) = theory%modulus
-         end do
-      else
+      if (.not. in_full) then
          call field_moduli(self%field, c, modulus)
+         return
       end if
-      slope = modulus
-   end subroutine evaluate_moduli
+      do i = 1, size(modulus)
+         call halfspace_modulus(c, self%euler(:, i), theory, error)
+         modulus(i) = theory%modulus
+      end do
+   end subroutine evaluate_independent
+
+   pure subroutine expand(self, independent, modulus)
+      class(theory_grain_model_type), intent(in) :: self
+      real(wp), intent(in), contiguous :: independent(:)
+      real(wp), intent(out), contiguous :: modulus(:)
+
+      if (self%expansion%pays) then
+         call self%expansion%expand(independent, modulus)
+      else
+         modulus = independent
+      end if
+   end subroutine expand
 
    pure subroutine evaluate_columns(self, c, columns)
       class(theory_grain_model_type), intent(in) :: self
