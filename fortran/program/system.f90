@@ -49,13 +49,12 @@ contains
    end function argument
 
    !> The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program,
-   !> installed or in the build folder.
+   !> installed, in a wheel (where programs have a folder beside the package) or in the build folder.
    function data_folder() result(folder)
       character(len=:), allocatable :: folder
-      character(len=*), parameter :: built_data = '../python/bayesindent/data/'
-      integer(c_long), parameter :: longest = 4096
-      character(kind=c_char, len=longest) :: program_path
-      integer :: length, status
+      character(len=*), parameter :: places(4) = [character(len=max(32, len(installed_data))) :: &
+         & installed_data, '../bayesindent/data/', '../data/', '../python/bayesindent/data/']
+      integer :: i, length, status
 
       call get_environment_variable('BAYESINDENT_DATA', length=length, status=status)
       if (status == 0 .and. length > 0) then
@@ -64,14 +63,22 @@ contains
          folder = folder//'/'
          return
       end if
+      do i = 1, size(places)
+         folder = own_folder()//trim(places(i))
+         if (is_folder(folder)) return
+      end do
+   end function data_folder
+
+   !> Where this program is, with a slash at its end.
+   function own_folder() result(folder)
+      character(len=:), allocatable :: folder
+      integer(c_long), parameter :: longest = 4096
+      character(kind=c_char, len=longest) :: program_path
+      integer :: length
+
       length = int(c_readlink('/proc/self/exe'//c_null_char, program_path, longest))
       folder = folder_of(program_path(:max(0, length)))
-      if (is_folder(folder//installed_data)) then
-         folder = folder//installed_data
-      else
-         folder = folder//built_data
-      end if
-   end function data_folder
+   end function own_folder
 
    !> End with this status; unlike STOP it prints nothing.
    subroutine end_process(status)
@@ -84,16 +91,18 @@ contains
    !> once more.
    !>
    !> OpenBLAS runs a processor that it does not know with the kernels of 2004; what counts is the instruction set. More than one
-   !> thread would change the last bits of results with the number of cores. A user's own choice stands. The Python package does
-   !> the same.
+   !> thread would change the last bits of results with the number of cores. A user's own choice stands. A wheel has this program
+   !> twice, for any x86-64 processor and for x86-64-v3: it is the fitting one that is started. The Python package does the same.
    subroutine settle_blas()
+      character(len=*), parameter :: wide_program = '../bayesindent/x86_64_v3/bayesindent-batch'
       character(len=:), allocatable :: flags, kernels
+      character(len=16) :: chosen
       integer(c_int) :: status
       integer :: kernels_status, threads_status
+      logical :: wide
 
-      call get_environment_variable('OPENBLAS_CORETYPE', status=kernels_status)
+      call get_environment_variable('OPENBLAS_CORETYPE', chosen, status=kernels_status)
       call get_environment_variable('OPENBLAS_NUM_THREADS', status=threads_status)
-      if (kernels_status /= 1 .and. threads_status /= 1) return
       kernels = ''
       call read_entry('/proc/cpuinfo', 'flags', flags)
       if (has(['avx512f ', 'avx512dq', 'avx512bw', 'avx512vl'])) then
@@ -101,10 +110,15 @@ contains
       else if (has(['avx2', 'fma '])) then
          kernels = 'HASWELL'
       end if
-      if (threads_status /= 1 .and. len(kernels) == 0) return
+      if (kernels_status == 1) chosen = kernels
+      inquire (file=own_folder()//wide_program, exist=wide)
+      wide = wide .and. any(chosen == [character(len=16) :: 'HASWELL', 'SKYLAKEX']) &
+         & .and. has(['avx2 ', 'fma  ', 'f16c ', 'bmi1 ', 'bmi2 ', 'movbe', 'abm  '])
       status = c_setenv('OPENBLAS_NUM_THREADS'//c_null_char, '1'//c_null_char, 0_c_int)
       if (len(kernels) > 0) status = c_setenv('OPENBLAS_CORETYPE'//c_null_char, kernels//c_null_char, 0_c_int)
-      call restart()
+      if (wide) call restart(own_folder()//wide_program)
+      if (threads_status /= 1 .and. (kernels_status /= 1 .or. len(kernels) == 0)) return
+      call restart('/proc/self/exe')
 
    contains
 
@@ -116,8 +130,9 @@ contains
       end function has
    end subroutine settle_blas
 
-   !> Start this program again; return where that is not possible.
-   subroutine restart()
+   !> Start the program of this file with the arguments of this one; return where that is not possible.
+   subroutine restart(program_file)
+      character(len=*), intent(in) :: program_file
       type(string_type), allocatable, target :: words(:)
       type(c_ptr), allocatable :: arguments(:)
       integer(c_int) :: status
@@ -129,6 +144,6 @@ contains
          arguments(i) = c_loc(words(i)%text)
       end do
       arguments(command_argument_count() + 1) = c_null_ptr
-      status = c_execv('/proc/self/exe'//c_null_char, arguments)
+      status = c_execv(program_file//c_null_char, arguments)
    end subroutine restart
 end module system

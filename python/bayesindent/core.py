@@ -4,36 +4,38 @@ import json
 import os
 import platform
 import warnings
+from importlib import import_module
 from pathlib import Path
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def _choose_blas_kernels() -> None:
-    """Name the vector kernels that OpenBLAS shall use, before it is loaded.
+def _choose_kernels() -> str:
+    """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core that uses like instructions.
 
     OpenBLAS picks its kernels from a list of the processors it knows and runs an unknown, younger one with the kernels of
     2004, five times slower. What counts is the instruction set, which the processor states itself. A user's own choice stands.
+    A wheel has the core twice, for any x86-64 processor and for x86-64-v3.
     """
-    if platform.machine() != "x86_64" or "OPENBLAS_CORETYPE" in os.environ:
-        return
+    if platform.machine() != "x86_64":
+        return "._core"
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
-        return
+        return "._core"
     flags = set(next((line for line in lines if line.startswith("flags")), "").split())
     if {"avx512f", "avx512dq", "avx512bw", "avx512vl"} <= flags:
-        os.environ["OPENBLAS_CORETYPE"] = "SKYLAKEX"
+        os.environ.setdefault("OPENBLAS_CORETYPE", "SKYLAKEX")
     elif {"avx2", "fma"} <= flags:
-        os.environ["OPENBLAS_CORETYPE"] = "HASWELL"
+        os.environ.setdefault("OPENBLAS_CORETYPE", "HASWELL")
+    wide = flags >= {"avx2", "fma", "f16c", "bmi1", "bmi2", "movbe", "abm"} and os.environ["OPENBLAS_CORETYPE"] in ("HASWELL", "SKYLAKEX")
+    return ".x86_64_v3._core" if wide and Path(__file__).with_name("x86_64_v3").is_dir() else "._core"
 
 
-_choose_blas_kernels()
+_MODULE = _choose_kernels()
 
 import numpy as np  # noqa: E402
-
-from . import _core  # type: ignore[attr-defined] # noqa: E402
 
 __all__ = [
     "BayesindentError",
@@ -49,7 +51,7 @@ __all__ = [
 ]
 
 #: The f2py module itself.
-native = _core
+native = import_module(_MODULE, __package__)
 
 
 class BayesindentError(RuntimeError):

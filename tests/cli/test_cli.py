@@ -4,7 +4,24 @@ import os
 
 import pytest
 
-COMMANDS = ("init", "run", "simulate", "theory", "size", "build", "predict", "extract", "next", "report", "bench", "test", "lint", "lines")
+COMMANDS = (
+    "init",
+    "run",
+    "simulate",
+    "theory",
+    "size",
+    "build",
+    "predict",
+    "extract",
+    "next",
+    "report",
+    "bench",
+    "test",
+    "lint",
+    "wheel",
+    "docs",
+    "lines",
+)
 
 
 def test_help_names_every_command(bayesindent):

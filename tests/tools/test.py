@@ -17,7 +17,6 @@ SANITIZERS = (
     "-Db_lundef=false",
     "-Db_ndebug=false",
     "-Dbuildtype=debugoptimized",
-    "-Dnative=false",
     "-Dfortran_args=-fcheck=all,no-array-temps",
 )
 

@@ -71,6 +71,7 @@ def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     log.addHandler(handler)
     log.setLevel(logging.INFO)
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
+    log.info("kernels of BLAS: %s", os.environ.get("OPENBLAS_CORETYPE", "its own choice"))
     write_resolved(output, problem.resolved)
     update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
     return problem, output

@@ -1,4 +1,4 @@
-"""`bench`, `test`, `lint` and `lines`: what only a source tree can do, by its tests/tools/NAME.py."""
+"""`bench`, `test`, `lint`, `wheel`, `docs` and `lines`: what only a source tree can do, by its tests/tools/NAME.py."""
 
 import argparse
 import importlib.util
@@ -15,6 +15,8 @@ SUMMARIES = {
     "bench": "benchmarks against peers, and studies of accuracy, from a source tree",
     "test": "build and run the tests of a source tree",
     "lint": "formatters, linters and type checker of a source tree",
+    "wheel": "portable wheels of a source tree, and a trial on a bare system",
+    "docs": "the documentation of a source tree as a site",
     "lines": "code lines of a source tree by folder, and its largest parts",
 }
 

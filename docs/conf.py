@@ -1,0 +1,29 @@
+"""The site of the documentation: `./bayesindent docs`."""
+
+import sys
+from pathlib import Path
+
+from bayesindent.version import __version__
+
+ROOT = Path(__file__).parents[1]
+sys.path += [str(ROOT / "docs"), str(ROOT / "tests" / "tools")]
+
+import house  # noqa: E402
+
+house.draw(ROOT, ROOT / "docs" / "figures" / "house.svg")
+
+project = "bayesindent"
+author = "The bayesindent developers"
+version = release = __version__
+project_copyright = "the bayesindent developers, GPL-3.0-or-later"
+
+extensions = ["fortran_sources", "myst_parser", "sphinx.ext.autodoc"]
+myst_enable_extensions = ["attrs_inline", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+
+html_theme = "furo"
+html_title = f"bayesindent {__version__}"
+html_show_sourcelink = False

@@ -1,0 +1,48 @@
+"""What describes the package elsewhere agrees with the package."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+import bayesindent
+from bayesindent.version import __version__
+from conftest import SOURCE
+
+tomllib = pytest.importorskip("tomllib")
+yaml = pytest.importorskip("yaml")
+
+
+def test_the_version_is_that_of_meson():
+    stated = re.search(r"version: '([\d.]+)'", (SOURCE / "meson.build").read_text())[1]
+    assert __version__ == stated
+    assert yaml.safe_load((SOURCE / "CITATION.cff").read_text())["version"] == stated
+    assert f"## {stated}" in (SOURCE / "CHANGELOG.md").read_text()
+
+
+def test_conda_asks_for_what_pip_asks_for():
+    project = tomllib.loads((SOURCE / "pyproject.toml").read_text())
+    text = (SOURCE / "conda" / "meta.yaml").read_text()
+    # Without what conda alone understands.
+    recipe = yaml.safe_load(re.sub(r"\{\{ *(.*?) *\}\}", r"\1", re.sub(r"\{%.*?%\}", "", text)).replace("compiler('", "").replace("')", ""))
+    asked = {line.replace(" ", "").replace("matplotlib-base", "matplotlib") for line in recipe["requirements"]["run"]}
+    assert asked == {*project["project"]["dependencies"], "python" + project["project"]["requires-python"]}
+    assert {line.replace(" ", "") for line in recipe["requirements"]["host"]} >= set(project["build-system"]["requires"]) - {"ninja>=1.10"}
+
+
+def test_hosted_tests_run_what_is_there():
+    jobs = yaml.safe_load((SOURCE / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
+    assert {"test", "wheel", "docs"} == set(jobs)
+    matrix = jobs["test"]["strategy"]["matrix"]["python"]
+    classifiers = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]["classifiers"]
+    assert [f"Programming Language :: Python :: {version}" for version in matrix] == [text for text in classifiers if ":: 3." in text]
+    for job in jobs.values():
+        for step in job["steps"]:
+            for tool in re.findall(r"\./bayesindent (\w+)", step.get("run", "")):
+                assert (SOURCE / "tests" / "tools" / f"{tool}.py").exists()
+
+
+def test_types_are_for_others_too():
+    assert (Path(bayesindent.__file__).parent / "py.typed").exists()
+    assert importlib.util.find_spec("bayesindent")
