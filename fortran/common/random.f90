@@ -6,7 +6,7 @@ module random
    use kinds, only: wp, i8
    implicit none
    private
-   public :: random_stream_type, new_random_stream
+   public :: random_stream_type, new_random_stream, draw_normal
 
    type :: random_stream_type
       private
@@ -113,4 +113,24 @@ contains
       call self%uniform(u)
       k = min(n, 1 + int(u*n))
    end subroutine pick
+
+   !> Add to `mean`, in place, a normal vector of the precision L Lᵀ.
+   subroutine draw_normal(stream, mean, l)
+      class(random_stream_type), intent(inout) :: stream
+      !> (n).
+      real(wp), intent(inout) :: mean(:)
+      !> The lower factor, (n, n).
+      real(wp), intent(in) :: l(:, :)
+      real(wp) :: z(size(mean))
+      integer :: j
+
+      do j = 1, size(mean)
+         call stream%normal(z(j))
+      end do
+      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
+      do j = size(mean), 1, -1
+         z(j) = (z(j) - sum(l(j + 1:, j)*z(j + 1:)))/l(j, j)
+      end do
+      mean = mean + z
+   end subroutine draw_normal
 end module random

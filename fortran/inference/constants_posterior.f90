@@ -15,7 +15,7 @@ module constants_posterior
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    use output_polynomial, only: is_fitted, output_polynomial_type
-   use random, only: random_stream_type
+   use random, only: draw_normal, random_stream_type
    use sampling_target, only: point_type, target_type
    use small_matrices, only: factor_columns, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
@@ -37,7 +37,7 @@ module constants_posterior
       type(modulus_map_type) :: kind
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group.
-      integer, private :: n_shared = 0
+      integer :: n_shared = 0
       !> Measured values and their sds, GPa.
       real(wp), allocatable :: measured(:), sd(:)
       !> Of each grain: sd of the tilt, radians, and group.
@@ -47,7 +47,7 @@ module constants_posterior
       real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
       real(wp), allocatable, private :: scale(:)
-      real(wp), private :: scatter = 0.0_wp
+      real(wp) :: scatter = 0.0_wp
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
@@ -60,7 +60,10 @@ module constants_posterior
       procedure :: moduli
       procedure :: set_field_degree
       procedure :: draw_moduli
-      procedure :: draw_measurements
+      procedure :: whiten_residuals
+      procedure :: infer_shared
+      procedure :: draw_shared
+      procedure :: log_prior
       procedure :: stiffness
       procedure :: new_grains
    end type posterior_type
@@ -137,8 +140,7 @@ contains
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: log_density, log_likelihood
       logical, intent(out) :: admitted
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), other(6, 6)
+      real(wp) :: c(6, 6)
 
       c = self%stiffness(x)
       log_density = -huge(1.0_wp)
@@ -146,11 +148,21 @@ contains
       admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
       if (.not. admitted) return
       if (.not. self%likelihood%prior_only) log_likelihood = likelihood_of_crystal(self, x, c)
-      log_density = self%prior%log_density(c) + log_likelihood
+      log_density = self%log_prior(c) + log_likelihood
+   end subroutine evaluate_parts
+
+   !> Logarithm of the density of the constants without the measurements, at a crystal of the support, up to a constant.
+   pure real(wp) function log_prior(self, c)
+      class(posterior_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      type(log_frame_type) :: frame
+      real(wp) :: other(6, 6)
+
+      log_prior = self%prior%log_density(c)
       if (.not. self%prior%in_logarithms) return
       call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, frame)
-      log_density = log_density - self%prior%logarithms%log_volume(frame)
-   end subroutine evaluate_parts
+      log_prior = log_prior - self%prior%logarithms%log_volume(frame)
+   end function log_prior
 
    pure subroutine evaluate_working(self, point, admitted, polynomial)
       class(posterior_type), intent(in) :: self
@@ -374,6 +386,21 @@ contains
       end if
    end subroutine whiten
 
+   !> At a point the mean of what is measured, `model`, the scales of the errors that grains do not share, and over these the columns of U,
+   !> GPa.
+   pure subroutine whiten_residuals(self, x, model, scales, u)
+      class(posterior_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> (grain); (grain, shared error).
+      real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
+      real(wp) :: c(6, 6), slope(self%n_grains), own_variance(self%n_grains)
+
+      c = self%stiffness(x)
+      call evaluate_grains(self, c, model, slope, own_variance)
+      call whiten(self, c, scale_factor(self, x), model, slope, own_variance, scales, u)
+   end subroutine whiten_residuals
+
    !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
    pure subroutine infer_shared(self, x, b, precision)
       class(posterior_type), intent(in) :: self
@@ -381,19 +408,17 @@ contains
       real(wp), intent(in) :: x(:)
       !> (shared error), in sds of the prior.
       real(wp), intent(out) :: b(:), precision(:, :)
-      real(wp), dimension(self%n_grains) :: model, slope, own_variance, scales
+      real(wp), dimension(self%n_grains) :: model, scales
       real(wp), allocatable :: u(:, :)
-      real(wp) :: c(6, 6), value
+      real(wp) :: value
 
       if (self%n_shared == 0) return
       allocate (u(self%n_grains, self%n_shared))
-      c = self%stiffness(x)
-      call evaluate_grains(self, c, model, slope, own_variance)
-      call whiten(self, c, scale_factor(self, x), model, slope, own_variance, scales, u)
+      call self%whiten_residuals(x, model, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
-   !> What the surrogate gives other grains, for `draw_moduli` and `draw_measurements`.
+   !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
    subroutine new_grains(self, euler, grains, error)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
@@ -421,9 +446,9 @@ contains
       real(wp), allocatable :: columns(:, :)
 
       c = self%stiffness(x)
-      call infer_shared(self, x, b, precision)
+      call self%infer_shared(x, b, precision)
       call grains%evaluate_moduli(c, values, slope)
-      call draw_shared(self, stream, b, precision, factor)
+      call self%draw_shared(stream, b, precision, factor)
       allocate (columns(size(values), grains%n_columns))
       if (size(columns) > 0) call grains%evaluate_columns(c, columns)
       values = values + slope*matmul(columns, b(:grains%n_columns))
@@ -433,68 +458,14 @@ contains
    subroutine draw_shared(self, stream, b, precision, factor)
       class(posterior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
+      !> (shared error); the lower factor of the precision.
       real(wp), intent(inout) :: b(:)
       real(wp), intent(in) :: precision(:, :)
+      !> (group).
       real(wp), intent(out) :: factor(:)
-      real(wp) :: z(size(b))
-      integer :: j
 
-      do j = 1, size(b)
-         call stream%normal(z(j))
-      end do
-      ! b + L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      do j = size(b), 1, -1
-         z(j) = (z(j) - sum(precision(j + 1:, j)*z(j + 1:)))/precision(j, j)
-      end do
-      b = b + z
+      call draw_normal(stream, b, precision)
       factor = 1.0_wp
       if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(self%grains%n_columns + 1:)
    end subroutine draw_shared
-
-   !> What a further measurement of any grains would give at a point, of the kind and the first group that were measured, without its
-   !> own error.
-   subroutine draw_measurements(self, x, grains, stream, values, shared_variance, own_variance)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      class(grain_model_type), intent(in) :: grains
-      type(random_stream_type), intent(inout) :: stream
-      !> GPa, (grain), the shared errors drawn given the data.
-      real(wp), intent(out), contiguous :: values(:)
-      !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
-      real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
-      real(wp) :: c(6, 6), slope(size(values)), influence(size(values), grains%n_columns)
-      real(wp) :: b(self%n_shared), precision(self%n_shared, self%n_shared), columns(size(values), self%n_shared)
-      real(wp) :: factor(self%n_groups), mean(size(values)), mean_slope(size(values))
-      integer :: i, j
-
-      c = self%stiffness(x)
-      call infer_shared(self, x, b, precision)
-      call grains%evaluate_moduli(c, values, slope)
-      mean = values
-      mean_slope = slope
-      call self%kind%apply(mean, mean_slope)
-      columns = 0.0_wp
-      if (self%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = self%likelihood%calibration_sd*mean
-      call draw_shared(self, stream, b, precision, factor)
-      if (grains%n_columns > 0) then
-         call grains%evaluate_columns(c, influence)
-         values = values + slope*matmul(influence, b(:grains%n_columns))
-         do i = 1, grains%n_columns
-            columns(:, i) = mean_slope*influence(:, i)
-         end do
-      end if
-      call self%kind%apply(values, slope)
-      values = factor(1)*values
-      shared_variance = 0.0_wp
-      do j = 1, self%n_shared
-         ! The next entry of L^-1 times the columns.
-         do i = 1, j - 1
-            columns(:, j) = columns(:, j) - precision(j, i)*columns(:, i)
-         end do
-         columns(:, j) = columns(:, j)/precision(j, j)
-         shared_variance = shared_variance + columns(:, j)**2
-      end do
-      own_variance = self%scatter*mean_slope**2 + (self%likelihood%scatter_sd*mean)**2
-   end subroutine draw_measurements
 end module constants_posterior

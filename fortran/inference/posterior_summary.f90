@@ -16,7 +16,7 @@ module posterior_summary
    private
    public :: parameter_type, combination_type, known_quantity_type, predictions_type
    public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point
-   public :: decided_by_data, left_open, decided_by_prior
+   public :: decided_by_data, left_open, decided_by_prior, thinning
 
    !> A combination is decided by the data above, and left open below this contraction: its sd is not even half the prior's.
    real(wp), parameter :: decided_by_data = 0.9_wp, left_open = 0.75_wp
@@ -280,6 +280,17 @@ contains
       end do
    end subroutine compare_quantities
 
+   !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.
+   pure integer function thinning(chains, n_grains)
+      type(chains_type), intent(in) :: chains
+      !> Of numbers for each draw.
+      integer, intent(in) :: n_grains
+      real(wp) :: wanted
+
+      wanted = min(real(most_draws, wp), max(real(fewest_draws, wp), most_predictions/max(1, n_grains)))
+      thinning = int(max(1.0_wp, real(size(chains%draws, 2), wp)*size(chains%draws, 3)/wanted))
+   end function thinning
+
    !> The moduli of the measured grains, and quantities of the crystal, for some of the draws.
    subroutine predict_grains(posterior, chains, quantities, predictions, error)
       type(posterior_type), intent(in) :: posterior
@@ -289,12 +300,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp) :: slope(posterior%n_grains), wanted
+      real(wp) :: slope(posterior%n_grains)
       integer :: samples, n, i, c, s
 
       samples = size(chains%draws, 2)
-      wanted = min(real(most_draws, wp), max(real(fewest_draws, wp), most_predictions/max(1, posterior%n_grains)))
-      predictions%stride = int(max(1.0_wp, real(samples, wp)*size(chains%draws, 3)/wanted))
+      predictions%stride = thinning(chains, posterior%n_grains)
       n = (samples + predictions%stride - 1)/predictions%stride
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))

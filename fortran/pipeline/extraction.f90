@@ -6,8 +6,11 @@ module extraction
    use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
    use knowledge_conflict, only: conflict_type, find_conflict
+   use model_checks, only: check_model, checks_type
+   use model_evidence, only: estimate_evidence, evidence_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
+   use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior, sample_beside, sample_pilot, sample_posterior, sample_prior, &
       & sample_without_knowledge
@@ -40,6 +43,11 @@ module extraction
       !> Of what &knowledge says.
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
+      type(checks_type) :: checks
+      !> What other priors would have said.
+      type(change_type), allocatable :: changes(:)
+      !> Of the model and its prior, if that was asked for.
+      type(evidence_type), allocatable :: evidence
       !> Of each grain, GPa: mean and sd of the modulus, and mean of what is measured, the calibration error with it.
       real(wp), allocatable :: predicted_mean(:), predicted_sd(:), expected(:)
       !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by how much the worst grain erred for it,
@@ -79,6 +87,11 @@ contains
       self%seconds = real(end - start, wp)/rate
       if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
       if (.not. allocated(error)) call judge_knowledge(problem, self, error)
+      if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
+         allocate (self%evidence)
+         call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
+            & thread_count(problem%settings%execution%workers), self%evidence, error)
+      end if
       if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
       if (.not. allocated(error)) call describe_surrogate(surrogate, self)
       if (.not. allocated(error)) call compare_theory(problem, self, error)
@@ -186,6 +199,7 @@ contains
       call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
       if (allocated(error)) return
       call average_predictions(self)
+      call check_model(self%posterior, self%chains, threads, self%checks)
       spread = spreads(self%chains)
       call most_probable_point(self%posterior, self%chains, spread, self%most_probable)
       if (size(self%names) > k) then
@@ -193,6 +207,7 @@ contains
          self%most_probable(k + 1) = exp(self%most_probable(k + 1))
       end if
       call summarise_parameters(self%chains, threads, self%parameters)
+      call measure_sensitivity(self%posterior, self%chains, self%changes)
       self%correlation = correlate(self%chains, k)
       call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
       if (.not. allocated(error)) call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)

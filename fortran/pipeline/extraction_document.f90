@@ -4,13 +4,15 @@ module extraction_document
    use extraction, only: extraction_type
    use further_knowledge, only: gain_type
    use json, only: json_type
+   use model_checks, only: checks_type
    use kinds, only: wp
    use posterior_summary, only: combination_type
+   use prior_sensitivity, only: change_type
    use prior_words, only: describe_prior
    use problem, only: problem_type
    use size_verdicts, only: judge_sizes
-   use verdicts, only: judge_bound, judge_coverage, judge_grains, judge_knowledge, judge_mixing, judge_open, judge_ridges, &
-      & judge_theory, powers_text
+   use verdicts, only: judge_bound, judge_checks, judge_coverage, judge_grains, judge_knowledge, judge_mixing, judge_open, &
+      & judge_ridges, judge_sensitivity, judge_theory, powers_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -97,6 +99,18 @@ contains
       end do
       call document%end_array()
       call write_prior(document, found)
+      call write_checks(document, found%checks)
+      if (allocated(found%evidence)) then
+         call document%begin_object('evidence')
+         call document%put('log_z', found%evidence%log_z)
+         call document%put('sd', found%evidence%sd)
+         call document%end_object()
+      end if
+      call document%begin_array('sensitivity')
+      do i = 1, size(found%changes)
+         call write_change(document, found%names, found%changes(i))
+      end do
+      call document%end_array()
       if (found%field_degree > 0) then
          call document%begin_object('theory')
          call document%put('degree', found%field_degree)
@@ -174,6 +188,55 @@ contains
       call document%put('words', lines)
       call document%end_object()
    end subroutine write_prior
+
+   !> Whether the model could have given the measurements.
+   subroutine write_checks(document, checks)
+      type(json_type), intent(inout) :: document
+      type(checks_type), intent(in) :: checks
+
+      call document%begin_object('checks')
+      call document%put('draws', size(checks%log_prior))
+      call document%begin_object('chi_square')
+      call document%put('mean', checks%chi_square)
+      call document%put('p', checks%chi_square_p)
+      call document%end_object()
+      call document%begin_object('extreme_grain')
+      call document%put('grain', checks%extreme_grain)
+      call document%put('residual_sd', checks%extreme_residual)
+      call document%put('p', checks%extreme_p)
+      call document%end_object()
+      call document%end_object()
+   end subroutine write_checks
+
+   !> What another prior would have said; null where too few draws tell.
+   subroutine write_change(document, names, change)
+      type(json_type), intent(inout) :: document
+      !> Of the parameters.
+      character(len=*), intent(in) :: names(:)
+      type(change_type), intent(in) :: change
+      integer :: j
+
+      call document%begin_object()
+      call document%put('name', trim(change%name))
+      if (change%name /= 'measure') then
+         call document%put('side', merge('upper', 'lower', change%is_upper))
+         call document%put('from', change%from)
+         call document%put('to', change%to)
+      end if
+      call document%put('exact', change%exact)
+      call document%put('effective_draws', change%effective)
+      call document%begin_object('shift_sd')
+      do j = 1, size(names)
+         call document%put(trim(names(j)), change%shift(j))
+      end do
+      call document%end_object()
+      call document%begin_object('sd_ratio')
+      do j = 1, size(names)
+         call document%put(trim(names(j)), change%sd_ratio(j))
+      end do
+      call document%end_object()
+      call document%end_object()
+   end subroutine write_change
 
    !> What is known, and by how many sds it is away from what all else says.
    subroutine write_knowledge(document, found)
@@ -260,9 +323,11 @@ contains
                & prior%upper(i), warnings)
          end do
       end associate
+      call judge_sensitivity(found%names, found%changes, warnings)
       factor = 1.0_wp
       if (size(found%names) > k) factor = found%parameters(k + 1)%mean
       call judge_grains(problem%measurements, found%posterior%measured, found%expected, factor*found%posterior%sd, &
          & problem%settings%measurements%likelihood, warnings)
+      call judge_checks(found%checks, found%posterior%n_grains, warnings)
    end subroutine judge_extraction
 end module extraction_document

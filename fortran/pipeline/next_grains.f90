@@ -125,7 +125,7 @@ contains
          & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
       stream = new_random_stream(seed, 0)
       do i = 1, size(draws, 2)
-         call posterior%draw_measurements(draws(:, i), grains, stream, candidates%predicted(:, i), &
+         call draw_measurements(posterior, draws(:, i), grains, stream, candidates%predicted(:, i), &
             & candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)
@@ -228,4 +228,52 @@ contains
       call document%end_object()
       text = document%text()
    end function written
+
+   !> What a further measurement of any grains would give at a point, of the kind and the first group that were measured, without its
+   !> own error.
+   subroutine draw_measurements(posterior, x, grains, stream, values, shared_variance, own_variance)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      class(grain_model_type), intent(in) :: grains
+      type(random_stream_type), intent(inout) :: stream
+      !> GPa, (grain), the shared errors drawn given the data.
+      real(wp), intent(out), contiguous :: values(:)
+      !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
+      real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
+      real(wp) :: c(6, 6), slope(size(values)), influence(size(values), grains%n_columns)
+      real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared)
+      real(wp) :: columns(size(values), posterior%n_shared)
+      real(wp) :: factor(posterior%n_groups), mean(size(values)), mean_slope(size(values))
+      integer :: i, j
+
+      c = posterior%stiffness(x)
+      call posterior%infer_shared(x, b, precision)
+      call grains%evaluate_moduli(c, values, slope)
+      mean = values
+      mean_slope = slope
+      call posterior%kind%apply(mean, mean_slope)
+      columns = 0.0_wp
+      if (posterior%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%likelihood%calibration_sd*mean
+      call posterior%draw_shared(stream, b, precision, factor)
+      if (grains%n_columns > 0) then
+         call grains%evaluate_columns(c, influence)
+         values = values + slope*matmul(influence, b(:grains%n_columns))
+         do i = 1, grains%n_columns
+            columns(:, i) = mean_slope*influence(:, i)
+         end do
+      end if
+      call posterior%kind%apply(values, slope)
+      values = factor(1)*values
+      shared_variance = 0.0_wp
+      do j = 1, posterior%n_shared
+         ! The next entry of L^-1 times the columns.
+         do i = 1, j - 1
+            columns(:, j) = columns(:, j) - precision(j, i)*columns(:, i)
+         end do
+         columns(:, j) = columns(:, j)/precision(j, j)
+         shared_variance = shared_variance + columns(:, j)**2
+      end do
+      own_variance = posterior%scatter*mean_slope**2 + (posterior%likelihood%scatter_sd*mean)**2
+   end subroutine draw_measurements
 end module next_grains

@@ -90,8 +90,9 @@ contains
    !> Numbers of a posterior by their `label`: 'lower', 'upper' bounds of the parameters, 'anisotropy_cap', 'share_inside' (of the stated
    !> crystals that the surrogate covers); of the chains that were run last 'draws' (parameter, sample, chain), 'log_density' (sample,
    !> chain), 'acceptance' (chain); if Step 2 was done the same of its chains ('found_draws', ..), 'prior_draws', for some of the draws
-   !> 'predicted' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw, chain) and the 'stride' between these,
-   !> and 'most_probable' (parameter, NaN where the data do not say).
+   !> 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw,
+   !> chain), 'log_prior' (draw, chain) and the 'stride' between these, see `predictions_type` and `checks_type`, and 'most_probable'
+   !> (parameter, NaN where the data do not say).
    subroutine labelled_values_of(handle, label, sizes, error, values)
       integer(i8), intent(in) :: handle
       character(len=*), intent(in) :: label
@@ -106,7 +107,8 @@ contains
       call posterior_of_handle(handle, self, error)
       if (allocated(error)) return
       if (.not. allocated(self%found) .and. any([character(len=17) :: 'found_draws', 'found_log_density', 'found_acceptance', &
-         & 'prior_draws', 'predicted', 'factor', 'quantities', 'stride', 'most_probable'] == label)) then
+         & 'prior_draws', 'predicted', 'log_likelihood', 'replicated', 'log_prior', 'factor', 'quantities', 'stride', &
+         & 'most_probable'] == label)) then
          call raise(error, 'Step 2 was not done with this posterior', exit_bad_input)
          return
       end if
@@ -139,6 +141,12 @@ contains
          call give_cube(self%found%prior_chains%draws)
       case ('predicted')
          call give_cube(self%found%predictions%moduli)
+      case ('log_likelihood')
+         call give_cube(self%found%checks%log_likelihood)
+      case ('replicated')
+         call give_cube(self%found%checks%replicated)
+      case ('log_prior')
+         call give_table(self%found%checks%log_prior)
       case ('factor')
          call give_cube(self%found%predictions%factor)
       case ('quantities')

@@ -8,13 +8,15 @@ module verdicts
    use kinds, only: wp
    use knowledge_conflict, only: conflict_type
    use point_tables, only: points_type
+   use model_checks, only: checks_type
+   use prior_sensitivity, only: change_type
    use posterior_summary, only: combination_type, decided_by_data, left_open
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: judge_coverage, judge_mixing, judge_ridges, judge_open, judge_theory, judge_bound, judge_grains
-   public :: judge_knowledge, known_text, powers_text
+   public :: judge_checks, judge_sensitivity, judge_knowledge, known_text, powers_text
 
    !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
    !> al., Bayesian Anal. 16, 667, 2021).
@@ -288,4 +290,89 @@ contains
       end do
       if (named > most_named) call warn(warnings, to_text(named - most_named)//' more grains disagree with the others')
    end subroutine judge_grains
+
+   !> Measurements that the model could hardly have given.
+   subroutine judge_checks(checks, n_grains, warnings)
+      type(checks_type), intent(in) :: checks
+      !> That were measured.
+      integer, intent(in) :: n_grains
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: rare = 0.01_wp
+      character(len=:), allocatable :: size_of_it
+
+      size_of_it = 'chi-square of the residuals is '//to_text(checks%chi_square, 3)//' for '//to_text(n_grains)//' grains; '
+      if (checks%chi_square_p < rare) then
+         call warn(warnings, 'the grains scatter more than their sds say: '//size_of_it//share(checks%chi_square_p) &
+            & //' of data sets drawn from the posterior scatter more; the sds are too small, or grains differ in more than their ' &
+            & //'orientation (scatter_sd, scale = ''inferred'', likelihood = ''student'')')
+      else if (checks%chi_square_p > 1.0_wp - rare) then
+         call warn(warnings, 'the grains scatter less than their sds say: '//size_of_it//share(1.0_wp - checks%chi_square_p) &
+            & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that all ' &
+            & //'grains share (calibration_sd)')
+      end if
+      if (checks%extreme_p < rare) call warn(warnings, 'the worst grain, '//to_text(checks%extreme_grain)//', is ' &
+         & //fixed(abs(checks%extreme_residual), 1)//' sd off: the worst grain is further off in '//share(checks%extreme_p) &
+         & //' of data sets drawn from the posterior')
+
+   contains
+
+      pure function share(p) result(words)
+         real(wp), intent(in) :: p
+         character(len=:), allocatable :: words
+
+         words = fixed(100.0_wp*p, 1)//' %'
+         if (.not. p > 0.0_wp) words = 'none'
+      end function share
+   end subroutine judge_checks
+
+   !> Results that lean on a limit of the prior or on its measure: of each the parameter that moves most.
+   subroutine judge_sensitivity(names, changes, warnings)
+      !> Of the parameters.
+      character(len=*), intent(in) :: names(:)
+      type(change_type), intent(in) :: changes(:)
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: matters = 0.1_wp
+      !> More are not read.
+      integer, parameter :: most = 3
+      real(wp) :: largest(size(changes))
+      character(len=:), allocatable :: told
+      integer :: i, j, round
+
+      do i = 1, size(changes)
+         largest(i) = 0.0_wp
+         do j = 1, size(names)
+            ! What is not a number is not larger.
+            if (abs(changes(i)%shift(j)) > largest(i)) largest(i) = abs(changes(i)%shift(j))
+         end do
+      end do
+      told = ''
+      do round = 1, most
+         i = maxloc(largest, dim=1)
+         if (.not. largest(i) > matters) exit
+         if (len(told) > 0) told = told//'; '
+         told = told//words_of(changes(i))
+         ! In or out, the same limit is told of once.
+         where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
+      end do
+      if (len(told) > 0) call warn(warnings, 'the prior has a say: '//told)
+
+   contains
+
+      function words_of(change) result(words)
+         type(change_type), intent(in) :: change
+         character(len=:), allocatable :: words
+         integer :: worst
+
+         worst = maxloc(abs(change%shift), dim=1)
+         words = trim(names(worst))//' would be '//fixed(abs(change%shift(worst)), 1)//' sd ' &
+            & //trim(merge('higher', 'lower ', change%shift(worst) > 0.0_wp))
+         if (change%name == 'measure') then
+            words = words//' with the other measure of the prior'
+         else
+            words = words//' with the '//trim(merge('upper', 'lower', change%is_upper))//' limit of '//trim(change%name)//' at ' &
+               & //to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
+            if (.not. change%exact) words = words//' (estimated)'
+         end if
+      end function words_of
+   end subroutine judge_sensitivity
 end module verdicts

@@ -102,6 +102,7 @@ module settings_groups
       logical :: given = .false.
       character(len=:), allocatable :: method, surrogate_variance
       integer :: samples = 0, burn_in = 0, chains = 0
+      logical :: evidence = .false.
    end type sampler_settings_type
 
    type :: next_settings_type

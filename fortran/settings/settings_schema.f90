@@ -205,6 +205,8 @@ contains
       call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', '', 'independent chains')
       call v%choice('surrogate_variance', s%sampler%surrogate_variance, 'full', 'full, none', &
          & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')
+      call v%logical('evidence', s%sampler%evidence, '.false.', &
+         & 'estimate the evidence log Z, to compare classes and models of the same data; it depends on the bounds of the prior')
 
       call v%group('next', s%next%given, 'Which grain to measure next.')
       call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', &

@@ -15,6 +15,7 @@ COMMANDS = (
     "extract",
     "next",
     "report",
+    "compare",
     "bench",
     "test",
     "lint",

@@ -73,7 +73,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comme
 
 
 def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
-    """Write groups of variables (axes, values) and facts as netCDF, without xarray: importing that takes half a second."""
+    """Write groups of variables (axes, values, perhaps attributes) and facts as netCDF, without xarray: importing that takes half a second."""
     import h5netcdf
 
     # In memory: HDF5 does not recover from a disk that is full.
@@ -82,9 +82,11 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
         for name, (variables, facts) in groups.items():
             group = file.create_group(name)
             group.attrs.update(facts)
-            for label, (axes, values) in variables.items():
+            for label, (axes, values, *attributes) in variables.items():
                 group.dimensions.update({axis: size for axis, size in zip(axes, values.shape) if axis not in group.dimensions})
-                group.create_variable(label, axes, data=values)
+                variable = group.create_variable(label, axes, data=values)
+                for facts_of_it in attributes:
+                    variable.attrs.update(facts_of_it)
     with whole_file(path) as beside:
         beside.write_bytes(content.getvalue() + seal(content.getvalue()))
 

@@ -9,7 +9,7 @@ from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
 from .quantities import quantity_names
 
-__all__ = ["extract", "groups_of", "inference_data", "loaded", "summary"]
+__all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "summary"]
 
 
 def extract(measurements, *, surrogate="halfspace", **settings):
@@ -21,7 +21,9 @@ def extract(measurements, *, surrogate="halfspace", **settings):
     them; `seed`, `workers` (0: all cores; results do not depend on it), and the variables of
     `&measurements`, `&prior` and `&sampler`: `modulus_kind`, `calibration_sd`, `likelihood`, `scale`, `anisotropy_cap`, `method`,
     `samples`, `burn_in`, `chains`, `surrogate_variance`, ... Further groups: `prior` (constants without the data), `derived` (quantities
-    of the crystal, for some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), `observed_data`.
+    of the crystal, for some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), for the same draws
+    `log_likelihood` (of each measurement given all others), `log_prior` and `posterior_predictive` (the grains measured anew), and
+    `observed_data`, `constant_data`.
     """
     surrogate = loaded(surrogate)
     found = Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION)
@@ -40,33 +42,49 @@ def loaded(surrogate):
 
 def inference_data(found: Posterior):
     """What Step 2 found, for ArviZ."""
-    import arviz as az
     import xarray as xr
 
     groups: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups_of(found).items()}
-    return az.InferenceData(**groups)
+    return arviz_data(groups)
+
+
+def arviz_data(groups: dict):
+    """Groups, datasets of xarray by name, as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    import arviz as az
+    import xarray as xr
+
+    return az.InferenceData(**groups) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(groups)
 
 
 def groups_of(found: Posterior) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
-    and facts."""
+    and facts. `fortran/inference/model_checks.f90` says what a likelihood and a prediction are."""
     settings, measured, names = found.problem.settings, found.problem.measurements, found.names
     draws, before, quantities = (found.values(label) for label in ("found_draws", "prior_draws", "quantities"))
     document = found.document("extract")
     each = ("chain", "draw")
+
+    gpa = {"units": "GPa"}
 
     def counted(like: np.ndarray, stride: int = 1) -> dict:
         _, samples, chains = like.shape
         return {"chain": (("chain",), np.arange(chains)), "draw": (("draw",), np.arange(0, samples, stride))}
 
     some = counted(draws, int(found.values("stride")[0]))
-    derived = {name: (each, quantities[q].T) for q, name in enumerate(quantity_names(found.symmetry)) if name not in names}
+    units = quantity_names(found.symmetry)
+    derived = {name: (each, quantities[q].T, {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
+    per_grain = (*each, "grain")
     predictions = {
-        "modulus": ((*each, "grain"), found.values("predicted").T),
-        "calibration_factor": ((*each, "group"), found.values("factor").T),
+        "modulus": (per_grain, found.values("predicted").T, gpa),
+        "calibration_factor": ((*each, "group"), found.values("factor").T, {"units": "1"}),
     }
-    data = {"modulus": (("grain",), measured.modulus_gpa), "euler_deg": (("grain", "angle"), measured.euler_deg)}
-    data["sd"] = (("grain",), np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa)
+    likelihood = {"modulus": (per_grain, found.values("log_likelihood").T, {"units": "log(1/GPa)"})}
+    replicated = {"modulus": (per_grain, found.values("replicated").T, gpa)}
+    before_data = {"constants": (each, found.values("log_prior").T, {"long_name": "log prior density of all constants, up to a constant"})}
+    conditions = {
+        "euler_deg": (("grain", "angle"), measured.euler_deg, {"units": "degree"}),
+        "sd": (("grain",), np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa, gpa),
+    }
     bounds = zip(found.values("lower").tolist(), found.values("upper").tolist())
     facts = {
         "symmetry": found.symmetry,
@@ -81,12 +99,19 @@ def groups_of(found: Posterior) -> dict[str, tuple[dict, dict]]:
         "title": settings.problem.title or "",
     }
     return {
-        "posterior": (counted(draws) | {name: (each, draws[j].T) for j, name in enumerate(document["parameters"])}, facts),
-        "prior": (counted(before) | {name: (each, before[j].T) for j, name in enumerate(names)}, {}),
+        "posterior": (
+            counted(draws) | {name: (each, draws[j].T, {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
+            facts,
+        ),
+        "prior": (counted(before) | {name: (each, before[j].T, gpa) for j, name in enumerate(names)}, {}),
         "sample_stats": (counted(draws) | {"lp": (each, found.values("found_log_density").T)}, {}),
         "derived": (some | derived, {}),
         "predictions": (some | predictions, {}),
-        "observed_data": (data, {}),
+        "posterior_predictive": (some | replicated, {}),
+        "log_likelihood": (some | likelihood, {}),
+        "log_prior": (some | before_data, {}),
+        "observed_data": ({"modulus": (("grain",), measured.modulus_gpa, gpa)}, {}),
+        "constant_data": (conditions, {}),
     }
 
 

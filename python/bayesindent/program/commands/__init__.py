@@ -1,6 +1,6 @@
 """The commands, in the order of the help and of `run`."""
 
-from . import build, extract, init, next_grain, predict, report, run, simulate, size, source_tree, theory
+from . import build, compare, extract, init, next_grain, predict, report, run, simulate, size, source_tree, theory
 
 __all__ = ["COMMANDS"]
 
@@ -15,5 +15,6 @@ COMMANDS = (
     next_grain.COMMAND,
     predict.COMMAND,
     report.COMMAND,
+    compare.COMMAND,
     *source_tree.COMMANDS,
 )

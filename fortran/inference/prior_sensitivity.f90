@@ -1,0 +1,263 @@
+!> How the results lean on the prior: what they would be with each of its limits moved by a tenth, and with its other measure.
+!>
+!> A limit that moves in takes draws away, and another measure weights them: both are exact but for the number of draws. What a limit that
+!> moves out lets in was not drawn: it is estimated from what is within. A parabola is fitted to the logarithm of the density over three
+!> times the distance and continued, and means go on along the line of those of two strips: both hold for a normal distribution.
+module prior_sensitivity
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use constants_posterior, only: posterior_type
+   use crystal_elasticity, only: anisotropy_of_averages, averages_type, hill_young_poisson, log_anisotropy, polycrystal_averages
+   use errors, only: error_type
+   use kinds, only: wp
+   use linear_algebra, only: cholesky_factor, cholesky_solve
+   use logarithmic_coordinates, only: log_frame_type
+   use posterior_summary, only: thinning
+   use samplers, only: chains_type
+   implicit none
+   private
+   public :: change_type, measure_sensitivity
+
+   !> What another prior would have said.
+   type :: change_type
+      !> What is limited: a constant, 'young', 'poisson', 'anisotropy_cap', 'log_anisotropy_max'; or 'measure'.
+      character(len=18) :: name = ''
+      logical :: is_upper = .false.
+      !> The limit, GPa or 1, and where it is put.
+      real(wp) :: from = 0.0_wp, to = 0.0_wp
+      !> Whether nothing was estimated beyond what was drawn.
+      logical :: exact = .true.
+      !> How many draws are left, by their weights.
+      real(wp) :: effective = 0.0_wp
+      !> Of each parameter the shift of its mean in sds, and its sd in sds; NaN where too few draws are left.
+      real(wp), allocatable :: shift(:), sd_ratio(:)
+   end type change_type
+
+   !> Share of its value by which a limit moves, but no more than the second of the interval; and draws that say something.
+   real(wp), parameter :: relative_step = 0.1_wp, greatest_step = 0.25_wp
+   integer, parameter :: least_draws = 100
+   !> Poisson's ratio of what is incompressible.
+   real(wp), parameter :: greatest_poisson = 0.5_wp
+
+contains
+
+   !> Every limit that there is moved in and out, and the other measure.
+   subroutine measure_sensitivity(posterior, chains, changes)
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(in) :: chains
+      type(change_type), allocatable, intent(out) :: changes(:)
+      !> A lower limit that is none.
+      real(wp), parameter :: none = -1.0e6_wp
+      type(log_frame_type) :: frame
+      type(averages_type) :: averages
+      real(wp), allocatable :: draws(:, :), limited(:, :), log_weights(:)
+      real(wp) :: c(6, 6), again(6, 6)
+      integer :: i, j, n, k, stride
+
+      k = posterior%n_constants
+      stride = thinning(chains, 1)
+      n = ((size(chains%draws, 2) + stride - 1)/stride)*size(chains%draws, 3)
+      draws = reshape(chains%draws(:, ::stride, :), [size(chains%draws, 1), n])
+      allocate (limited(n, 4), log_weights(n), changes(0))
+      associate (prior => posterior%prior)
+         do i = 1, n
+            c = posterior%stiffness(draws(:, i))
+            averages = polycrystal_averages(c)
+            call hill_young_poisson(averages, limited(i, 1), limited(i, 2))
+            limited(i, 3) = anisotropy_of_averages(averages)
+            limited(i, 4) = log_anisotropy(c)
+            call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), again, frame)
+            log_weights(i) = prior%logarithms%log_volume(frame)
+         end do
+         do j = 1, k
+            if (prior%is_stated(j)) call move_limits(draws, prior%class%constants(j), draws(j, :), prior%lower(j), prior%upper(j), &
+               & huge(1.0_wp), changes)
+         end do
+         if (.not. prior%has_box) then
+            call move_limits(draws, 'young', limited(:, 1), prior%young(1), prior%young(2), huge(1.0_wp), changes)
+            call move_limits(draws, 'poisson', limited(:, 2), prior%poisson(1), prior%poisson(2), greatest_poisson, changes)
+         end if
+         call move_limits(draws, 'anisotropy_cap', limited(:, 3), none, prior%anisotropy_cap, huge(1.0_wp), changes)
+         call move_limits(draws, 'log_anisotropy_max', limited(:, 4), none, prior%log_anisotropy_max, huge(1.0_wp), changes)
+         if (.not. prior%in_logarithms) log_weights = -log_weights
+      end associate
+      call add_change(draws, 'measure', exp(log_weights - maxval(log_weights)), changes)
+   end subroutine measure_sensitivity
+
+   !> Both limits of something, where they are any, in and out.
+   subroutine move_limits(draws, name, values, lower, upper, greatest, changes)
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      !> See `change_type`.
+      character(len=*), intent(in) :: name
+      !> Of what is limited, (draw); its limits, and what it cannot exceed.
+      real(wp), intent(in) :: values(:), lower, upper, greatest
+      type(change_type), allocatable, intent(inout) :: changes(:)
+      !> GPa; what is not within is no limit.
+      real(wp), parameter :: no_limit = 1.0e5_wp
+      real(wp) :: step
+      integer :: last
+
+      if (abs(lower) < no_limit) then
+         step = min(relative_step*abs(lower), greatest_step*(upper - lower))
+         if (step > 0.0_wp) then
+            call add_change(draws, name, merge(1.0_wp, 0.0_wp, values >= lower + step), changes)
+            call label(.false., lower, lower + step)
+            call add_beyond(draws, name, values - lower, step, changes)
+            call label(.false., lower, lower - step)
+         end if
+      end if
+      if (abs(upper) < no_limit) then
+         step = min(relative_step*abs(upper), greatest_step*(upper - lower))
+         if (step > 0.0_wp) then
+            call add_change(draws, name, merge(1.0_wp, 0.0_wp, values <= upper - step), changes)
+            call label(.true., upper, upper - step)
+            step = min(step, greatest - upper)
+            call add_beyond(draws, name, upper - values, step, changes)
+            call label(.true., upper, upper + step)
+         end if
+      end if
+
+   contains
+
+      subroutine label(is_upper, from, to)
+         logical, intent(in) :: is_upper
+         real(wp), intent(in) :: from, to
+
+         last = size(changes)
+         changes(last)%is_upper = is_upper
+         changes(last)%from = from
+         changes(last)%to = to
+      end subroutine label
+   end subroutine move_limits
+
+   !> The draws with weights.
+   subroutine add_change(draws, name, weights, changes)
+      real(wp), intent(in) :: draws(:, :)
+      character(len=*), intent(in) :: name
+      !> (draw).
+      real(wp), intent(in) :: weights(:)
+      type(change_type), allocatable, intent(inout) :: changes(:)
+      type(change_type) :: change
+      real(wp), dimension(size(draws, 1)) :: mean, variance, new_mean, new_variance
+
+      change%name = name
+      change%effective = sum(weights)**2/max(tiny(1.0_wp), sum(weights**2))
+      call moments(draws, 1.0_wp + 0.0_wp*weights, mean, variance)
+      call moments(draws, weights, new_mean, new_variance)
+      call compare(mean, variance, new_mean, new_variance, change)
+      changes = [changes, change]
+   end subroutine add_change
+
+   !> The draws and those that a limit which moves by `step` lets in.
+   subroutine add_beyond(draws, name, distance, step, changes)
+      real(wp), intent(in) :: draws(:, :)
+      character(len=*), intent(in) :: name
+      !> From the limit, (draw), and by how much it moves.
+      real(wp), intent(in) :: distance(:), step
+      type(change_type), allocatable, intent(inout) :: changes(:)
+      !> The most that is let in, in what the strip next to it has, and draws of a strip that say something.
+      real(wp), parameter :: greatest_growth = 1.5_wp
+      integer, parameter :: least_in_strip = 20
+      type(change_type) :: change
+      real(wp), dimension(size(draws, 1)) :: mean, variance, near_mean, near_variance, far_mean, far_variance
+      real(wp) :: near(size(distance)), far(size(distance)), beyond
+
+      near = merge(1.0_wp, 0.0_wp, distance <= step)
+      far = merge(1.0_wp, 0.0_wp, distance > step .and. distance <= 2.0_wp*step)
+      call moments(draws, 1.0_wp + 0.0_wp*near, mean, variance)
+      call moments(draws, near, near_mean, near_variance)
+      call moments(draws, far, far_mean, far_variance)
+      change%name = name
+      change%exact = .false.
+      change%effective = size(distance)
+      if (sum(near) < least_in_strip) then
+         call compare(mean, variance, mean, variance, change)
+      else
+         beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
+         if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
+         far_mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
+         far_variance = (variance + beyond*near_variance + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond)
+         call compare(mean, variance, far_mean, far_variance, change)
+      end if
+      changes = [changes, change]
+   end subroutine add_beyond
+
+   !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
+   real(wp) function continued(t)
+      !> (draw).
+      real(wp), intent(in) :: t(:)
+      integer, parameter :: bins_per_unit = 4, bins = 3*bins_per_unit, least = 5
+      real(wp) :: counts(bins), normal(3, 3), right(3, 1), terms(3)
+      type(error_type), allocatable :: error
+      integer :: i, j, k
+
+      counts = 0.0_wp
+      do i = 1, size(t)
+         k = 1 + int(bins_per_unit*min(3.0_wp, max(0.0_wp, t(i))))
+         if (k <= bins) counts(k) = counts(k) + 1.0_wp
+      end do
+      normal = 0.0_wp
+      right = 0.0_wp
+      do k = 1, bins
+         if (counts(k) < least) cycle
+         terms = powers(k - 0.5_wp)
+         do j = 1, 3
+            normal(:, j) = normal(:, j) + counts(k)*terms*terms(j)
+         end do
+         right(:, 1) = right(:, 1) + counts(k)*log(counts(k))*terms
+      end do
+      continued = counts(1)*bins_per_unit
+      ! Draws in a few bins alone have no parabola.
+      if (count(counts >= least) < 4) return
+      call cholesky_factor(normal, error)
+      if (allocated(error)) return
+      call cholesky_solve(normal, right)
+      right(3, 1) = min(0.0_wp, right(3, 1))
+      continued = 0.0_wp
+      do k = 1, bins_per_unit
+         continued = continued + exp(min(100.0_wp, sum(right(:, 1)*powers(0.5_wp - k))))
+      end do
+
+   contains
+
+      pure function powers(place)
+         real(wp), intent(in) :: place
+         real(wp) :: powers(3)
+
+         powers = [1.0_wp, place/bins_per_unit, (place/bins_per_unit)**2]
+      end function powers
+   end function continued
+
+   pure subroutine moments(draws, weights, mean, variance)
+      real(wp), intent(in) :: draws(:, :), weights(:)
+      !> (parameter).
+      real(wp), intent(out) :: mean(:), variance(:)
+      real(wp) :: total
+      integer :: i
+
+      total = max(tiny(1.0_wp), sum(weights))
+      mean = 0.0_wp
+      variance = 0.0_wp
+      do i = 1, size(weights)
+         mean = mean + weights(i)*draws(:, i)
+      end do
+      mean = mean/total
+      do i = 1, size(weights)
+         variance = variance + weights(i)*(draws(:, i) - mean)**2
+      end do
+      variance = variance/total
+   end subroutine moments
+
+   pure subroutine compare(mean, variance, new_mean, new_variance, change)
+      real(wp), intent(in) :: mean(:), variance(:), new_mean(:), new_variance(:)
+      type(change_type), intent(inout) :: change
+      real(wp) :: sd(size(mean))
+
+      sd = sqrt(max(tiny(1.0_wp), variance))
+      change%shift = (new_mean - mean)/sd
+      change%sd_ratio = sqrt(new_variance)/sd
+      if (change%effective >= least_draws) return
+      change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
+      change%sd_ratio = change%shift
+   end subroutine compare
+end module prior_sensitivity

@@ -1,0 +1,86 @@
+"""`compare`: posteriors of several runs side by side."""
+
+import argparse
+from pathlib import Path
+
+from ...common.result_files import whole_file, write_json
+from ...report.words import number
+from ..command import Command, take_folder
+from ..console import show_table
+
+__all__ = ["COMMAND"]
+
+
+def compare(arguments: argparse.Namespace) -> dict:
+    """Tables and figures of the runs in the output folder, and the document."""
+    from ...report.comparison import compare_runs, read_runs
+    from ...report.figures.comparison import forest, overlay
+    from ...report.figures.style import house_style, stamp_synthetic
+
+    runs = read_runs(arguments.runs)
+    output = arguments.results = arguments.output or Path("runs") / "compare"
+    take_folder(output)
+    document = compare_runs(runs, output)
+    document["figures"] = []
+    with house_style():
+        for draw in (forest, overlay):
+            figure = draw(runs).figure
+            if any(run.synthetic for run in runs):
+                stamp_synthetic(figure)
+            path = output / f"{draw.__name__}.{arguments.figures}"
+            with whole_file(path) as beside:
+                figure.savefig(beside, format=arguments.figures)
+            document["figures"].append(str(path))
+    write_json(output / "comparison.json", document)
+    return document
+
+
+def show(document: dict) -> None:
+    """The constants of all runs, and what speaks for one model."""
+    runs = document["runs"]
+    away = {(item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]}
+    rows = []
+    for name in dict.fromkeys(name for run in runs for name in run["parameters"]):
+        cells = [name]
+        for i, run in enumerate(runs):
+            item = run["parameters"].get(name)
+            cells.append(f"{number(item['mean'])} ± {number(item['sd'])}" if item else "–")
+            if i > 0:
+                cells.append(number(away.get((run["run"], name)), 2))
+        rows.append(cells)
+    header = ["constant", runs[0]["run"]]
+    for run in runs[1:]:
+        header += [run["run"], "differs by (sd)"]
+    show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
+    if document["models"]:
+        rows = []
+        for row in document["models"]:
+            cells = [row["run"], number(row["elpd"], 2), with_sd(row["elpd_difference"], row["elpd_difference_sd"])]
+            rows.append([*cells, with_sd(row["log_z"], row["log_z_sd"]), with_sd(row["log_z_difference"], row["log_z_difference_sd"])])
+        header = ["run", "leave-one-out", "less the first's", "log evidence", "less the first's"]
+        show_table("Which model predicts these measurements best: larger is better", header, rows)
+        print(
+            "A difference of less than two of its sds says nothing. The evidence depends on the bounds of each prior; leave-one-out hardly."
+        )
+
+
+def with_sd(value, sd) -> str:
+    """A value with its sd; a dash where there is none."""
+    return "–" if value is None else f"{number(value, 2)} ± {number(sd, 2)}"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options."""
+    parser.add_argument("runs", metavar="RUN", nargs="+", type=Path, help="output folders of extract or run, two or more")
+    parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="png", help="kind of the figures (default: png)")
+
+
+COMMAND = Command(
+    "compare",
+    "posteriors of several runs side by side",
+    "It writes comparison.csv, comparison.json and the figures forest and overlay (default folder: runs/compare). Of runs of the same "
+    "measurements it compares the models, too: by leave-one-out, and by the evidence where &sampler evidence = .true. estimated it.",
+    action=compare,
+    arguments=add_arguments,
+    show=show,
+)

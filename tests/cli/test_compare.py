@@ -1,0 +1,83 @@
+"""`compare`: several runs side by side."""
+
+import csv
+import json
+import math
+
+import arviz as az
+import pytest
+
+from conftest import SOURCE
+
+CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
+&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
+&prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
+&sampler samples = 300, burn_in = 1000, chains = 2, evidence = EVIDENCE /
+"""
+
+
+def extract(bayesindent, folder, name, kind="indentation_modulus", calibration=0.0, evidence=".true."):
+    """A run of this name."""
+    words = {"TITLE": name, "KIND": kind, "CALIBRATION": str(calibration), "EVIDENCE": evidence}
+    text = CASE
+    for word, value in words.items():
+        text = text.replace(word, value)
+    (folder / f"{name}.nml").write_text(text)
+    done = bayesindent("extract", f"{name}.nml")
+    assert done.returncode == 0, done.stderr
+    return json.loads((folder / "runs" / name / "summary.json").read_text())
+
+
+def test_compare(bayesindent, tmp_path):
+    summaries = {
+        "plain": extract(bayesindent, tmp_path, "plain"),
+        "tip": extract(bayesindent, tmp_path, "tip", calibration=0.02),
+        "other": extract(bayesindent, tmp_path, "other", kind="effective_modulus", evidence=".false."),
+    }
+    done = bayesindent("compare", "runs/plain", "runs/tip", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert [run["run"] for run in document["runs"]] == ["plain", "tip"]
+    assert document["same_data"] is True
+    for item in document["differences"]:
+        a, b = (summaries[name]["parameters"][item["constant"]] for name in ("plain", "tip"))
+        assert item["difference_gpa"] == pytest.approx(b["mean"] - a["mean"])
+        assert item["difference_sd"] == pytest.approx((b["mean"] - a["mean"]) / math.hypot(a["sd"], b["sd"]))
+    # ArviZ' own comparison of the files; without the ranks, of which it makes the better one the first.
+    stored = {name: az.from_netcdf(str(tmp_path / "runs" / name / "posterior.nc"), engine="h5netcdf") for name in ("plain", "tip")}
+    loo = {name: az.loo(result, pointwise=True) for name, result in stored.items()}
+    first, second = document["models"]
+    each = (loo["tip"].loo_i - loo["plain"].loo_i).values
+    assert first["elpd"] == pytest.approx(loo["plain"].elpd_loo, abs=0.02)
+    assert second["elpd_difference"] == pytest.approx(each.sum(), abs=0.02)
+    assert second["elpd_difference_sd"] == pytest.approx(math.sqrt(each.size) * each.std(), abs=0.02)
+    evidence = [summaries[name]["evidence"] for name in ("plain", "tip")]
+    assert second["log_z_difference"] == pytest.approx(evidence[1]["log_z"] - evidence[0]["log_z"])
+    assert second["log_z_difference_sd"] == pytest.approx(math.hypot(evidence[0]["sd"], evidence[1]["sd"]))
+    folder = tmp_path / "runs" / "compare"
+    rows = list(csv.DictReader(line for line in (folder / "comparison.csv").open() if not line.startswith("#")))
+    assert [(row["run"], row["constant"]) for row in rows] == [(run, name) for run in ("plain", "tip") for name in ("C11", "C12", "C44")]
+    assert float(rows[3]["mean_gpa"]) == summaries["tip"]["parameters"]["C11"]["mean"]
+    assert json.loads((folder / "comparison.json").read_text()) == document
+    assert all((tmp_path / figure).read_bytes()[:4] == b"\x89PNG" for figure in document["figures"])
+    assert len(document["figures"]) == 2
+    # Other measurements are compared with a word, and as people read it.
+    done = bayesindent("compare", "runs/plain", "runs/other", "runs/tip", "--output", "three", "--figures", "svg")
+    assert done.returncode == 0, done.stderr
+    assert "warning: the runs are of different measurements: evidence and leave-one-out are not compared" in done.stderr
+    assert {path.name for path in (tmp_path / "three").glob("*.svg")} == {"forest.svg", "overlay.svg"}
+    line = next(line for line in done.stdout.splitlines() if line.startswith("C44")).split()
+    item = summaries["plain"]["parameters"]["C44"]
+    assert line[1:4] == [f"{item['mean']:.1f}", "±", f"{item['sd']:.1f}"]
+    assert len(line) == 1 + 3 + 4 + 4
+    # What cannot be compared.
+    (tmp_path / "empty").mkdir()
+    for folders, words in {
+        ("runs/plain",): "compare: two or more folders of results are needed",
+        ("runs/plain", "nowhere"): "nowhere: there is no such folder of results",
+        ("runs/plain", "runs/../runs/plain"): "runs/../runs/plain: is named twice",
+        ("runs/plain", "empty"): "empty: there is no posterior in it",
+    }.items():
+        done = bayesindent("compare", *folders)
+        assert done.returncode == 2
+        assert done.stderr.startswith(words)
