@@ -55,7 +55,7 @@ def test_another_prior(surrogates):
         shifts[key] = np.abs((other_mean - mean) / sd).max()
         assert row["exact"] == (not key[2])
         # Exact but for the noise of some thousand draws; or an estimate of what was not drawn.
-        assert shift == pytest.approx((other_mean - mean) / sd, abs=0.06 if row["exact"] else 0.25)
+        assert shift == pytest.approx((other_mean - mean) / sd, abs=0.06 if row["exact"] else 0.35)
         assert [row["sd_ratio"][name] for name in NAMES] == pytest.approx(other_sd / sd, abs=0.05 if row["exact"] else 0.2)
     # The bounds do matter here, and it is said which do most.
     assert min(shifts["C12", "upper", True], shifts["C44", "upper", True]) > 0.3
