@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import read_groups, write_csv
+from ..common.result_files import write_csv
 from ..core import InputError
 from ..inference.extract import arviz_data
 from .results import Results
@@ -33,41 +33,36 @@ class Run:
             )
         if not self.document:
             raise InputError(f"{folder}: there is no posterior in it; 'bayesindent extract FILE.nml --output {folder}' makes one")
-        if results.posterior is None:
+        if not results.posterior:
             raise InputError(f"{folder}: has no posterior.nc that belongs to its summary.json; 'bayesindent extract' writes both")
         self.title, self.symmetry, self.synthetic, self.kind = results.title, results.symmetry, results.synthetic, results.kind
-        self.samples, self.posterior = results.samples, results.posterior
+        self.samples = results.samples
+        self.groups = {name: variables for name, (variables, _) in results.posterior.items()}
         self.parameters = {name: self.document["parameters"][name] for name in results.constants}
-
-    def group(self, name: str):
-        """A group of posterior.nc."""
-        import xarray
-
-        with xarray.open_dataset(read_groups(self.folder / "posterior.nc"), group=name, engine="h5netcdf") as file:
-            return file.load()
 
     @cached_property
     def measured(self) -> tuple:
         """What the likelihood is a density of: kind, moduli, sds and angles."""
-        conditions = self.group("constant_data")
-        return (
-            self.kind,
-            self.group("observed_data")["modulus"].values.tolist(),
-            conditions["sd"].values.tolist(),
-            conditions["euler_deg"].values.tolist(),
+        conditions = self.groups["constant_data"]
+        return self.kind, *(
+            values.tolist() for values in (self.groups["observed_data"]["modulus"], conditions["sd"], conditions["euler_deg"])
         )
 
     @cached_property
     def leave_one_out(self):
         """ArviZ' estimate of how well each grain is predicted by the others."""
         import arviz
+        import xarray
 
-        likelihood = self.group("log_likelihood")
-        draws = self.posterior.sel(draw=likelihood["draw"])
+        likelihood = self.groups["log_likelihood"]
+        # The same draws of the constants, by whose effective size ArviZ judges the weights.
+        draws = {name: (("chain", "draw"), chains[:, likelihood["draw"]]) for name, chains in self.samples.items()}
+        density = {"modulus": (("chain", "draw", "grain"), likelihood["modulus"])}
         with warnings.catch_warnings():
             # What is to be said of it is said below.
             warnings.simplefilter("ignore")
-            return arviz.loo(arviz_data({"posterior": draws, "log_likelihood": likelihood}), pointwise=True)
+            groups = {"posterior": xarray.Dataset(draws), "log_likelihood": xarray.Dataset(density)}
+            return arviz.loo(arviz_data(groups), pointwise=True)
 
     @property
     def pointwise(self) -> np.ndarray:
