@@ -58,7 +58,8 @@ def test_another_prior(surrogates):
         assert shift == pytest.approx((other_mean - mean) / sd, abs=0.06 if row["exact"] else 0.35)
         assert [row["sd_ratio"][name] for name in NAMES] == pytest.approx(other_sd / sd, abs=0.05 if row["exact"] else 0.2)
     # The bounds do matter here, and it is said which do most.
-    assert min(shifts["C12", "upper", True], shifts["C44", "upper", True]) > 0.3
+    assert shifts["C12", "upper", True] > 0.1
+    assert shifts["C44", "upper", True] > 0.5
     told = next(line for line in bi.summary(base)["warnings"] if line.startswith("the prior has a say: "))
     assert "would be" in told
     assert "upper limit of C" in told
