@@ -83,4 +83,5 @@ COMMAND = Command(
     action=compare,
     arguments=add_arguments,
     show=show,
+    then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN tells all of one run",
 )
