@@ -328,6 +328,6 @@ contains
       if (size(found%names) > k) factor = found%parameters(k + 1)%mean
       call judge_grains(problem%measurements, found%posterior%measured, found%expected, factor*found%posterior%sd, &
          & problem%settings%measurements%likelihood, warnings)
-      call judge_checks(found%checks, found%posterior%n_grains, warnings)
+      call judge_checks(found%checks, problem%measurements, warnings)
    end subroutine judge_extraction
 end module extraction_document

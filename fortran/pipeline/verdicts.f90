@@ -292,15 +292,16 @@ contains
    end subroutine judge_grains
 
    !> Measurements that the model could hardly have given.
-   subroutine judge_checks(checks, n_grains, warnings)
+   subroutine judge_checks(checks, points, warnings)
       type(checks_type), intent(in) :: checks
-      !> That were measured.
-      integer, intent(in) :: n_grains
+      !> The measurements, for the names of the grains.
+      type(points_type), intent(in) :: points
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp), parameter :: rare = 0.01_wp
       character(len=:), allocatable :: size_of_it
 
-      size_of_it = 'chi-square of the residuals is '//to_text(checks%chi_square, 3)//' for '//to_text(n_grains)//' grains; '
+      size_of_it = 'chi-square of the residuals is '//to_text(checks%chi_square, 3)//' for ' &
+         & //to_text(size(checks%log_likelihood, 1))//' grains; '
       if (checks%chi_square_p < rare) then
          call warn(warnings, 'the grains scatter more than their sds say: '//size_of_it//share(checks%chi_square_p) &
             & //' of data sets drawn from the posterior scatter more; the sds are too small, or grains differ in more than their ' &
@@ -310,7 +311,7 @@ contains
             & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that all ' &
             & //'grains share (calibration_sd)')
       end if
-      if (checks%extreme_p < rare) call warn(warnings, 'the worst grain, '//to_text(checks%extreme_grain)//', is ' &
+      if (checks%extreme_p < rare) call warn(warnings, 'the worst grain, '//printable(points%name(checks%extreme_grain))//', is ' &
          & //fixed(abs(checks%extreme_residual), 1)//' sd off: the worst grain is further off in '//share(checks%extreme_p) &
          & //' of data sets drawn from the posterior')
 

@@ -13,7 +13,7 @@ from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from conftest import REFERENCE
 
-__all__ = ["columns", "crystal", "reference", "rough_correction", "table_of"]
+__all__ = ["KIND", "columns", "crystal", "reference", "rough_correction", "table_of"]
 
 
 #: What the reference moduli are.

@@ -4,7 +4,7 @@ import arviz as az
 import numpy as np
 import pytest
 from scipy import stats
-from step_2_cases import columns, reference, rough_correction, table_of
+from step_2_cases import KIND, columns, reference, rough_correction, table_of
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
@@ -102,7 +102,7 @@ def known_crystal(model, case, **settings):
     """Step 2 of constants that are known, with few draws of the crystal and many of the rest."""
     angles, measured, sd = columns("cubic")
     point = case["truth"]
-    settings = {"anisotropy_cap": 20.0, "samples": 2000, "burn_in": 200, "method": "scmh"} | settings
+    settings = KIND | {"anisotropy_cap": 20.0, "samples": 2000, "burn_in": 200, "method": "scmh"} | settings
     bounds = dict(zip(("C11", "C12", "C44"), zip(point, point, strict=True), strict=True))
     return bi.extract(table_of(angles, measured, sd) | {"group": GROUPS}, surrogate=model, symmetry="cubic", bounds=bounds, **settings)
 

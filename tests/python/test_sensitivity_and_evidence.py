@@ -5,7 +5,7 @@ import json
 import dynesty
 import numpy as np
 import pytest
-from step_2_cases import columns, reference, table_of
+from step_2_cases import KIND, columns, reference, table_of
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
@@ -66,7 +66,7 @@ def test_another_prior(surrogates):
 
 
 def test_limits_where_nothing_is_stated(surrogates):
-    result = bi.extract(table_of(*columns("cubic")), surrogate=surrogates["cubic"], symmetry="cubic", samples=1000)
+    result = bi.extract(table_of(*columns("cubic")), surrogate=surrogates["cubic"], symmetry="cubic", samples=1000, **KIND)
     limits = {(name, side) for name, side, _ in changes_of(result)}
     both = {(name, side) for name in ("young", "poisson") for side in ("lower", "upper")}
     assert limits == both | {("log_anisotropy_max", "upper"), ("measure", None)}
@@ -80,7 +80,9 @@ def test_nothing_is_told_where_the_data_decide():
     moduli = bi.halfspace_modulus(np.repeat(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)[None], 50, axis=0), angles)
     table = table_of(angles, moduli * (1 + 0.01 * rng.normal(size=50)), 0.01 * moduli)
     bounds = {"C11": (50, 400), "C12": (30, 300), "C44": (20, 200)}
-    document = bi.summary(bi.extract(table, symmetry="cubic", bounds=bounds, knowledge={"bulk_modulus": (137.1, 1.0)}, samples=3000))
+    document = bi.summary(
+        bi.extract(table, symmetry="cubic", bounds=bounds, knowledge={"bulk_modulus": (137.1, 1.0)}, samples=3000, **KIND)
+    )
     assert not [line for line in document["warnings"] if "the prior has a say" in line]
     assert max(abs(value) for row in document["sensitivity"] for value in row["shift_sd"].values()) < 0.1
 
