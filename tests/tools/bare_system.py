@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-SUITE, MIRROR = "bookworm", "http://deb.debian.org/debian"
+SUITE = "bookworm"
 #: So that pip trusts what this machine trusts.
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 
@@ -46,7 +46,7 @@ def try_wheel(wheel: Path, made: Path | None) -> int:
     with tempfile.TemporaryDirectory(prefix="bare-") as folder:
         system, here = Path(folder, "system"), Path(folder, "here")
         packages = "--include=python3-venv,ca-certificates"
-        command: list[str | Path] = ["debootstrap", "--variant=minbase", packages, SUITE, system, MIRROR]
+        command: list[str | Path] = ["debootstrap", "--variant=minbase", packages, SUITE, system]
         if made is not None:
             command = ["cp", "--archive", made, system]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=os.environ | {"PATH": PATH})
