@@ -12,7 +12,7 @@ import bayesindent as bi
 from bayesindent.inference.quantities import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
-from bayesindent.report.sections import SECTIONS
+from bayesindent.report.sections import SECTIONS, sensitivity_row
 from bayesindent.report.words import quantity_in_words
 from conftest import SOURCE
 
@@ -160,6 +160,20 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
         (output / stage).unlink()
     assert main(["report", str(output), "--figures", "svg"]) == 0
     assert not list((output / "figures").iterdir())
+
+
+def test_what_the_prior_moves_is_told_where_it_matters():
+    change = {
+        "name": "C12",
+        "side": "upper",
+        "from": 120.0,
+        "to": 132.0,
+        "exact": False,
+        "shift_sd": {"C11": 0.12, "C12": -0.5, "C44": 0.09},
+    }
+    assert sensitivity_row(change) == ["upper limit of C12 from 120 to 132", "about C12 -0.50, C11 +0.12"]
+    assert sensitivity_row(change | {"shift_sd": {"C11": 0.09, "C12": None}}) is None
+    assert sensitivity_row({"name": "measure", "exact": True, "shift_sd": {"C11": -0.2}}) == ["the other measure of the prior", "C11 -0.20"]
 
 
 def test_an_empty_folder_has_a_report(tmp_path, capsys):

@@ -14,6 +14,8 @@ from .words import best_first, number, orientation, powers_as_html, quantity_in_
 
 __all__ = ["SECTIONS", "Section", "Table"]
 
+#: Shift of a mean, in sds, from which on it is told.
+MATTERS = 0.1
 #: Rows of a table of simulations that are shown at most.
 MOST_ROWS = 40
 
@@ -177,6 +179,45 @@ def prior_rows(prior: dict) -> list[list[str]]:
     return [*rows, ["share that the surrogate covers", f"{100 * prior['share_covered']:.0f} %"]]
 
 
+def checks(results: Results) -> Section | None:
+    """Whether the model could have given the measurements, and how much of the result is the prior's."""
+    document = results.documents["extract"]
+    if not document.get("checks"):
+        return None
+    chi_square, worst = document["checks"]["chi_square"], document["checks"]["extreme_grain"]
+    rows = [
+        [f"sum of squared residuals, {number(chi_square['mean'])} for {len(document['predicted'])} grains", f"p = {chi_square['p']:.3f}"],
+        [f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds", f"p = {worst['p']:.3f}"],
+    ]
+    if evidence := document.get("evidence"):
+        rows.append(["evidence, log Z; it depends on the bounds", f"{number(evidence['log_z'], 2)} ± {number(evidence['sd'], 2)}"])
+    moved = [row for row in map(sensitivity_row, document["sensitivity"]) if row]
+    words = "Each p is the share of data sets, drawn from the posterior, that are further off than the measurements: near 0 something is missing, near 1 the stated sds are too large."
+    if not moved:
+        words += f" No limit of the prior, moved by a tenth, shifts a constant by more than {MATTERS:g} sd, nor does the other measure."
+    caption = "What moves if the prior is another (shifts of the mean in sds; 'about': an estimate, another run tells)"
+    after = [Table(caption, ["", "shifts"], moved, prose=True)] if moved else []
+    return Section(
+        "Does the model fit, and how much is the prior's", words, before=[Table("Model and data", ["", ""], rows, prose=True)], after=after
+    )
+
+
+def sensitivity_row(change: dict) -> list[str] | None:
+    """What a change of the prior shifts, where that matters."""
+    shifts = {name: shift for name, shift in change["shift_sd"].items() if shift is not None and abs(shift) > MATTERS}
+    if not shifts:
+        return None
+    names = {
+        "young": "Young's modulus (Hill)", "poisson": "Poisson's ratio (Hill)", "anisotropy_cap": "the anisotropy index",
+        "log_anisotropy_max": "log-anisotropy", "measure": "the other measure of the prior",
+    }  # fmt: skip
+    words = names.get(change["name"], change["name"])
+    if "side" in change:
+        words = f"{change['side']} limit of {words} from {change['from']:.4g} to {change['to']:.4g}"
+    told = ", ".join(f"{name} {shift:+.2f}" for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1])))
+    return [words, told if change["exact"] else f"about {told}"]
+
+
 def next_grain(results: Results) -> Section | None:
     """Grains worth measuring next."""
     suggestions = results.documents["next"].get("suggestions", [])
@@ -238,6 +279,7 @@ SECTIONS = {
     "surrogate": surrogate,
     "posterior": posterior,
     "identifiability": identifiability,
+    "checks": checks,
     "next": next_grain,
     "provenance": provenance,
 }
