@@ -79,7 +79,7 @@ class Study:
 
     def truth(self) -> np.ndarray:
         """A point of the prior, by rejection."""
-        settings = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "bounds")}
+        settings = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
         table = self.table(self.typical, np.zeros((1, 3)))
         prior = Posterior.of(table, what=PRIOR, **settings)
         while True:
@@ -108,7 +108,7 @@ class Study:
             true = tilted(euler, np.radians(self.extra["orientation_sd_deg"]) * rng.normal(size=(2, n)))
         table = self.table(truth, euler)
         # By the theory as the posterior reads it, so that sds however small find no difference.
-        plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "bounds")}
+        plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
         modulus = self.simulated(truth, true) if self.correction else Posterior.of(table, **plain).moduli(truth, true)[0][0]
         sd = table["sd_gpa"]
         noise, drawn = rng.normal(size=n), []
