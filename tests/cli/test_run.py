@@ -130,6 +130,7 @@ def check_page(text):
         "Step 1: the surrogate",
         "Step 2: the elastic constants",
         "What the data decided, and what the prior did",
+        "Does the model fit, and how much is the prior's",
         "Which grain to measure next",
         "Provenance",
     ]
