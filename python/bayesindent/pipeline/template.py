@@ -89,9 +89,10 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
             raise InputError("init: say the crystal class, such as fcc, hcp or mmm, or a --metal")
         symmetry = known.structure
     structures = {metal.structure: metal.symmetry for metal in metals().values()}
-    word = class_name(structures.get(symmetry.lower(), symmetry))
-    if known and (word != known.symmetry or (structures.get(symmetry.lower()) and symmetry.lower() != known.structure)):
+    stated = symmetry.lower() if symmetry.lower() in structures else class_name(symmetry)
+    if known and stated not in (known.structure, known.symmetry):
         raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
+    word = structures.get(stated, stated)
     values = {
         "symmetry": quoted(word),
         "title": quoted(known.name.capitalize() if known else ""),
