@@ -11,6 +11,11 @@ SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[1]))
 REFERENCE = SOURCE / "tests" / "reference"
 #: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses.
 SANITIZED = "libasan" in os.environ.get("LD_PRELOAD", "")
+#: Files whose long chains, whole campaigns and pictures take hours in such a core; the other files run the same code in shorter cases.
+LONG = {
+    "test_calibration", "test_compare", "test_drive", "test_halfspace", "test_other_openmp", "test_paper", "test_readme", "test_report",
+    "test_report_page", "test_run", "test_sensitivity_and_evidence", "test_tutorials",
+}  # fmt: skip
 
 #: The paper's domains as namelist groups.
 DOMAIN = {
@@ -32,6 +37,14 @@ def bayesindent(tmp_path):
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, **options)
 
     return run
+
+
+def pytest_collection_modifyitems(items):
+    """Leave out what takes too long in a core that checks itself."""
+    if SANITIZED:
+        for item in items:
+            if item.path.stem in LONG:
+                item.add_marker(pytest.mark.skip(reason="hours under the sanitizers, which see its code in shorter cases"))
 
 
 def pytest_sessionfinish(session, exitstatus):

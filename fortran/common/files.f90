@@ -1,4 +1,4 @@
-!> Whole text files in, whole text files out, and the paths between them.
+!> Whole files in, whole files out, and the paths between them.
 module files
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise
@@ -6,8 +6,8 @@ module files
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_entry, new_file_type, replace_file, make_folder, name_beside, place_new_file, &
-      & remove_file
+   public :: read_text_file, read_bytes, read_entry, new_file_type, replace_file, make_folder, name_beside, &
+      & place_new_file, remove_file
    public :: folder_of, resolve_path, file_exists, is_folder, printable
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
@@ -113,9 +113,10 @@ contains
       end if
    end subroutine read_text_file
 
-   !> All that can be read of a file or a pipe.
+   !> All that can be read of a file or a pipe, as it is.
    subroutine read_bytes(path, content, error)
       character(len=*), intent(in) :: path
+      !> All of it.
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: grown

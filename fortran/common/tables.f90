@@ -11,13 +11,18 @@ module tables
    use kinds, only: wp
    implicit none
    private
-   public :: table_type, read_table, parse_table, csv_cell
+   public :: table_type, read_table, parse_table, csv_cell, longest_name
+
+   !> Bytes of a name that a program gives to a column.
+   integer, parameter :: longest_name = 23
 
    type :: table_type
       !> Rows and columns, the header not counted.
       integer :: rows = 0, columns = 0
       !> Line of the file on which each row begins, (rows).
       integer, allocatable :: line(:)
+      !> The name that stands for that of the header, (columns), empty where there is none; unallocated: nowhere is one.
+      character(len=longest_name), allocatable :: given_names(:)
       !> Every cell, unquoted, one after the other, row by row from the header, which is row 0: cell (j, i) is buffer(first(k):last(k)),
       !> k = position_of(j, i).
       character(len=:), allocatable, private :: buffer
@@ -28,6 +33,7 @@ module tables
    contains
       procedure :: cell
       procedure :: name
+      procedure :: called
       procedure :: unit
       procedure :: find
       procedure :: number
@@ -345,6 +351,7 @@ contains
       first(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%first(other%columns + 1:), [other%columns, self%rows])
       last(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%last(other%columns + 1:), [other%columns, self%rows])
       self%buffer = self%buffer//other%buffer
+      if (allocated(self%given_names)) self%given_names = [self%given_names, [(repeat(' ', longest_name), j=1, other%columns)]]
       self%columns = self%columns + other%columns
       self%first = reshape(first, [size(first)])
       self%last = reshape(last, [size(last)])
@@ -369,6 +376,17 @@ contains
       string = self%cell(column, 0)
    end function name
 
+   !> What a `column` is known as: the name that was given to it, or that of the header.
+   pure function called(self, column) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      character(len=:), allocatable :: string
+
+      string = ''
+      if (allocated(self%given_names)) string = trim(self%given_names(column))
+      if (len(string) == 0) string = self%name(column)
+   end function called
+
    !> What a row of units says of a `column`, in lower case; empty if nothing.
    pure function unit(self, column) result(word)
       class(table_type), intent(in) :: self
@@ -382,21 +400,23 @@ contains
       if (word == '-') word = ''
    end function unit
 
-   !> Number of the column of this name, exactly or else whatever the case; 0 if there is none.
+   !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0 if there is none.
    pure integer function find(self, name)
       class(table_type), intent(in) :: self
       character(len=*), intent(in) :: name
       integer :: j
 
       find = 0
+      if (allocated(self%given_names)) find = findloc(self%given_names, name, dim=1)
+      if (find > 0) return
       do j = 1, self%columns
-         if (self%name(j) == name) then
+         if (self%called(j) == name) then
             find = j
             return
          end if
       end do
       do j = 1, self%columns
-         if (lower(self%name(j)) == lower(name)) then
+         if (lower(self%called(j)) == lower(name)) then
             find = j
             return
          end if

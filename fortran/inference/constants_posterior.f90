@@ -228,7 +228,7 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
       !> What is computed of them, where theory is not to be asked.
-      real(wp), intent(in), optional, contiguous :: rows(:)
+      real(wp), intent(in), optional :: rows(:)
 
       log_density = self%prior%log_density(c)
       if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
@@ -286,7 +286,7 @@ contains
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       !> What is computed of them, if it is known.
-      real(wp), intent(in), optional, contiguous :: known_rows(:)
+      real(wp), intent(in), optional :: known_rows(:)
       real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
       integer :: g
 
@@ -314,7 +314,7 @@ contains
    pure real(wp) function likelihood_of_crystal(self, x, c, rows) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      real(wp), intent(in), optional, contiguous :: rows(:)
+      real(wp), intent(in), optional :: rows(:)
       real(wp) :: factor, model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
       real(wp), allocatable :: u(:, :), fewer(:, :)
       real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b))

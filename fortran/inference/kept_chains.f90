@@ -1,15 +1,14 @@
 !> Finished chains on the disk, until what is made of them is written: a run that was stopped goes on with them, bit for bit.
 !>
 !> A chain follows from the target, the sampler's settings and its random stream. Its file is named by a hash of the settings and of the
-!> densities of some points, whose bits tell other measurements, another surrogate and another prior. A chain that cannot be kept, or whose
-!> file is damaged, is drawn again.
+!> densities of some points, whose bits tell other measurements, another surrogate and another prior. The file has the bits of acceptance,
+!> densities and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn again.
 module kept_chains
    use abstract_sampler, only: draw_starts
    use checksums, only: checksum
    use errors, only: error_type
-   use files, only: file_exists, read_text_file, replace_file
+   use files, only: file_exists, read_bytes, replace_file
    use kinds, only: i8, wp
-   use labelled_text, only: labelled_text_type
    use random, only: new_random_stream, random_stream_type
    use sampling_target, only: target_type
    use text, only: to_text
@@ -19,6 +18,7 @@ module kept_chains
 
    !> How the names of the files begin.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
+   integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
 
    type :: chain_shelf_type
       private
@@ -74,23 +74,26 @@ contains
       real(wp), intent(inout) :: acceptance
       !> Whether it is there; else nothing is changed.
       logical, intent(out) :: found
-      type(labelled_text_type) :: file
       type(error_type), allocatable :: error
-      real(wp), allocatable :: values(:), densities(:)
-      real(wp) :: share
+      character(len=:), allocatable :: content
+      real(wp), allocatable :: values(:)
+      integer(i8) :: last
+      integer :: n
 
       found = .false.
       if (.not. allocated(self%stem)) return
       if (.not. file_exists(self%path(number))) return
-      call read_text_file(self%path(number), file%content, error)
+      call read_bytes(self%path(number), content, error)
       if (allocated(error)) return
-      file%reading = .true.
-      call exchange(file, values, densities, share)
-      if (allocated(file%error)) return
-      if (size(values) /= size(draws) .or. size(densities) /= size(log_density)) return
-      draws = reshape(values, shape(draws))
-      log_density = densities
-      acceptance = share
+      allocate (values(1 + size(log_density) + size(draws)))
+      last = size(values)*bytes_of_real
+      if (len(content) /= last + len(checksum(''))) return
+      if (content(last + 1:) /= checksum(content(:last))) return
+      values = transfer(content(:last), values)
+      n = size(log_density)
+      acceptance = values(1)
+      log_density = values(2:n + 1)
+      draws = reshape(values(n + 2:), shape(draws))
       found = .true.
    end subroutine fetch
 
@@ -103,28 +106,14 @@ contains
       real(wp), intent(in) :: draws(:, :), log_density(:)
       !> See `sampler_type`.
       real(wp), intent(in) :: acceptance
-      type(labelled_text_type) :: file
       type(error_type), allocatable :: error
-      real(wp), allocatable :: values(:), densities(:)
-      real(wp) :: share
+      real(wp), allocatable :: values(:)
+      character(len=:), allocatable :: content
 
       if (.not. allocated(self%stem)) return
-      values = reshape(draws, [size(draws)])
-      densities = log_density
-      share = acceptance
-      call exchange(file, values, densities, share)
-      if (.not. allocated(file%error)) call replace_file(self%path(number), file%content(:file%filled), error)
+      values = [acceptance, log_density, reshape(draws, [size(draws)])]
+      allocate (character(len=size(values)*bytes_of_real) :: content)
+      content = transfer(values, content)
+      call replace_file(self%path(number), content//checksum(content), error)
    end subroutine keep
-
-   !> The content of a file.
-   subroutine exchange(file, values, densities, share)
-      type(labelled_text_type), intent(inout) :: file
-      real(wp), allocatable, intent(inout) :: values(:), densities(:)
-      real(wp), intent(inout) :: share
-
-      call file%real('acceptance', share)
-      call file%reals('log_density', densities)
-      call file%reals('draws', values)
-      call file%finish()
-   end subroutine exchange
 end module kept_chains

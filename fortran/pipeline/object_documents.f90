@@ -153,7 +153,13 @@ contains
       if (allocated(self%indents)) then
          call visitor%document%put('map', self%map)
          call visitor%array('indents_um', size(self%positions), self%positions)
-         if (.not. allocated(visitor%wanted)) call put_cells('indents', self%indents, visitor%document)
+         if (.not. allocated(visitor%wanted)) then
+            call visitor%document%begin_array('indents_columns')
+            do i = 1, self%indents%columns
+               call visitor%document%put('', self%indents%called(i))
+            end do
+            call visitor%document%end_array()
+         end if
       end if
       call describe_points('crystals', self%crystals, visitor)
       call describe_points('measurements', self%measurements, visitor)

@@ -36,7 +36,7 @@ contains
 
       scale = ''
       if (known_scale(2) < huge(1.0_wp)) scale = ' (a scale, the geometric mean of the stiffness'' eigenvalues, of ' &
-         & //to_text(known_scale(1))//' to '//to_text(known_scale(2))//' GPa)'
+         & //fixed(known_scale(1), 1)//' to '//fixed(known_scale(2), 1)//' GPa)'
       if (share_inside < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share_inside, 0)//' % of the ' &
          & //'crystals within the stated bounds'//scale//'; the posterior is cut to these')
    end subroutine judge_coverage

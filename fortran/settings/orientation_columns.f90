@@ -13,7 +13,7 @@ module orientation_columns
    use text, only: join, to_text
    implicit none
    private
-   public :: find_ways, read_directions, angles_of_direction
+   public :: find_ways, read_directions, angles_of_direction, direction_names
 
    !> A way to state a direction: the names of its columns.
    type :: way_type
@@ -53,6 +53,13 @@ contains
          columns = own
       end do
    end subroutine find_ways
+
+   !> The names of the columns of all ways, separated by ', '.
+   pure function direction_names() result(names)
+      character(len=:), allocatable :: names
+
+      names = join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
+   end function direction_names
 
    !> Bunge-Euler angles of every row, degrees.
    subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)

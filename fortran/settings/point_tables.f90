@@ -7,6 +7,7 @@ module point_tables
    use kinds, only: degree, pi, wp
    use orientation_columns, only: find_ways, read_directions
    use settings_groups, only: measurements_settings_type
+   use stated_columns, only: name_columns
    use table_columns, only: check_unit, column_list, find_column, find_modulus, nearest_to, need_column, refuse_cell, &
       & says_radians
    use tables, only: read_table, table_type
@@ -168,7 +169,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: column
 
-      call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      call name_columns(points%table, asked%columns, error)
+      if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
       if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
       if (.not. allocated(error)) call read_moduli(points, column, .true., error)
       if (.not. allocated(error)) call read_sds(points, asked%scale == 'inferred', error)

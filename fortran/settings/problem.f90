@@ -19,6 +19,7 @@ module problem
    use settings_reader, only: read_settings
    use settings_schema, only: candidate_sources
    use settings_visitor, only: choice_list_type
+   use stated_columns, only: name_columns
    use stiffness_table, only: read_stiffness_table, stiffness_table_of_text, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint
@@ -158,14 +159,19 @@ contains
       end associate
    end subroutine load_tables
 
-   !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement.
+   !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
+   !> 'warning' what is to be told of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it.
+      !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
 
+      if (table == 'warning') then
+         call self%warn(page)
+         return
+      end if
       if (table == 'stiffness') then
          if (allocated(self%stiffness)) deallocate (self%stiffness)
          allocate (self%stiffness)
@@ -204,6 +210,7 @@ contains
       !> Of their reading, if there was one.
       type(error_type), allocatable, intent(inout) :: error
 
+      if (.not. allocated(error)) call name_columns(self%indents, self%settings%measurements%columns, error)
       if (.not. allocated(error)) call read_positions(self%indents, self%positions, error)
       if (allocated(error)) error%message = prefix_of_table(self)//error%message
    end subroutine set_indents

@@ -3,13 +3,15 @@
 !> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
 !> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
 module repeated_tests
+   use checksums, only: checksum
    use chi_square, only: chi_square_above
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: angle_between, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
-   use kinds, only: degree, wp
+   use kinds, only: degree, i8, wp
+   use point_index, only: number_equal
    use point_tables, only: points_type
    use table_columns, only: find_column, refuse_cell
    use text, only: fixed, to_text
@@ -29,30 +31,38 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: point(:), first(:)
-      integer :: column, i, j
+      integer, allocatable :: first(:)
+      real(wp) :: key(3, points%n)
+      integer :: column, i
 
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
-      allocate (point(points%n), first(0))
       do i = 1, points%n
          if (len(points%table%cell(column, i)) == 0) then
             call raise(error, 'line '//to_text(points%table%line(i))//', column '//printable(points%table%name(column)) &
                & //': the cell is empty; the name or number of the grain is needed', exit_bad_input)
             return
          end if
-         do j = 1, size(first)
-            if (points%group(first(j)) /= points%group(i)) cycle
-            if (points%table%cell(column, first(j)) == points%table%cell(column, i)) exit
-         end do
-         if (j > size(first)) first = [first, i]
-         point(i) = j
+         key(:, i) = [real(points%group(i), wp), halves_of_checksum(points%table%cell(column, i))]
       end do
       points%named_by = column
-      if (size(first) == points%n) return
-      call check_tests(class, points, column, first(point), error)
-      if (.not. allocated(error)) call merge_tests(points, point, first)
+      first = number_equal(key)
+      if (all(first == [(i, i=1, points%n)])) return
+      call check_tests(class, points, column, first, error)
+      if (.not. allocated(error)) call merge_tests(points, first)
    end subroutine combine_tests
+
+   !> Two numbers by which names are told apart.
+   pure function halves_of_checksum(name) result(halves)
+      character(len=*), intent(in) :: name
+      real(wp) :: halves(2)
+      integer(i8) :: digits(2)
+      character(len=16) :: sum
+
+      sum = checksum(name)
+      read (sum, '(2z8)') digits
+      halves = real(digits, wp)
+   end function halves_of_checksum
 
    !> The tests of a grain have sds, and the orientation of its first one.
    subroutine check_tests(class, points, column, first, error)
@@ -86,49 +96,59 @@ contains
    end subroutine check_tests
 
    !> Weighted means; sizes and depths are plain means of what is given.
-   subroutine merge_tests(points, point, first)
+   subroutine merge_tests(points, first)
       type(points_type), intent(inout) :: points
-      !> Of each test its grain, and of each grain its first test.
-      integer, intent(in) :: point(:), first(:)
-      real(wp), dimension(size(first)) :: modulus, sd, chi_square, tilt, depth, radius
-      real(wp) :: weight(points%n)
-      integer :: tests(size(first)), j
+      !> Of each test the first one of its grain.
+      integer, intent(in) :: first(:)
+      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square
+      integer :: tests(points%n), i
+      integer, allocatable :: kept(:)
 
       weight = 1.0_wp/points%sd_gpa**2
-      do j = 1, size(first)
-         associate (own => point == j)
-            tests(j) = count(own)
-            sd(j) = 1.0_wp/sqrt(sum(weight, own))
-            modulus(j) = sum(weight*points%modulus_gpa, own)*sd(j)**2
-            chi_square(j) = sum(weight*(points%modulus_gpa - modulus(j))**2, own)
-            tilt(j) = mean_of(points%orientation_sd_deg, own)
-            depth(j) = mean_of(points%depth_um, own)
-            radius(j) = mean_of(points%grain_radius_um, own)
-         end associate
+      precision = 0.0_wp
+      modulus = 0.0_wp
+      chi_square = 0.0_wp
+      tests = 0
+      do i = 1, points%n
+         tests(first(i)) = tests(first(i)) + 1
+         precision(first(i)) = precision(first(i)) + weight(i)
+         modulus(first(i)) = modulus(first(i)) + weight(i)*points%modulus_gpa(i)
       end do
-      points%n = size(first)
-      points%euler_deg = points%euler_deg(:, first)
-      points%group = points%group(first)
-      points%row = first
-      points%modulus_gpa = modulus
-      points%sd_gpa = sd
-      points%orientation_sd_deg = tilt
-      points%depth_um = depth
-      points%grain_radius_um = radius
-      points%tests = tests
-      points%chi_square = chi_square
+      kept = pack([(i, i=1, points%n)], tests > 0)
+      modulus(kept) = modulus(kept)/precision(kept)
+      do i = 1, points%n
+         chi_square(first(i)) = chi_square(first(i)) + weight(i)*(points%modulus_gpa(i) - modulus(first(i)))**2
+      end do
+      points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
+      points%depth_um = means_of(points%depth_um, first, kept)
+      points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
+      points%n = size(kept)
+      points%euler_deg = points%euler_deg(:, kept)
+      points%group = points%group(kept)
+      points%row = kept
+      points%modulus_gpa = modulus(kept)
+      points%sd_gpa = 1.0_wp/sqrt(precision(kept))
+      points%tests = tests(kept)
+      points%chi_square = chi_square(kept)
    end subroutine merge_tests
 
-   !> Of those that are given; NaN if none is.
-   pure real(wp) function mean_of(values, own)
+   !> Of each grain the mean of the `values` that are given; NaN if none is.
+   pure function means_of(values, first, kept) result(means)
       real(wp), intent(in) :: values(:)
-      logical, intent(in) :: own(:)
-      logical :: given(size(values))
+      !> As in `merge_tests`: of each test the first one of its grain; all those first ones.
+      integer, intent(in) :: first(:), kept(:)
+      real(wp) :: means(size(kept)), total(size(values)), given(size(values))
+      integer :: i
 
-      given = own .and. values >= 0.0_wp
-      mean_of = values(findloc(own, .true., dim=1))
-      if (any(given)) mean_of = sum(values, given)/count(given)
-   end function mean_of
+      total = 0.0_wp
+      given = 0.0_wp
+      do i = 1, size(values)
+         if (.not. values(i) >= 0.0_wp) cycle
+         total(first(i)) = total(first(i)) + values(i)
+         given(first(i)) = given(first(i)) + 1.0_wp
+      end do
+      means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
+   end function means_of
 
    !> Warn of tests that scatter more or less than their sds say: all together, and in single grains.
    subroutine judge_scatter(points, prefix, warnings)

@@ -8,10 +8,10 @@ module settings_groups
    public :: problem_settings_type, crystals_settings_type, specimen_settings_type, indenter_settings_type, &
       & simulation_settings_type, domain_settings_type, surrogate_settings_type, design_settings_type, &
       & measurements_settings_type, prior_settings_type, knowledge_settings_type, sampler_settings_type, next_settings_type, &
-      & execution_settings_type, settings_type, longest_quantity
+      & execution_settings_type, settings_type, longest_item
 
-   !> Bytes of the name of a quantity.
-   integer, parameter :: longest_quantity = 64
+   !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
+   integer, parameter :: longest_item = 128
 
    type :: problem_settings_type
       logical :: given = .false.
@@ -53,7 +53,7 @@ module settings_groups
 
    type :: domain_settings_type
       logical :: given = .false.
-      character(len=longest_quantity), allocatable :: classes(:)
+      character(len=longest_item), allocatable :: classes(:)
       !> One for each constant of the crystal class, GPa.
       real(wp), allocatable :: c_min(:), c_max(:)
       real(wp), allocatable :: anisotropy_cap
@@ -78,6 +78,7 @@ module settings_groups
    type :: measurements_settings_type
       logical :: given = .false.
       character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
+      character(len=longest_item), allocatable :: columns(:)
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
    end type measurements_settings_type
@@ -93,7 +94,7 @@ module settings_groups
    type :: knowledge_settings_type
       logical :: given = .false.
       !> Of equal length: what is known, its mean and its sd.
-      character(len=longest_quantity), allocatable :: quantity(:)
+      character(len=longest_item), allocatable :: quantity(:)
       real(wp), allocatable :: mean(:), sd(:)
       character(len=:), allocatable :: stiffness_file
    end type knowledge_settings_type

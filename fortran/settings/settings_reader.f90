@@ -8,7 +8,7 @@ module settings_reader
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, place, value_type
    use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
-   use settings_groups, only: longest_quantity, settings_type
+   use settings_groups, only: longest_item, settings_type
    use settings_lists, only: new_schema
    use settings_names, only: check_names
    use settings_schema, only: visit_settings
@@ -178,7 +178,7 @@ contains
       character(len=:), allocatable, intent(inout) :: message
       integer :: i, longest
 
-      longest = merge(longest_quantity, longest_text, v%shape == shape_list)
+      longest = merge(longest_item, longest_text, v%shape == shape_list)
       associate (string => value%text)
          if (.not. value%quoted) then
             message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)

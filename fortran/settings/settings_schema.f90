@@ -151,6 +151,9 @@ contains
 
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
+      call v%names('columns', s%measurements%columns, 'unset', &
+         & 'which column of the file is which, where its header does not say: ''name = header'', such as ' &
+         & //'''modulus_gpa = E (raw)''; unset: by the names of the headers')
       call v%text('sheet', s%measurements%sheet, '', 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
       call v%file('ebsd', s%measurements%ebsd, 'unset', &
          & 'orientation map (.ang, .ctf, .h5) that has the orientations of the grains at the columns x_um, y_um')

@@ -7,7 +7,7 @@ module settings_visitor
    use kinds, only: wp
    use namelist_file, only: value_type
    use numbers, only: number_text, read_integer, read_real
-   use settings_groups, only: longest_quantity
+   use settings_groups, only: longest_item
    use text, only: to_text
    implicit none
    private
@@ -209,11 +209,11 @@ contains
       call visit_one(self, new_variable(self, name, kind_source, shape_one, default, allowed, '', meaning), value)
    end subroutine visit_source
 
-   !> A list of names of quantities.
+   !> A list of texts.
    subroutine visit_names(self, name, value, default, meaning)
       class(settings_visitor_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, meaning
-      character(len=longest_quantity), allocatable, intent(inout) :: value(:)
+      character(len=longest_item), allocatable, intent(inout) :: value(:)
       type(value_type), allocatable :: values(:)
       integer :: i
 

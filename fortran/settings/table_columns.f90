@@ -4,15 +4,16 @@ module table_columns
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use spelling, only: suggestion
-   use tables, only: table_type
-   use text, only: lower, split_list, to_text
+   use tables, only: longest_name, table_type
+   use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: find_column, need_column, find_modulus, column_list, nearest_to, refuse_cell, check_unit, column_hint, says_radians
+   public :: known_names, find_column, need_column, find_modulus, column_list, nearest_to, refuse_cell, check_unit, &
+      & column_hint, says_radians
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
-      character(len=23) :: name
+      character(len=longest_name) :: name
       character(len=160) :: others
       character(len=34) :: units
    end type column_type
@@ -57,13 +58,13 @@ contains
       if (i == 0) return
       do j = 1, table%columns
          if (column > 0) exit
-         call split_name(table%name(j), word, unit)
+         call split_name(table%called(j), word, unit)
          if (.not. is_one_of(word, i)) cycle
          column = j
       end do
       do j = column + 1, table%columns
          if (column == 0 .or. column == table%find(name)) exit
-         call split_name(table%name(j), word, unit)
+         call split_name(table%called(j), word, unit)
          if (.not. is_one_of(word, i)) cycle
          call raise(error, 'the columns '//printable(table%name(column))//' and '//printable(table%name(j))//' are both ' &
             & //trim(name)//'; one of them is allowed, or one that is named '//trim(name), exit_bad_input)
@@ -88,15 +89,17 @@ contains
       !> Words, each between blanks.
       character(len=*), intent(in) :: units
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: word, unit
+      character(len=:), allocatable :: word, unit, allowed
       integer :: i
 
       call split_name(table%name(column), word, unit)
       do i = 1, 2
          if (i == 2) unit = table%unit(column)
          if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
-         call raise(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; allowed' &
-            & //trim(units), exit_bad_input)
+         allowed = 'allowed'//trim(units)
+         if (len_trim(units) == 0) allowed = 'this column has none'
+         call raise(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed, &
+            & exit_bad_input)
          return
       end do
    end subroutine check_unit
@@ -235,7 +238,7 @@ contains
       end do
       words = ''
       do j = 1, table%columns
-         if (len(table%name(j)) < shortest_misspelt .or. is_known(table%name(j))) cycle
+         if (len(table%name(j)) < shortest_misspelt .or. is_known(table%called(j))) cycle
          near = suggestion(table%name(j), allowed)
          if (len(near) == 0) cycle
          words = '; '//printable(table%name(j))//':'//near(2:)
@@ -279,17 +282,18 @@ contains
       !> Its number.
       integer, intent(in) :: column
       character(len=:), allocatable :: words
-      character(len=:), allocatable :: names
-      integer :: i
 
       words = ''
-      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%name(column))) return
-      names = trim(known_columns(1)%name)
-      do i = 2, size(known_columns)
-         names = names//', '//trim(known_columns(i)%name)
-      end do
-      words = suggestion(table%name(column), names)
+      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
+      words = suggestion(table%name(column), known_names())
    end function column_hint
+
+   !> The names of the columns that have others, separated by ', '.
+   pure function known_names() result(names)
+      character(len=:), allocatable :: names
+
+      names = join(known_columns%name, ', ')
+   end function known_names
 
    function column_list(table) result(list)
       type(table_type), intent(in) :: table

@@ -177,7 +177,7 @@ contains
       real(wp), intent(out) :: variance(:)
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: weighted(:, :), gram(:, :), product(:, :), lowered(:, :), gain(:)
+      real(wp), allocatable :: weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
       integer :: j, k, n
 
       n = design%regression%n_terms
@@ -185,16 +185,17 @@ contains
       do j = 1, size(importance)
          weighted(:, j) = importance(j)*weighted(:, j)
       end do
-      allocate (gram(n, n), product(n, n), lowered(n, n), gain(size(importance)))
+      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(importance)))
       gram = 0.0_wp
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
+      deallocate (weighted)
+      call absorb_choices(design, threads)
+      ! With C the covariance and G the Gram matrix of all candidates by their importance: t C G C t.
+      call multiply(gram, design%regression%covariance, product)
+      call multiply(design%regression%covariance, product, lowered)
+      call quadratic_forms(lowered, design%candidates, threads, reduction)
       do k = 1, size(chosen)
-         call absorb_choices(design, threads)
-         ! With C the covariance and G the Gram matrix of all candidates by their importance: t C G C t.
-         call multiply(gram, design%regression%covariance, product)
-         call multiply(design%regression%covariance, product, lowered)
-         call quadratic_forms(lowered, design%candidates, threads, gain)
-         gain = gain/(design%variance + 1.0_wp/design%regression%beta)
+         gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
          if (.not. any(design%available)) then
             call raise(error, 'no candidate is left to choose')
             return
@@ -202,8 +203,42 @@ contains
          chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))
          call condition_on(design, chosen(k))
+         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
+         call absorb_choices(design, threads)
       end do
    end subroutine choose_for_all
+
+   !> C G C and the reductions t C G C t of `choose_for_all` after the choice s that was the last to be deferred: C falls by v vᵀ,
+   !> v = C s/σ, σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
+   subroutine lower_reductions(design, chosen, variance, threads, lowered, reduction)
+      type(design_type), intent(in) :: design
+      !> The candidate s, and s C s.
+      integer, intent(in) :: chosen
+      real(wp), intent(in) :: variance
+      integer, intent(in) :: threads
+      !> C G C (n_terms, n_terms); of each candidate.
+      real(wp), intent(inout), contiguous :: lowered(:, :), reduction(:)
+      real(wp), allocatable :: v(:), w(:)
+      real(wp) :: sigma, own, along
+      integer :: j
+
+      sigma = sqrt(variance + 1.0_wp/design%regression%beta)
+      v = design%deferred(:, design%n_deferred)
+      allocate (w(size(v)))
+      call symmetric_product(lowered, design%candidates(:, chosen), w)
+      w = w/sigma
+      own = dot(design%candidates(:, chosen), w)/sigma
+      !$omp parallel do num_threads(threads) private(along) schedule(static) if(threads > 1)
+      do j = 1, size(reduction)
+         along = dot(design%candidates(:, j), v)
+         reduction(j) = max(0.0_wp, reduction(j) - along*(2.0_wp*dot(design%candidates(:, j), w) - own*along))
+      end do
+      !$omp end parallel do
+      w = w - 0.5_wp*own*v
+      do j = 1, size(w)
+         lowered(:, j) = lowered(:, j) - v*w(j) - w*v(j)
+      end do
+   end subroutine lower_reductions
 
    !> The available candidate of largest factor x variance, the lowest index of equals; 0 if there is none.
    integer function most_uncertain(design, factor) result(best)

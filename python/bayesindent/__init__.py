@@ -9,6 +9,7 @@ from .inference.extract import extract, summary
 from .inference.next_grain import next_grain
 from .inference.quantities import quantities
 from .pipeline.build import build_surrogate as build
+from .report.comparison import compare
 from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate
 
@@ -23,6 +24,7 @@ __all__ = [
     "Surrogate",
     "anisotropy_index",
     "build",
+    "compare",
     "constants",
     "extract",
     "halfspace_modulus",

@@ -14,7 +14,16 @@ PROGRAMS = tuple(fault_kills.PROGRAMS)
 
 #: Files of the results that are damaged, by program.
 FILES = {
-    "bayesindent": ("campaign.sqlite", "surrogate.txt", "posterior.nc", "summary.json", "inputs.json", "resolved.nml"),
+    "bayesindent": (
+        "campaign.sqlite",
+        "surrogate.txt",
+        "posterior.nc",
+        "build.json",
+        "summary.json",
+        "next.json",
+        "inputs.json",
+        "resolved.nml",
+    ),
     "bayesindent-batch": ("campaign.sqlite", "surrogate.txt"),
 }
 

@@ -15,6 +15,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from programs import BATCH
+
 from bayesindent.core import BayesindentError
 from bayesindent.settings.problem import Problem, read_measurements
 from bayesindent.surrogate.surrogate import Surrogate
@@ -149,7 +151,7 @@ def main(argv=None) -> int:
         print(f"| {suffix} | " + " | ".join(str(counted[suffix, outcome]) for outcome in ("read", "refused", "wrong")) + " |")
     programs = (
         [sys.executable, "-m", "bayesindent", "run", "--check"],
-        [str(Path(sys.executable).parent / "bayesindent-batch"), "--check"],
+        [str(BATCH), "--check"],
     )
     differences = try_programs(arguments.programs, arguments.seed, folder, programs)
     print(f"both programs on {arguments.programs} namelists: {len(differences)} that they judge differently or not in one line")

@@ -17,8 +17,9 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+from programs import BATCH
+
 SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
-BATCH = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 PROGRAMS = {"bayesindent": lambda stage: [sys.executable, "-m", "bayesindent", stage], "bayesindent-batch": lambda stage: [BATCH]}
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

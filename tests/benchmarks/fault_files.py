@@ -118,7 +118,7 @@ def numbers_of(folder: Path) -> list:
 
 
 #: The command that reads a file of the results.
-READERS = {"campaign.sqlite": "run", "posterior.nc": "report", "summary.json": "report", "inputs.json": "run", "resolved.nml": "report"}
+READERS = dict.fromkeys(("posterior.nc", "build.json", "summary.json", "next.json", "resolved.nml"), "report")
 
 
 def damaged(program: str, folder: Path, file: str, seeds: range) -> dict:

@@ -12,6 +12,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
+from programs import BATCH
 
 from bayesindent.core import InputError
 from bayesindent.surrogate.surrogate import Surrogate
@@ -20,7 +21,7 @@ SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
 #: Both programs.
 PROGRAMS = {
     "bayesindent": [sys.executable, "-m", "bayesindent"],
-    "bayesindent-batch": [str(Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch")],
+    "bayesindent-batch": [str(BATCH)],
 }
 
 #: A campaign of small finite element simulations (a twentieth of a second each) with validation, and constants from its surrogate.
@@ -153,8 +154,9 @@ def results_of(folder: Path) -> dict:
 
 
 def disturbed(program: str, folder: Path, kills: int, seed: int, command="run", **campaign) -> dict:
-    """Kill a campaign `kills` times, one time in four inside a write, and then let it finish.
+    """Kill a campaign at work `kills` times, one time in four inside a write, and then let it finish.
 
+    A kill that comes too late is not counted, and the next ones come twice as early: how long a campaign takes depends on the machine.
     Gives how many kills met a process at work, what was lost or repeated, half-written files, and the parts of the results that are
     not, bit for bit, those of a run that was not disturbed.
     """
@@ -164,20 +166,25 @@ def disturbed(program: str, folder: Path, kills: int, seed: int, command="run", 
     needed = time.monotonic() - begin
     random_moments, met, inside, lost, halves = random.Random(seed), 0, 0, 0, []
     before: list[tuple] = []
-    launch = 0.6 if program == "bayesindent" else 0.02
-    for _ in range(kills):
+    earliest = 0.6 if program == "bayesindent" else 0.02
+    latest = earliest + 4.0 * max(needed - earliest, 0.1) / kills
+    for _ in range(10 * kills):
         process = start(program, broken, command)
         if random_moments.random() < 0.25:
             was_met = kill_inside_a_write(process, broken.parent / "out", random_moments.randint(1, 5))
             inside += was_met
         else:
-            was_met = kill_after(process, random_moments.uniform(launch, launch + 4.0 * max(needed - launch, 0.1) / kills))
+            was_met = kill_after(process, random_moments.uniform(earliest, latest))
+            if not was_met:
+                earliest, latest = earliest / 2, latest / 2
         met += was_met
         after = rows_of(broken.parent / "out")
         # What was there is there, unchanged.
         lost += len([row for row in before if row not in after])
         before = after
         halves += half_written(broken.parent / "out")
+        if met == kills:
+            break
     finish(program, broken, command)
     ends = [results_of(path.parent / "out") for path in (whole, broken)]
     rows = ends[1]["rows"]

@@ -72,7 +72,7 @@ class Case(NamedTuple):
 CASES = {
     "trigonal": Case("quartz", 30, 61, 14, 30, walkers=240, burn_in=6000, fits=(2, 4, 8), open=2, bends=4, moves=LARGE_STEPS),
     "orthorhombic": Case(
-        "forsterite", 40, 62, 12, 36, walkers=120, burn_in=7000, fits=(2, 4, 6, 9), open=4, bends=4, fine=20, weighted=8000
+        "forsterite", 40, 62, 12, 36, walkers=120, burn_in=7000, fits=(2, 4, 6, 9), open=4, bends=4, fine=20, weighted=120000
     ),
     "triclinic": Case("albite", 100, 63, 12, 120, walkers=80, burn_in=6500, fits=(2, 4, 6, 13), open=6, bends=3, fine=16, weighted=3000),
 }

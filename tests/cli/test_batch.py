@@ -13,6 +13,7 @@ import arviz
 import numpy as np
 import pytest
 import xarray
+from programs import BATCH
 from theory_cases import theory_surrogate
 
 from bayesindent import Problem
@@ -22,7 +23,6 @@ from bayesindent.surrogate.lookup import SHIPPED
 from bayesindent.surrogate.surrogate import Surrogate
 from conftest import DOMAIN, SOURCE
 
-PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n! command: " not in path.read_text()]
 
 
@@ -31,7 +31,7 @@ def batch(tmp_path):
     """`batch(*arguments)` in an empty folder gives the finished process."""
 
     def run(*arguments, **options) -> subprocess.CompletedProcess:
-        command = [PROGRAM, *map(str, arguments)]
+        command = [BATCH, *map(str, arguments)]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, **options)
 
     return run
@@ -110,7 +110,7 @@ def test_kill_costs_no_finished_simulation(batch, tmp_path):
     (tmp_path / "a.nml").write_text(
         "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
     )
-    process = subprocess.Popen([PROGRAM, "a.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([BATCH, "a.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
     while not stored(tmp_path / "out") and process.poll() is None:
         time.sleep(0.01)
     process.kill()
@@ -211,7 +211,7 @@ def test_builds_as_python_does(batch, bayesindent, tmp_path, words):
 
 def test_a_killed_build_goes_on(batch, tmp_path):
     small(tmp_path, simulator="fe", budget=8)
-    process = subprocess.Popen([PROGRAM, "small.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([BATCH, "small.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
     while len(stored(tmp_path / "out")) < 3 and process.poll() is None:
         time.sleep(0.01)
     process.kill()

@@ -3,10 +3,13 @@
 import csv
 import json
 import math
+from pathlib import Path
 
 import arviz as az
 import pytest
 
+import bayesindent as bi
+from bayesindent.common.result_files import read_json
 from conftest import SOURCE
 
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
@@ -28,7 +31,7 @@ def extract(bayesindent, folder, name, kind="indentation_modulus", calibration=0
     return json.loads((folder / "runs" / name / "summary.json").read_text())
 
 
-def test_compare(bayesindent, tmp_path):
+def test_compare(bayesindent, tmp_path, monkeypatch):
     summaries = {
         "plain": extract(bayesindent, tmp_path, "plain"),
         "tip": extract(bayesindent, tmp_path, "tip", calibration=0.02),
@@ -58,9 +61,19 @@ def test_compare(bayesindent, tmp_path):
     rows = list(csv.DictReader(line for line in (folder / "comparison.csv").open() if not line.startswith("#")))
     assert [(row["run"], row["constant"]) for row in rows] == [(run, name) for run in ("plain", "tip") for name in ("C11", "C12", "C44")]
     assert float(rows[3]["mean_gpa"]) == summaries["tip"]["parameters"]["C11"]["mean"]
-    assert json.loads((folder / "comparison.json").read_text()) == document
+    assert read_json(folder / "comparison.json") == document
     assert all((tmp_path / figure).read_bytes()[:4] == b"\x89PNG" for figure in document["figures"])
     assert len(document["figures"]) == 2
+    # The library says the same; its warnings are Python's, and files are written where they are asked for.
+    monkeypatch.chdir(tmp_path)
+    before = set(folder.iterdir())
+    assert json.loads(json.dumps(bi.compare("runs/plain", Path("runs/tip")))) == document | {"figures": []}
+    assert set(folder.iterdir()) == before
+    with pytest.warns(bi.BayesindentWarning) as told:
+        other = bi.compare("runs/plain", "runs/other", output="new/folder", figures="svg")
+    assert other["warnings"][0].startswith("the runs are of different measurements")
+    assert told[0].filename == __file__ and [line.message.args[0] for line in told] == other["warnings"]
+    assert {path.name for path in Path("new/folder").iterdir()} == {"comparison.csv", "comparison.json", "forest.svg", "overlay.svg"}
     # Other measurements are compared with a word, and as people read it.
     done = bayesindent("compare", "runs/plain", "runs/other", "runs/tip", "--output", "three", "--figures", "svg")
     assert done.returncode == 0, done.stderr

@@ -2,16 +2,13 @@
 
 import csv
 import json
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import pytest
+from programs import BATCH
 
 from conftest import SOURCE
-
-PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 
 CASE = f"""&problem symmetry = 'cubic' /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /
@@ -39,7 +36,7 @@ def test_prior_and_order(bayesindent, tmp_path):
     contraction = {row["name"]: row["contraction"] for row in document["identifiability"] if row["kind"] == "quantity"}
     assert [row[0] for row in rows] == sorted(document["parameters"], key=lambda name: -contraction[name])
     assert list(document["parameters"]) == ["C11", "C12", "C44"]
-    done = subprocess.run([PROGRAM, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert [line for line in done.stdout.splitlines() if line.startswith("prior: ")][:3] == [f"prior: {line}" for line in PRIOR]
 
 
@@ -47,7 +44,7 @@ def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "300"))
     for done in (
         bayesindent("extract", "a.nml"),
-        subprocess.run([PROGRAM, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False),
+        subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False),
     ):
         assert done.returncode == 0, done.stderr
         told = re.search(r"warning: what is said of bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", done.stderr)

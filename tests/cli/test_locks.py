@@ -10,15 +10,13 @@ import subprocess
 import sys
 import time
 from contextlib import closing, contextmanager
-from pathlib import Path
 
 import pytest
+from programs import BATCH
 from test_build import NAMELIST
 
 from bayesindent.pipeline.campaign import Campaign
-from conftest import SOURCE
 
-BATCH = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 PYTHON = [sys.executable, "-m", "bayesindent"]
 PROGRAMS = {"python": [*PYTHON, "theory"], "batch": [BATCH]}
 THEORY = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = 'theory' /\n"

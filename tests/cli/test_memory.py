@@ -4,13 +4,11 @@ import os
 import resource
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from programs import BATCH
 
-from conftest import SANITIZED, SOURCE
-
-PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
+from conftest import SANITIZED
 
 SCRIPT = """
 import resource, sys
@@ -76,7 +74,7 @@ def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path)
     def run(megabytes):
         limit = int(1e6 * megabytes) if megabytes else resource.RLIM_INFINITY
         return subprocess.run(
-            [PROGRAM, "a.nml", "--output", "out"], cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1",
+            [BATCH, "a.nml", "--output", "out"], cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1"}, timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
         )  # fmt: skip
 

@@ -10,6 +10,7 @@ import time
 
 import pytest
 
+from bayesindent.common.result_files import read_json
 from conftest import REFERENCE, SOURCE
 
 FILES = [
@@ -63,7 +64,7 @@ def test_whole_path(finished, bayesindent):
         assert abs(item["mean"] - TRUTH[name]) < 3.5 * item["sd"]
     alone = document["extract"]["theory_alone"]["C11"]
     assert abs(alone["mean"] - TRUTH["C11"]) > 2.5 * alone["sd"]
-    assert json.loads((output / "summary.json").read_text()) == document["extract"]
+    assert read_json(output / "summary.json") == document["extract"]
     page = (output / "report.html").read_text()
     check_page(page)
     again = json.loads(bayesindent("run", file, "--json").stdout)

@@ -2,18 +2,16 @@
 
 import csv
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+from programs import BATCH
 
 import bayesindent as bi
 from conftest import SOURCE
 
-PROGRAM = Path(os.environ.get("BAYESINDENT_BUILD", SOURCE / "build")) / "fortran" / "bayesindent-batch"
 ZINC = [161.1, 34.2, 38.3, 61.1, 50.3]
 
 
@@ -125,7 +123,7 @@ def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
 
 
 def batch(folder):
-    return subprocess.run([PROGRAM, "a.nml", "--output", "batch"], cwd=folder, capture_output=True, text=True)
+    return subprocess.run([BATCH, "a.nml", "--output", "batch"], cwd=folder, capture_output=True, text=True)
 
 
 def test_a_block_under_a_cone(bayesindent, tmp_path):

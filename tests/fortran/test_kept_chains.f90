@@ -2,7 +2,7 @@
 program test_kept_chains
    use abstract_sampler, only: sampler_type
    use errors, only: error_type
-   use files, only: file_exists, make_folder, read_text_file, replace_file
+   use files, only: file_exists, make_folder, read_bytes, replace_file
    use kept_chains, only: chain_shelf_type, new_chain_shelf
    use kinds, only: wp
    use known_targets, only: banana_type
@@ -78,16 +78,14 @@ program test_kept_chains
 
 contains
 
-   !> Of the chain of stream 12 a digit is changed.
+   !> Of the chain of stream 12 a bit is changed.
    subroutine damage()
       character(len=:), allocatable :: path
-      integer :: i
 
       path = shelf%path(12)
       call check('the file of a chain', file_exists(path))
-      call read_text_file(path, content, error)
-      i = index(content, '0.25', back=.true.)
-      content(i:i + 3) = '0.26'
+      call read_bytes(path, content, error)
+      content(100:100) = achar(ieor(iachar(content(100:100)), 1))
       call replace_file(path, content, error)
    end subroutine damage
 end program test_kept_chains

@@ -165,6 +165,25 @@ def test_documents_that_are_none(tmp_path, capsys, content):
     assert str(path) in captured.err
 
 
+def test_bits_of_a_document(tmp_path):
+    """Whatever bit is changed: the document is refused by the name of its file, or it is the same."""
+    path, document = tmp_path / "summary.json", {"C11": {"mean": 168.4, "sd": 0.1 + 0.2}, "rows": [[1, None], [-0.0, 1e-300]], "words": "µ"}
+    write_json(path, document)
+    assert read_json(path) == document
+    content, outcomes = path.read_bytes(), []
+    for bad in bits_changed(content, 400):
+        path.write_bytes(bad)
+        try:
+            # The name of the checksum alone may be another one: all else is whole then.
+            outcomes.append(document.items() <= read_json(path).items())
+        except InputError as error:
+            assert re.fullmatch(r"\S*summary.json: is damaged, or is no JSON document \(.*\); remove it, .*", str(error))
+            outcomes.append(None)
+    assert False not in outcomes and outcomes.count(None) > 300
+    path.write_text(json.dumps(document))
+    assert read_json(path) == document, "the batch program writes none"
+
+
 def test_results_of_another_namelist_are_not_mixed(tmp_path, capsys):
     """The batch program, say, ran another namelist in the same folder."""
     write_resolved(tmp_path, "&problem symmetry = 'cubic' /\n")
@@ -189,7 +208,7 @@ def test_a_full_disk_is_told_in_words(tmp_path, capsys, monkeypatch):
     with pytest.raises(OSError, match="No space left") as error, whole_file(kept) as beside:
         beside.write_text("x" * 100000)
     assert error.value.filename == str(kept)
-    assert json.loads(kept.read_text()) == {"a": 1}
+    assert read_json(kept) == {"a": 1}
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
     (tmp_path / "a.nml").write_text("&problem symmetry='cubic' /\n&crystals points='points.csv' /\n")
     assert main(["theory", str(tmp_path / "a.nml"), "--output", str(tmp_path)]) == 1

@@ -54,6 +54,18 @@ def test_benchmarks_that_are_named_exist(page):
             assert set(words.split()) <= {*bench_simulate.SECTIONS}, words
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.stem != "equations"], ids=relative)
+def test_a_table_of_numbers_says_where_they_come_from(page):
+    """A command, test or file, in the section of the table or above the first one."""
+    number = r"\**[-+<>≤]?\d[\d.,]*(e[-+]?\d+)?( ?(\.\.|to|±) ?[\d.,]+)?( ?(%|GPa|s|ms|MB|kB|×|µs))?\**"
+    named = r"bench [a-z]+|bayesindent(-batch)? (--schema|wheel|run|build|extract|test)|(tests|inputs)/[\w./]+|test_\w+"
+    opening, *sections = re.split(r"(?m)^(?=##)", page.read_text())
+    for section in (opening, *sections):
+        cells = [cell.strip() for row in section.splitlines() if row.startswith("|") for cell in row.split("|")]
+        if sum(bool(re.fullmatch(number, cell)) for cell in cells) > 3:
+            assert re.search(named, opening + section), section.partition("\n")[0]
+
+
 def test_modules_of_the_architecture_exist():
     text = (SOURCE / "docs" / "architecture.md").read_text().split("## Contracts")[0]
     rows = [[re.findall(r"`([\w./]+)`", cell) for cell in row.split("|")[1:-1]] for row in text.splitlines() if row.startswith("|")]

@@ -26,7 +26,8 @@ def measured(symmetry, constants, n, seed, share=0.02):
 @pytest.mark.parametrize("symmetry", ["cubic", "hexagonal"])
 def test_reference_posteriors(symmetry):
     case, settings = reference(symmetry)
-    result = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", **settings)
+    # So many that chance is a third of what is allowed, on any processor.
+    result = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", samples=40000, **settings)
     found = bi.summary(result)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(symmetry)])
     assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.05)
@@ -173,12 +174,12 @@ def test_prior_alone_is_uniform_in_its_measure():
 
 @pytest.mark.parametrize("name", ["trigonal_quartz", "orthorhombic_forsterite"])
 def test_references_of_lower_symmetry(name):
-    """Posteriors by a theory and a sampler of others' making, with some thousand effective samples; nothing is stated of the prior."""
+    """Posteriors by a theory and a sampler of others' making, with over ten thousand effective samples; nothing is stated of the prior."""
     case = json.loads((REFERENCE / f"{name}.json").read_text())
     result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"], **KIND)
     draws = np.stack([result.posterior[name].values.ravel() for name in constant_names(case["symmetry"])])
     assert (draws.mean(axis=1) - case["mean"]) / case["sd"] == pytest.approx(np.zeros(len(draws)), abs=0.15)
-    assert draws.std(axis=1) == pytest.approx(case["sd"], rel=0.12)
+    assert draws.std(axis=1) == pytest.approx(case["sd"], rel=0.10)
     assert np.corrcoef(draws) == pytest.approx(np.array(case["corr"]), abs=0.08)
     predicted = result.predictions["modulus"].values.reshape(-1, len(case["predicted_mean"]))
     assert (predicted.mean(axis=0) - case["predicted_mean"]) / case["predicted_sd"] == pytest.approx(

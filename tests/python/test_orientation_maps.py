@@ -31,7 +31,7 @@ def pixels(equivalents=False, sd=SD_DEG):
     return x, y, (quarter * mean * tilt).inv().as_euler("ZXZ", degrees=True) % 360
 
 
-def write(path, x, y, euler, point_group="m-3m"):
+def write(path, x, y, euler, point_group="m-3m", phases=None):
     """The map in the format of the file's ending."""
     if path.suffix == ".ctf":
         lines = ["Channel Text File", "Prj\tmade by hand", "Author\t[Unknown]", "JobMode\tGrid", "XCells\t30", "YCells\t20", f"XStep\t{STEP}",
@@ -46,16 +46,18 @@ def write(path, x, y, euler, point_group="m-3m"):
     from orix.crystal_map import CrystalMap, Phase, PhaseList
     from orix.quaternion import Rotation as Orientations
 
-    phases = PhaseList(Phase("iron", point_group=point_group))
+    numbers = np.ones(len(x), int) if phases is None else phases
+    known = {1: Phase("iron", point_group=point_group), 2: Phase("second", point_group=point_group)}
+    present = PhaseList({number: known[number] for number in np.unique(numbers).tolist()})
     rotations = Orientations.from_euler(np.radians(euler))
-    orix_io.save(str(path), CrystalMap(rotations, np.ones(len(x), int), x, y, phase_list=phases, scan_unit="um"))
+    orix_io.save(str(path), CrystalMap(rotations, numbers, x, y, phase_list=present, scan_unit="um"))
     return path
 
 
-def measured(path, positions, **further):
+def measured(path, positions, symmetry="cubic", **further):
     table = dict(zip(("x_um", "y_um"), np.asarray(positions, float).T.tolist(), strict=True))
     table |= {"Er": [200.0 + k for k in range(len(positions))], "sd": len(positions) * [4.0]} | further
-    return bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"ebsd": path})
+    return bi.Problem.from_keywords("f", table, problem={"symmetry": symmetry}, measurements={"ebsd": path})
 
 
 def along(euler_deg):
@@ -64,9 +66,12 @@ def along(euler_deg):
 
 
 @pytest.mark.parametrize("ending", ["ang", "ctf", "h5"])
-def test_the_mean_orientation_of_the_grain_at_each_indent(tmp_path, ending):
+def test_the_mean_orientation_of_the_grain_at_each_indent(tmp_path, capsys, ending):
     path = write(tmp_path / f"map.{ending}", *pixels())
+    capsys.readouterr()
     points = measured(path, [(2.1, 5.2), (12.3, 4.9)]).measurements
+    # Standard output is the document's.
+    assert capsys.readouterr().out == ""
     for found, true in zip(along(points.euler_deg), along([LEFT, RIGHT]), strict=True):
         # Some 300 points of this sd: the mean is known to a hundredth of a degree or so.
         assert np.degrees(np.arccos(min(1, found @ true))) < 0.15
@@ -76,6 +81,53 @@ def test_the_mean_orientation_of_the_grain_at_each_indent(tmp_path, ending):
 def test_equivalent_orientations_within_a_grain_are_one(tmp_path):
     plain, mixed = (measured(write(tmp_path / f"{k}.h5", *pixels(k)), [(2.1, 5.2), (12.3, 4.9)]).measurements for k in (False, True))
     assert along(mixed.euler_deg) == pytest.approx(along(plain.euler_deg), abs=1e-9)
+
+
+def test_diffraction_adds_the_inversion_to_the_symmetry(tmp_path):
+    """Of zincblende -43m a quarter turn about [001], which the crystal has not, is told from none by no map."""
+    mixed = measured(write(tmp_path / "map.h5", *pixels(True), "-43m"), [(2.1, 5.2), (2.6, 5.2), (12.3, 4.9)])
+    assert len(mixed.measurements) == 2 and mixed.warnings == []
+
+
+@pytest.mark.parametrize(
+    ("point_group", "symmetry", "told"),
+    [
+        ("m-3", "cubic", ""),
+        ("622", "hexagonal", ""),
+        ("-3m", "trigonal", ""),
+        ("mmm", "orthorhombic", ""),
+        ("121", "monoclinic", ""),
+        (
+            "-3m",
+            "hexagonal",
+            "trigonal (-3m), &problem symmetry is hexagonal, which takes the crystal for more symmetric than the map does",
+        ),
+        ("4/mmm", "cubic", "tetragonal (4/mmm), &problem symmetry is cubic, which takes the crystal for more symmetric than the map does"),
+    ],
+)
+def test_the_phase_has_the_stated_symmetry(tmp_path, point_group, symmetry, told):
+    problem = measured(write(tmp_path / "map.h5", *pixels(), point_group), [(2.1, 5.2), (12.3, 4.9)], symmetry)
+    said = [line.partition("map.h5: ")[2] for line in problem.warnings if "map.h5" in line]
+    assert said == ([f"the phase iron is {told}"] if told else [])
+
+
+@pytest.mark.parametrize(
+    ("point_group", "symmetry"),
+    # The last: its two-fold axis is along z in orix, along y here.
+    [("m-3m", "tetragonal"), ("-3m", "cubic"), ("6/mmm", "trigonal"), ("4/mmm", "4/m"), ("2/m", "monoclinic")],
+)
+def test_a_phase_whose_equivalents_are_none_is_refused(tmp_path, point_group, symmetry):
+    path = write(tmp_path / "map.h5", *pixels(), point_group)
+    with pytest.raises(bi.InputError, match=rf"map.h5: the phase iron is .+, &problem symmetry is {symmetry}: orientations that are equiv"):
+        measured(path, [(2.1, 5.2), (12.3, 4.9)], symmetry)
+
+
+def test_one_phase_is_measured(tmp_path):
+    x, y, euler = pixels()
+    path = write(tmp_path / "map.h5", x, y, euler, phases=np.where(x < EDGE, 1, 2))
+    assert len(measured(path, [(2.1, 5.2), (6.0, 5.0)]).measurements) == 1
+    with pytest.raises(bi.InputError, match="row 1 is on the phase iron, those of rows 3 are on second; leave one of them out"):
+        measured(path, [(2.1, 5.2), (6.0, 5.0), (12.3, 4.9)])
 
 
 def columns(problem, *names):
@@ -107,6 +159,15 @@ def test_columns_of_the_user_go_before(tmp_path):
         measured(path, [(6.0, 5.0)], Euler1=[10.0])
     with pytest.raises(bi.InputError, match="orientations are stated twice, by angles and by u, v, .."):
         measured(path, [(6.0, 5.0)], u=[1], v=[1], w=[2])
+
+
+def test_columns_of_the_user_may_have_any_header(tmp_path):
+    path = write(tmp_path / "map.h5", *pixels())
+    table = {"right": [6.0, 2.0], "down": [5.0, 5.0], "Er": [200.0, 201.0], "sd": [4.0, 4.0], "Korn": ["a", "b"]}
+    named = {"x_um": "right", "y_um": "down", "grain": "Korn"}
+    problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"ebsd": path, "columns": named})
+    assert problem.measurements.names == ["a", "b"]
+    assert [float(value) for value in columns(problem, "grain_radius_um")[0]] == pytest.approx([1.75, 5.75], abs=1e-9)
 
 
 def test_noise_is_no_boundary(tmp_path):
@@ -141,5 +202,5 @@ def test_what_is_no_map(tmp_path, monkeypatch):
     with pytest.raises(bi.InputError, match="map.ang: is no map that orix reads"):
         measured(path, [(1.0, 1.0)])
     monkeypatch.setitem(sys.modules, "orix", None)
-    with pytest.raises(bi.InputError, match=r"needs orix, which is not installed: pip install 'bayesindent\[ebsd\]'"):
+    with pytest.raises(bi.InputError, match=r"needs orix, which is not installed: \S+ -m pip install orix$"):
         measured(path, [(1.0, 1.0)])

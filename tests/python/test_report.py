@@ -13,7 +13,7 @@ from bayesindent.inference.quantities import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
 from bayesindent.report.sections import SECTIONS, sensitivity_row
-from bayesindent.report.words import quantity_in_words
+from bayesindent.report.words import quantity_in_words, with_powers
 from conftest import SOURCE
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
@@ -179,3 +179,9 @@ def test_what_the_prior_moves_is_told_where_it_matters():
 def test_an_empty_folder_has_a_report(tmp_path, capsys):
     assert main(["report", str(tmp_path)]) == 0
     assert headings(tmp_path) == ["Provenance"]
+
+
+def test_powers_in_a_text():
+    factor = '<span class="whole"><i>C</i><sub>{}</sub>{}</span>'.format
+    said = with_powers("the data decided C11^1.00 C44^-0.30, <b> C12; x^2.00")
+    assert said == f"the data decided {factor(11, '')} {factor(44, '<sup>−0.30</sup>')}, &lt;b&gt; C12; x^2.00"

@@ -1,11 +1,9 @@
 """Files of results are whole or not there."""
 
-import json
-
 import numpy as np
 import pytest
 
-from bayesindent.common.result_files import as_csv, cell, plain, whole_file, write_csv, write_json
+from bayesindent.common.result_files import as_csv, cell, plain, read_json, whole_file, write_csv, write_json
 
 
 def test_a_file_that_was_not_finished_leaves_what_was_there(tmp_path):
@@ -14,7 +12,7 @@ def test_a_file_that_was_not_finished_leaves_what_was_there(tmp_path):
     with pytest.raises(KeyboardInterrupt), whole_file(file) as beside:
         beside.write_text('{"a": ')
         raise KeyboardInterrupt
-    assert json.loads(file.read_text()) == {"a": 1}
+    assert read_json(file) == {"a": 1}
     assert list(file.parent.iterdir()) == [file]
 
 

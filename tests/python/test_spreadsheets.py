@@ -83,5 +83,5 @@ def test_what_is_no_spreadsheet(tmp_path, monkeypatch):
     with pytest.raises(bi.InputError, match=r"a.csv: the file is a spreadsheet or another zip archive \(.xlsx, .ods\), not text: save"):
         read_measurements(tmp_path / "a.csv", "cubic")
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(bi.InputError, match=r"needs openpyxl, which is not installed: pip install 'bayesindent\[xlsx\]', or save"):
+    with pytest.raises(bi.InputError, match=r"needs openpyxl, which is not installed: \S+ -m pip install openpyxl, or save"):
         read_measurements(book(path), "cubic")

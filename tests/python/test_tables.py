@@ -139,6 +139,76 @@ def test_a_refusal_is_mended_as_it_says(tmp_path):
     assert table[:2] == pytest.approx(np.array(ROWS)[:, :4], rel=1e-12)
 
 
+#: Headers that say nothing, and two that would say something else.
+OWN = ["a = b", "Kipp", "c", "Er", "MU", "std"]
+NAMED = {"phi1_deg": "a = b", "PHI_deg": "kipp", "phi2_deg": "c", "modulus_gpa": "Er", "sd_gpa": "MU", "grain": "std"}
+
+
+def own_table(path, header=OWN):
+    path.write_text(page(";", header=header, rows=[(*row, number) for number, row in enumerate(ROWS, 7)]))
+    return path
+
+
+@pytest.mark.parametrize("columns", [NAMED, [f" {name}={header} " for name, header in NAMED.items()]], ids=["mapping", "texts"])
+def test_columns_are_what_the_user_says(tmp_path, columns):
+    points = read_measurements(own_table(tmp_path / "a.csv"), "cubic", columns=columns, modulus_kind="sample_modulus")
+    assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS)
+    assert (points.modulus_kind, points.names, points.columns) == ("sample_modulus", ["7", "8"], OWN)
+
+
+def test_columns_of_a_namelist_and_of_a_table_in_python(tmp_path):
+    path = own_table(tmp_path / "a.csv")
+    said = ", ".join(f"'{name} = {header}'" for name, header in NAMED.items())
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' /\n&measurements file = 'a.csv', columns = {said}, modulus_kind = 'sample_modulus' /\n"
+    )
+    problem = bi.Problem(tmp_path / "a.nml", "extract")
+    table = dict(zip(OWN, zip(*[(*row, 1.0) for row in ROWS], strict=True), strict=True))
+    of_python = bi.Problem.from_keywords(
+        "f", table | {"std": ["7", "8"]}, problem={"symmetry": "cubic"}, measurements={"columns": NAMED, "modulus_kind": "sample_modulus"}
+    )
+    for points in (problem.measurements, of_python.measurements):
+        assert np.array_equal(np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa]), ROWS) and points.names == ["7", "8"]
+    # What is kept of the run says the same again.
+    (tmp_path / "b.nml").write_text(problem.resolved.replace("'a.csv'", f"'{path}'"))
+    assert bi.Problem(tmp_path / "b.nml", "extract").settings.measurements.columns == problem.settings.measurements.columns
+
+
+def test_a_stated_column_goes_before_and_keeps_its_unit(tmp_path):
+    two = page(header=[*HEADER[:3], "Er", "std", "error"], rows=[(*row, 1.5) for row in ROWS])
+    (tmp_path / "a.csv").write_text(two)
+    with pytest.raises(bi.InputError, match="std and error are both sd_gpa"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+    assert read_measurements(tmp_path / "a.csv", "cubic", columns={"sd_gpa": "error"}).sd_gpa.tolist() == [1.5, 1.5]
+    # Er is no effective modulus where the user says what it is.
+    said = {"sample_modulus_gpa": "Er", "sd_gpa": "std"}
+    assert read_measurements(tmp_path / "a.csv", "cubic", columns=said).modulus_kind == "sample_modulus"
+    (tmp_path / "a.csv").write_text(page())
+    with pytest.raises(bi.InputError, match="column sd_gpa: the unit gpa is not read; this column has none"):
+        read_measurements(tmp_path / "a.csv", "cubic", columns={"grain": "sd_gpa"}, scale="inferred")
+    (tmp_path / "a.csv").write_text(named("steepness (MPa)", "sd"))
+    with pytest.raises(bi.InputError, match=r"column steepness \(MPa\): the unit mpa is not read; allowed gpa"):
+        read_measurements(tmp_path / "a.csv", "cubic", columns={"effective_modulus_gpa": "steepness (MPa)"})
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (["Er"], "columns: 'Er': a name, = and the header of its column are needed, such as 'modulus_gpa = E (raw)'"),
+        (["sd_gpa = "], "columns: 'sd_gpa =': a name, = and the header"),
+        (["sdgpa = MU"], "columns: 'sdgpa = MU': no column sdgpa is read, did you mean sd_gpa?; allowed phi1_deg, Phi_deg, "),
+        (["sd_gpa = Kip"], "columns: 'sd_gpa = Kip': the table has no column Kip, did you mean Kipp?; the columns are a = b, Kipp, c, "),
+        (["sd_gpa = Er", "sd_gpa = MU"], "columns: 'sd_gpa = MU': the name or the column is there twice"),
+        (["sd_gpa = MU", "grain = MU"], "columns: 'grain = MU': the name or the column is there twice"),
+    ],
+)
+def test_stated_columns_that_are_refused(tmp_path, said, words):
+    path = own_table(tmp_path / "a.csv")
+    with pytest.raises(bi.InputError) as error:
+        read_measurements(path, "cubic", columns=said)
+    assert str(error.value).startswith(f"{path}: &measurements file: {path}: {words}")
+
+
 def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
     table = dict(zip([*HEADER, "orientaton_sd_deg", "remark"], np.array([(*row, 1.0, 2.0) for row in ROWS]).T, strict=True))
     problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "isotropic"}, measurements={})

@@ -1,6 +1,7 @@
 """Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them.
 
-A netCDF file ends with a checksum of all before it, which other programs pass over: what was damaged is never read as HDF5.
+A netCDF file ends with a checksum of all before it, which other programs pass over: what was damaged is never read as HDF5. A document (JSON)
+has one of its content as its last entry; those of the batch program have none.
 """
 
 import csv
@@ -50,21 +51,29 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, document: dict) -> None:
-    """Write a document."""
-    write_text(path, json.dumps(plain(document), indent=1, allow_nan=False) + "\n")
+    """Write a document, and with it its checksum."""
+    document = plain(document)
+    write_text(path, json.dumps(document | {"checksum": checksum(document)}, indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> dict:
-    """The document of a file; an empty one where there is none."""
+    """The document of a file without its checksum; an empty one where there is none."""
     if not path.exists():
         return {}
     try:
         document = json.loads(path.read_bytes())
         if not isinstance(document, dict):
             raise ValueError("it is no object")
+        if document.pop("checksum", None) not in (None, checksum(document)):
+            raise ValueError("it was changed since it was written")
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is damaged, or is no JSON document ({error}); remove it, and run the command again") from None
     return document
+
+
+def checksum(document: dict) -> str:
+    """Of what JSON can hold, however it is laid out."""
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = "") -> None:

@@ -1,6 +1,7 @@
 """Several posteriors side by side: their constants, and, of the same measurements, which model these speak for."""
 
 import math
+import os
 import warnings
 from collections.abc import Sequence
 from functools import cached_property
@@ -8,16 +9,28 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.result_files import write_csv
-from ..core import InputError
+from ..common.result_files import whole_file, write_csv, write_json
+from ..core import InputError, warn_of
 from ..inference.extract import arviz_data
 from .results import Results
 from .words import number
 
-__all__ = ["Run", "compare_runs", "read_runs"]
+__all__ = ["Run", "compare", "compare_runs", "read_runs"]
 
 #: Above this shape of the tail of its importance weights (Pareto's k) a grain's leave-one-out density is not to be relied on.
 GREATEST_SHAPE = 0.7
+
+
+def compare(*folders: str | os.PathLike, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
+    """Posteriors of two or more folders of results side by side, each compared with the first.
+
+    `runs`: mean, sd and 95 % interval of each constant; `differences`: of each constant from the first run's, in GPa and in sds of the
+    difference; `models`: leave-one-out and, where it was estimated, evidence of runs of the same measurements. With `output`, a folder,
+    comparison.csv, comparison.json and the figures forest and overlay ('png', 'pdf' or 'svg') are written into it.
+    """
+    document = compare_runs(read_runs([Path(folder) for folder in folders]), Path(output) if output else None, figures)
+    warn_of(document)
+    return document
 
 
 class Run:
@@ -88,8 +101,8 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     return [Run(folder, "/".join(path.parts[-depth:])) for folder, path in zip(folders, paths, strict=True)]
 
 
-def compare_runs(runs: Sequence[Run], output: Path) -> dict:
-    """The document of `compare`: constants of all runs, differences from the first, evidence and leave-one-out; and comparison.csv."""
+def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict:
+    """The document of `compare`, and its files where there is a folder for them."""
     first = runs[0]
     names = list(dict.fromkeys(name for run in runs for name in run.parameters))
     same = all(run.measured == first.measured for run in runs)
@@ -122,9 +135,32 @@ def compare_runs(runs: Sequence[Run], output: Path) -> dict:
                 [run.label, name, item["mean"], item["sd"], *item["hdi_95"], *("" if v is None else v for v in (difference, in_sds))]
             )
     header = ["run", "constant", "mean_gpa", "sd_gpa", "hdi_95_low_gpa", "hdi_95_high_gpa", "difference_gpa", "difference_sd"]
-    write_csv(output / "comparison.csv", header, rows, f"differences are from {first.label}")
     document = {"runs": entries, "same_data": same, "differences": differences, "models": compare_models(runs, told) if same else []}
-    return document | {"warnings": told}
+    document |= {"warnings": told, "figures": []}
+    if output:
+        output.mkdir(parents=True, exist_ok=True)
+        write_csv(output / "comparison.csv", header, rows, f"differences are from {first.label}")
+        document["figures"] = draw(runs, output, figures)
+        write_json(output / "comparison.json", document)
+    return document
+
+
+def draw(runs: Sequence[Run], output: Path, kind: str) -> list[str]:
+    """The names of the figures that are written."""
+    from .figures.comparison import forest, overlay
+    from .figures.style import house_style, stamp_synthetic
+
+    paths = []
+    with house_style():
+        for function in (forest, overlay):
+            figure = function(runs).figure
+            if any(run.synthetic for run in runs):
+                stamp_synthetic(figure)
+            path = output / f"{function.__name__}.{kind}"
+            with whole_file(path) as beside:
+                figure.savefig(beside, format=kind)
+            paths.append(str(path))
+    return paths
 
 
 def compare_models(runs: Sequence[Run], told: list[str]) -> list[dict]:

@@ -11,6 +11,7 @@ from .paper import write_paper
 from .results import Results
 from .sections import SECTIONS, constants_table
 from .summary import asked, well_known
+from .words import with_powers
 
 __all__ = ["write_report"]
 
@@ -29,7 +30,12 @@ def write_report(folder: Path, output: Path | None = None, kind_of_files: str = 
     template = (resources.files("bayesindent") / "report" / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     page = environment.from_string(template).render(
-        results=results, asked=asked(results), known=well_known(results), constants=constants_table(results), sections=sections
+        results=results,
+        with_powers=with_powers,
+        asked=asked(results),
+        known=well_known(results),
+        constants=constants_table(results),
+        sections=sections,
     )
     file = Path(output or folder) / "report.html"
     write_text(file, page)

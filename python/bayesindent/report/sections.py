@@ -93,6 +93,11 @@ def surrogate(results: Results) -> Section | None:
     return Section("Step 1: the surrogate", before=[Table("The surrogate of the indentation modulus", ["", "value"], facts, prose=True)])
 
 
+def whole(text: str) -> Markup:
+    """A text that stays in one line."""
+    return Markup('<span class="whole">{}</span>').format(text)
+
+
 def percent(build: dict, name: str) -> float | None:
     """A share of the domain's document as a percentage."""
     share = build.get("domain", {}).get(name)
@@ -186,8 +191,11 @@ def checks(results: Results) -> Section | None:
         return None
     chi_square, worst = document["checks"]["chi_square"], document["checks"]["extreme_grain"]
     rows = [
-        [f"sum of squared residuals, {number(chi_square['mean'])} for {len(document['predicted'])} grains", f"p = {chi_square['p']:.3f}"],
-        [f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds", f"p = {worst['p']:.3f}"],
+        [
+            f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(document['predicted'])} grains",
+            whole(f"p = {chi_square['p']:.3f}"),
+        ],
+        [f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds", whole(f"p = {worst['p']:.3f}")],
     ]
     if evidence := document.get("evidence"):
         rows.append(["evidence, log Z; it depends on the bounds", f"{number(evidence['log_z'], 2)} ± {number(evidence['sd'], 2)}"])
@@ -263,7 +271,7 @@ def constants_table(results: Results) -> Table | None:
                 number(item["mean"]),
                 number(item["sd"]),
                 number(item["map"]),
-                Markup('<span class="whole">{} to {}</span>').format(number(low), number(high)),
+                whole(f"{number(low)} to {number(high)}"),
                 number(contraction, 3),
             ]
         )

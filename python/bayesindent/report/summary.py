@@ -30,12 +30,19 @@ def asked(results: Results) -> list[tuple[str, str]]:
         rows.append(("Specimen", specimen))
     rows.append(("Indenter", indenter(results)))
     if document:
-        words = list(document["prior"]["words"])
+        words = [in_plain_words(line, document["prior"]["knowledge"]) for line in document["prior"]["words"]]
         rows.append(("Surrogate", words.pop().removeprefix("surrogate: ")))
         rows.append(("Prior in effect", "; ".join(words)))
     elif build := results.documents["build"]:
         rows.append(("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}"))
     return rows
+
+
+def in_plain_words(line: str, knowledge: list[dict]) -> str:
+    """A line on the prior with what is known by the names that people use."""
+    for item in knowledge:
+        line = line.replace(f"{item['name']} =", f"{quantity_in_words(item['name'])} =")
+    return line
 
 
 def counted(count: int, word: str) -> str:

@@ -1,11 +1,23 @@
 """Numbers and names of results as people read them."""
 
 import math
+import re
 from collections.abc import Sequence
 
 from markupsafe import Markup, escape
 
-__all__ = ["best_first", "latex", "listed", "number", "orientation", "power_label", "powers_as_html", "quantity_in_words", "subscript"]
+__all__ = [
+    "best_first",
+    "latex",
+    "listed",
+    "number",
+    "orientation",
+    "power_label",
+    "powers_as_html",
+    "quantity_in_words",
+    "subscript",
+    "with_powers",
+]
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
@@ -95,3 +107,8 @@ def powers_as_html(exponents: dict[str, float]) -> Markup:
         for index, power in powers(exponents)
     ]
     return Markup(" ").join(map(escape, factors))
+
+
+def with_powers(text: str) -> Markup:
+    """A text with its powers of constants, such as C11^1.00 C44^0.77, as HTML."""
+    return Markup(re.sub(r"\b(C\d\d)\^(-?\d+\.\d+)", lambda found: powers_as_html({found[1]: float(found[2])}), str(escape(text))))

@@ -2,6 +2,7 @@
 
 import csv
 import re
+from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..core import InputError
+from ..crystal.directions import representative
+from ..crystal.elasticity import class_name
+from .foreign_files import reader_of
 
 __all__ = ["page_of"]
 
@@ -20,10 +24,11 @@ BOUNDARY_DEG = 5.0
 LEAST_PIXELS = 4
 
 
-def page_of(place: str, path: Path, x_um, y_um, columns) -> str:
+def page_of(place: str, path: Path, x_um, y_um, columns, symmetry: str | None) -> tuple[str, str]:
     """A line for each indent at (x_um, y_um) of the map: Bunge's angles of the mean orientation of its grain, and, where the measurements
     have no such column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and
-    `grain_radius_um`, the distance to the nearest other grain. `place` begins the message of a refusal."""
+    `grain_radius_um`, the distance to the nearest other grain. Then what is to be told of the phase beside the stated `symmetry`, or
+    nothing. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
@@ -35,6 +40,7 @@ def page_of(place: str, path: Path, x_um, y_um, columns) -> str:
         raise InputError(
             f"{place}row {row + 1}: ({x_um[row]:g}, {y_um[row]:g}) um is {away[row]:.3g} um from the next indexed point; the map is from ({low}) to ({high})"
         )
+    told = grid.compare_phase(grid.phase[pixel], symmetry)
     header = ["phi1_deg", "Phi_deg", "phi2_deg", "grain", "orientation_sd_deg", "grain_radius_um"]
     there = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
     kept = [number for number, name in enumerate(header) if name not in there]
@@ -46,23 +52,17 @@ def page_of(place: str, path: Path, x_um, y_um, columns) -> str:
         euler, spread = of_grain[grain]
         cells = [*euler, f"EBSD {grain}", spread, grid.distance_to_boundary(position, grain)]
         writer.writerow(cells[number] for number in kept)
-    return page.getvalue()
+    return page.getvalue(), told
 
 
 class Grid:
     """The indexed points of a map and the grains that they form."""
 
     def __init__(self, place: str, path: Path):
+        io = reader_of(place, path, "an orientation map", "orix.io")
         try:
-            from orix import io
-        except ImportError:
-            raise InputError(
-                f"{place}reading an orientation map needs orix, which is not installed: pip install 'bayesindent[ebsd]'"
-            ) from None
-        if not path.is_file():
-            raise InputError(f"{place}the file does not exist")
-        try:
-            loaded = io.load(str(path))
+            with redirect_stdout(StringIO()):  # where it tells of the names of phases
+                loaded = io.load(str(path))
         except Exception as error:  # whatever a damaged file makes its reader raise
             raise InputError(f"{place}is no map that orix reads ({type(error).__name__}: {error})") from None
         found = loaded[loaded.phase_id >= 0]
@@ -73,13 +73,14 @@ class Grid:
         #: From sample to crystal axes, (n, 4).
         self.rotations = found.rotations[:, 0].data if found.rotations.ndim > 1 else found.rotations.data
         self.phase = found.phase_id
-        #: Proper rotations of the crystal by its phase, (m, 4).
-        self.symmetry = {}
+        self.place = place
+        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this, (m, 4).
+        self.names, self.laue, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
-            group = loaded.phases[number].point_group
+            self.names[number], group = loaded.phases[number].name, loaded.phases[number].point_group
             if group is None:
-                raise InputError(f"{place}does not say the point group of phase {number} ({loaded.phases[number].name})")
-            self.symmetry[number] = group.proper_subgroup.data
+                raise InputError(f"{place}does not say the point group of phase {number} ({self.names[number]})")
+            self.laue[number], self.symmetry[number] = group.laue.name, group.laue.proper_subgroup.data
         tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
@@ -96,6 +97,30 @@ class Grid:
             alike[own] = closest(group, self.rotations[first[own]], self.rotations[second[own]])[1] > np.cos(np.radians(BOUNDARY_DEG) / 2)
         n = len(self.positions)
         return connected_components(coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False)[1]
+
+    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> str:
+        """What is to be told of the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
+        if orientations that are equivalent in the phase are not so by the symmetry, with its axes."""
+        number = int(phases[0])
+        name = self.names[number]
+        if len(others := np.flatnonzero(phases != number)):
+            rows = ", ".join(str(row + 1) for row in others[:10]) + (", .." if len(others) > 10 else "")
+            raise InputError(
+                f"{self.place}the indent of row 1 is on the phase {name}, those of rows {rows} are on "
+                f"{self.names[int(phases[others[0]])]}; leave one of them out: the constants are those of one phase"
+            )
+        if not symmetry:
+            return ""
+        own = class_name(self.laue[number])
+        somewhere = np.array([0.3, 0.4, 0.5, np.sqrt(0.5)])
+        images = normal(np.stack([product(operation, somewhere[None])[0] for operation in self.symmetry[number]]))
+        differs = f"{self.place}the phase {name} is {own} ({self.laue[number]}), &problem symmetry is {symmetry}"
+        if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
+            raise InputError(
+                f"{differs}: orientations that are equivalent in the map are not so in this symmetry and its axes; "
+                "state the symmetry of the phase, or the orientations in columns"
+            )
+        return "" if own == symmetry else f"{differs}, which takes the crystal for more symmetric than the map does"
 
     def mean_orientation(self, grain: int) -> tuple[list[float], float]:
         """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""

@@ -180,14 +180,16 @@ class Problem(NativeObject):
             page = spreadsheet_page(place, Path(facts["spreadsheet"]), settings.measurements.sheet)
             call("problem_set_table", handle, "measurements", page.encode())
             facts = self._document()
-        if "indents" in facts:
+        if "indents_um" in facts:
             from .orientation_maps import page_of as page_of_map
 
             settings = _settings(facts["values"], [])
             place = f"{path}: &measurements ebsd: {settings.measurements.ebsd}: "
             x, y = self._array("indents_um", facts["indents_um"]).reshape(2, -1)
-            page = page_of_map(place, Path(facts["map"]), x.copy(), y.copy(), facts["indents"][0])
+            page, told = page_of_map(place, Path(facts["map"]), x.copy(), y.copy(), facts["indents_columns"], settings.problem.symmetry)
             call("problem_set_table", handle, "ebsd", page.encode())
+            if told:
+                call("problem_set_table", handle, "warning", told.encode())
             facts = self._document()
         self.path = path
         self.folder = path.parent
@@ -263,6 +265,8 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
         return repr(value.item() if isinstance(value, np.generic) else value)
     if isinstance(value, str | os.PathLike):
         return "'" + os.fspath(value).replace("'", "''") + "'"
+    if isinstance(value, Mapping):
+        value = [f"{key} = {item}" for key, item in value.items()]
     if isinstance(value, list | tuple | np.ndarray) and len(value):
         return ", ".join(_spelled_value(origin, group, name, item) for item in value)
     raise InputError(f"{origin}: &{group} {name}: {str(value)[:80]} is neither number nor text, nor a list of them")

@@ -7,6 +7,7 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 from ..core import InputError
+from .foreign_files import reader_of
 
 __all__ = ["page_of"]
 
@@ -14,18 +15,10 @@ __all__ = ["page_of"]
 def page_of(place: str, path: Path, sheet: str) -> str:
     """A sheet of an .xlsx file, the first one where `sheet` is empty: a line for each row, cells between tabs, numbers in full, formulas by
     the values that were last computed. `place` begins the message of a refusal."""
+    openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
     try:
-        from openpyxl import load_workbook
-        from openpyxl.utils.exceptions import InvalidFileException
-    except ImportError:
-        raise InputError(
-            f"{place}reading a spreadsheet needs openpyxl, which is not installed: pip install 'bayesindent[xlsx]', or save the sheet as CSV"
-        ) from None
-    if not path.is_file():
-        raise InputError(f"{place}the file does not exist")
-    try:
-        book = load_workbook(path, read_only=True, data_only=True)
-    except (InvalidFileException, BadZipFile, KeyError, OSError, ValueError) as error:
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    except (openpyxl.utils.exceptions.InvalidFileException, BadZipFile, KeyError, OSError, ValueError) as error:
         raise InputError(f"{place}is no spreadsheet that can be read ({error})") from None
     with closing(book):
         if sheet and sheet not in book.sheetnames:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import islice
 from typing import Any
 
 from ...core import InputError, MachineError
@@ -36,27 +37,42 @@ class DaskEngine:
     @property
     def workers(self) -> int:
         """Threads of all workers that are there now, one at least."""
-        return max(1, sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values()))
+        return max(1, sum(self._client.nthreads().values()))
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
         """Call job(item) of all items, and collect(number, result) in this thread for each as it is done.
 
-        Each worker makes the job from its pickle once. An exception, or an interrupt, starts no more; what is done is still collected.
+        Each worker makes the job from its pickle once, and no item waits at one of them while another is idle. An exception, or an
+        interrupt, starts no more; what is done is still collected.
         """
         import cloudpickle
         from distributed import as_completed
         from distributed.scheduler import KilledWorker
 
         pickled = cloudpickle.dumps(job)
-        left = {self._client.submit(_run, pickled, item, pure=False): number for number, item in enumerate(items)}
+        waiting, completed = iter(enumerate(items)), as_completed([], loop=self._client.loop)
+        under_way: dict[Any, int] = {}
+
+        def start(count: int) -> None:
+            for number, item in islice(waiting, max(0, count)):
+                future = self._client.submit(_run, pickled, item, pure=False)
+                under_way[future] = number
+                completed.add(future)
+
+        start(self.workers)
         try:
-            for future in as_completed(list(left), loop=self._client.loop):
-                collect(left.pop(future), future.result())
+            for future in completed:
+                if future.status == "finished":
+                    # Its worker does not wait for what is done with the result.
+                    start(1)
+                result, number = future.result(), under_way.pop(future)
+                collect(number, result)
+                start(self.workers - len(under_way))
         except KilledWorker as error:
             raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
         finally:
-            done = [(future, number) for future, number in left.items() if future.status == "finished"]
-            self._client.cancel([future for future in left if future.status != "finished"])
+            done = [(future, number) for future, number in under_way.items() if future.status == "finished"]
+            self._client.cancel([future for future in under_way if future.status != "finished"])
             for future, number in done:
                 collect(number, future.result())
 

@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from ...common.result_files import whole_file, write_json
 from ...report.words import number
 from ..command import Command, take_folder
 from ..console import show_table
@@ -14,25 +13,11 @@ __all__ = ["COMMAND"]
 def compare(arguments: argparse.Namespace) -> dict:
     """Tables and figures of the runs in the output folder, and the document."""
     from ...report.comparison import compare_runs, read_runs
-    from ...report.figures.comparison import forest, overlay
-    from ...report.figures.style import house_style, stamp_synthetic
 
     runs = read_runs(arguments.runs)
     output = arguments.results = arguments.output or Path("runs") / "compare"
     take_folder(output)
-    document = compare_runs(runs, output)
-    document["figures"] = []
-    with house_style():
-        for draw in (forest, overlay):
-            figure = draw(runs).figure
-            if any(run.synthetic for run in runs):
-                stamp_synthetic(figure)
-            path = output / f"{draw.__name__}.{arguments.figures}"
-            with whole_file(path) as beside:
-                figure.savefig(beside, format=arguments.figures)
-            document["figures"].append(str(path))
-    write_json(output / "comparison.json", document)
-    return document
+    return compare_runs(runs, output, arguments.figures)
 
 
 def show(document: dict) -> None:

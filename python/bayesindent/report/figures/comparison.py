@@ -1,30 +1,17 @@
 """Posteriors of several runs in one figure."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..words import subscript
-from .style import CYCLE, Picture, new_figure, unique_legend
+from .style import CYCLE, Picture, density_axes, grid_of_constants, unique_legend
 
 __all__ = ["forest", "overlay"]
-
-
-def grid_of(names: Sequence[str], height: float):
-    """A figure with axes for each constant."""
-    columns = min(3, len(names))
-    rows = -(-len(names) // columns)
-    figure = new_figure(height * rows + 0.4)
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for spare in grid[len(names) :]:
-        spare.remove()
-    return figure, grid
 
 
 def forest(runs) -> Picture:
     """Mean, sd and 95 % interval of each constant in every run."""
     names = list(dict.fromkeys(name for run in runs for name in run.parameters))
-    figure, grid = grid_of(names, 0.28 * len(runs) + 0.9)
+    figure, grid = grid_of_constants(names, 0.28 * len(runs) + 0.9, 0.4)
     for number, (axes, name) in enumerate(zip(grid, names)):
         for place, (run, colour) in enumerate(zip(runs, np.resize(CYCLE, len(runs)))):
             if name not in run.parameters:
@@ -49,14 +36,12 @@ def forest(runs) -> Picture:
 def overlay(runs) -> Picture:
     """Marginal distributions of all runs over each other."""
     names = list(dict.fromkeys(name for run in runs for name in run.parameters))
-    figure, grid = grid_of(names, 2.1)
+    figure, grid = grid_of_constants(names, 2.1, 0.4)
     for axes, name in zip(grid, names):
         for run, colour in zip(runs, np.resize(CYCLE, len(runs))):
             if name in run.samples:
                 axes.hist(run.samples[name].ravel(), bins=48, density=True, histtype="step", color=colour, label=run.label, lw=1.4)
-        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
-        axes.grid(False)
-        axes.spines["left"].set_visible(False)
+        density_axes(axes, name)
     unique_legend(figure)
     return Picture(
         figure,

@@ -26,18 +26,21 @@ def learning_curve(results) -> Picture | None:
         error = [np.nan if entry[name] is None else entry[name] for entry in history]
         axes.plot(count, error, marker=marker, ms=3.5, lw=1, color=colour, label=label)
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
-    for (name, label), dash in zip(lines.items(), (":", "--")):
+    # The one shows below the other where they are the same.
+    for (name, label), line in zip(lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})):
         if baselines.get(name):
-            axes.axhline(baselines[name], color=BLACK, lw=1, ls=dash, label=label)
+            axes.axhline(baselines[name], label=label, **line)
     axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)", yscale="log")
     plain_log_ticks(axes.yaxis)
+    axes.xaxis.get_major_locator().set_params(integer=True)
     figure.legend(loc="outside upper left", ncols=2)
     last = number(history[-1]["leave_crystal_out_gpa"], 2)
+    beside = " Beside them, what the half-space theory does without a surrogate." if any(baselines.get(name) for name in lines) else ""
     return Picture(
         figure,
         f"Error against the number of simulations; the error of a crystal left out ends at {last} GPa.",
         "Mean absolute error against the number of simulations: of crystals left out of the fit, and of the next points, which the "
-        "variance chooses as the hardest. Beside them, what the half-space theory does without a surrogate.",
+        "variance chooses as the hardest." + beside,
     )
 
 
@@ -53,6 +56,9 @@ def coefficients(results) -> Picture | None:
     left.set(xlabel="simulations", ylabel="norm of the coefficients")
     right.plot(count, [entry["angle_deg"] for entry in history], color=BLUE)
     right.set(xlabel="simulations", ylabel="turn since the last update (degrees)", yscale="log")
+    plain_log_ticks(right.yaxis)
+    for axes in (left, right):
+        axes.xaxis.get_major_locator().set_params(integer=True)
     return Picture(
         figure,
         "Norm of the coefficient vector, and the angle between updates, against the number of simulations.",
@@ -124,7 +130,7 @@ def truncations(results) -> Picture | None:
         )
     axes.set(xlabel="simulations", ylabel="leave-one-out error (GPa)", yscale="log")
     plain_log_ticks(axes.yaxis)
-    figure.legend(loc="outside right upper")
+    figure.legend(loc="outside upper left", ncols=2)
     best = max(scan, key=lambda entry: entry["log_evidence"])
     return Picture(
         figure,

@@ -129,7 +129,7 @@ def draw_map(axes, directions, values, label: str, low=None, high=None) -> None:
         near = np.flatnonzero(directions @ direction > 1 - 1e-9)
         if len(near) and near[0] in outline:
             place = np.array([x[near[0]], y[near[0]]])
-            offset = 9 * (place - centre) / np.linalg.norm(place - centre)
+            offset = 13 * (place - centre) / np.linalg.norm(place - centre)
             name = "".join(f"{abs(index)}" + ("\u0305" if index < 0 else "") for index in corner)
             axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
     axes.set(aspect="equal")

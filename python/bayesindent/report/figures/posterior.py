@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..words import power_label, quantity_in_words, subscript
-from .style import BLACK, BLUE, CYCLE, ORANGE, RED, SKY, Picture, new_figure, unique_legend
+from .style import BLACK, BLUE, CYCLE, ORANGE, RED, SKY, Picture, density_axes, grid_of_constants, new_figure, unique_legend
 
 __all__ = ["contraction", "grain_comparison", "marginals", "pairs", "prior_posterior", "traces"]
 
@@ -16,12 +16,7 @@ def marginals(results) -> Picture | None:
     samples = results.samples
     if not samples:
         return None
-    columns = min(3, len(samples))
-    rows = -(-len(samples) // columns)
-    figure = new_figure(2.5 * rows)
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for spare in grid[len(samples) :]:
-        spare.remove()
+    figure, grid = grid_of_constants(list(samples), 2.5)
     for axes, (name, chains) in zip(grid, samples.items()):
         values = chains.ravel()
         mean, sd, best = values.mean(), values.std(), results.documents["extract"]["parameters"][name]["map"]
@@ -33,9 +28,7 @@ def marginals(results) -> Picture | None:
         for bound in results.bounds.get(name, ()):
             if low - 0.1 * (high - low) <= bound <= high + 0.1 * (high - low):
                 axes.axvline(bound, color=BLACK, lw=2.5, label="bound of the prior")
-        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], title=f"{mean:.1f} ± {sd:.1f} GPa")
-        axes.grid(False)
-        axes.spines["left"].set_visible(False)
+        density_axes(axes, name, title=f"{mean:.1f} ± {sd:.1f} GPa")
     unique_legend(figure)
     parameters = results.documents["extract"]["parameters"]
     words = ", ".join(f"{name} {item['mean']:.0f} with sd {item['sd']:.0f}" for name, item in parameters.items())
@@ -52,11 +45,7 @@ def prior_posterior(results) -> Picture | None:
     samples, before = results.samples, results.prior_samples
     if not samples:
         return None
-    columns = min(3, len(samples))
-    figure = new_figure(1.7 * -(-len(samples) // columns) + 0.3)
-    grid = figure.subplots(-(-len(samples) // columns), columns, squeeze=False).ravel()
-    for spare in grid[len(samples) :]:
-        spare.remove()
+    figure, grid = grid_of_constants(list(samples), 1.7, 0.3)
     for axes, name in zip(grid, samples):
         after = samples[name].ravel()
         low, high = np.percentile(before[name], [0.5, 99.5])
@@ -65,9 +54,7 @@ def prior_posterior(results) -> Picture | None:
             # Relative to the highest bin: a sharp posterior would flatten the prior.
             counts = np.histogram(values, edges)[0]
             axes.stairs(counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=label)
-        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], ylim=(0, 1.05))
-        axes.grid(False)
-        axes.spines["left"].set_visible(False)
+        density_axes(axes, name, ylim=(0, 1.05))
     unique_legend(figure)
     return Picture(
         figure,
@@ -94,7 +81,16 @@ def pairs(results) -> Picture | None:
         cell.grid(False)
         if i < j:
             cell.axis("off")
-            cell.text(0.5, 0.5, f"{correlation[i, j]:+.2f}", ha="center", va="center", size=11, color="#555555", transform=cell.transAxes)
+            cell.text(
+                0.5,
+                0.5,
+                f"{correlation[i, j]:+.2f}".replace("-", "−"),
+                ha="center",
+                va="center",
+                size=11,
+                color="#555555",
+                transform=cell.transAxes,
+            )
         elif i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
             cell.set_yticks([])

@@ -56,6 +56,6 @@ def residuals(results) -> Picture | None:
         figure,
         f"Residuals of {count} grains in units of their sd, and their normal quantiles; {words}.",
         f"Left: measured minus predicted modulus of each grain in units of the sd of its measurement; the bands are 1 and 2 sd, and rows of "
-        f"the measurements beyond 2 are numbered. Right: the same in order beside the quantiles of a normal distribution. {words}, about "
-        f"{number(expected)} expected if the stated sds are right, since the fit takes up a part.",
+        f"the measurements beyond 2 are numbered. Right: the same in order beside the quantiles of a normal distribution. {words} about the mean prediction, "
+        f"where some {number(expected)} are expected if the stated sds are right, since the fit takes up a part.",
     )

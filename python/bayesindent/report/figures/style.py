@@ -1,6 +1,6 @@
 """What all figures share: the style, and how a figure is handed over."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -9,9 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from ..words import subscript
+
 __all__ = [
     "Picture",
+    "density_axes",
     "diagonal",
+    "grid_of_constants",
     "house_style",
     "new_figure",
     "plain_log_ticks",
@@ -67,6 +71,24 @@ class Picture:
 def new_figure(height: float) -> Figure:
     """An empty figure of this height in inches."""
     return Figure(figsize=(WIDTH, height))
+
+
+def grid_of_constants(names: Sequence[str], height: float, further: float = 0.0):
+    """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in all, in inches."""
+    columns = min(3, len(names))
+    rows = -(-len(names) // columns)
+    figure = new_figure(height * rows + further)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for spare in grid[len(names) :]:
+        spare.remove()
+    return figure, grid
+
+
+def density_axes(axes, name: str, **further) -> None:
+    """Axes of a histogram of a constant, whose height is no matter."""
+    axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], **further)
+    axes.grid(False)
+    axes.spines["left"].set_visible(False)
 
 
 @contextmanager
