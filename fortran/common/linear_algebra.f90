@@ -5,7 +5,8 @@ module linear_algebra
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply, multiply_by_factor
+   public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply, multiply_by_factor, &
+      & orthonormalize
 
    interface
       subroutine dpotrf(uplo, n, a, lda, info)
@@ -59,6 +60,21 @@ module linear_algebra
          real(wp), intent(in) :: alpha, a(lda, *)
          real(wp), intent(inout) :: b(ldb, *)
       end subroutine dtrmm
+      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: tau(*), work(*)
+         integer, intent(out) :: info
+      end subroutine dgeqrf
+      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, k, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: tau(*)
+         real(wp), intent(out) :: work(*)
+         integer, intent(out) :: info
+      end subroutine dorgqr
    end interface
 
 contains
@@ -153,4 +169,21 @@ contains
 
       call dtrmm('L', 'L', 'T', 'N', size(b, 1), size(b, 2), 1.0_wp, factor, max(1, size(factor, 1)), b, max(1, size(b, 1)))
    end subroutine multiply_by_factor
+
+   !> Orthonormal columns in place of those of `a`, each in the span of its column and those before it where these are independent.
+   subroutine orthonormalize(a)
+      !> (m, n), m >= n.
+      real(wp), intent(inout), contiguous :: a(:, :)
+      integer, parameter :: block = 32
+      real(wp) :: tau(size(a, 2)), work(block*max(1, size(a, 2)))
+      integer :: j, info
+      logical :: reversed(size(a, 2))
+
+      call dgeqrf(size(a, 1), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
+      reversed = [(a(j, j) < 0.0_wp, j=1, size(a, 2))]
+      call dorgqr(size(a, 1), size(a, 2), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
+      do j = 1, size(a, 2)
+         if (reversed(j)) a(:, j) = -a(:, j)
+      end do
+   end subroutine orthonormalize
 end module linear_algebra

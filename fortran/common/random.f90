@@ -6,7 +6,7 @@ module random
    use kinds, only: wp, i8
    implicit none
    private
-   public :: random_stream_type, new_random_stream, draw_normal
+   public :: random_stream_type, new_random_stream, draw_normal, place_normal
 
    type :: random_stream_type
       private
@@ -127,10 +127,23 @@ contains
       do j = 1, size(mean)
          call stream%normal(z(j))
       end do
-      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      do j = size(mean), 1, -1
-         z(j) = (z(j) - sum(l(j + 1:, j)*z(j + 1:)))/l(j, j)
-      end do
-      mean = mean + z
+      call place_normal(z, mean, l)
    end subroutine draw_normal
+
+   !> The same from standard normal numbers `z`.
+   pure subroutine place_normal(z, mean, l)
+      !> (n).
+      real(wp), intent(in) :: z(:)
+      real(wp), intent(inout) :: mean(:)
+      !> See `draw_normal`.
+      real(wp), intent(in) :: l(:, :)
+      real(wp) :: x(size(z))
+      integer :: j
+
+      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
+      do j = size(z), 1, -1
+         x(j) = (z(j) - sum(l(j + 1:, j)*x(j + 1:)))/l(j, j)
+      end do
+      mean = mean + x
+   end subroutine place_normal
 end module random

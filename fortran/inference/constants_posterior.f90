@@ -15,7 +15,7 @@ module constants_posterior
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
    use modulus_kinds, only: modulus_map_type, new_modulus_map
    use output_polynomial, only: is_fitted, output_polynomial_type
-   use random, only: draw_normal, random_stream_type
+   use random, only: place_normal, random_stream_type
    use sampling_target, only: point_type, target_type
    use small_matrices, only: factor_columns, sum_of_logs
    use surrogate_model, only: new_grain_model, surrogate_type
@@ -62,7 +62,7 @@ module constants_posterior
       procedure :: draw_moduli
       procedure :: whiten_residuals
       procedure :: infer_shared
-      procedure :: draw_shared
+      procedure :: place_shared
       procedure :: log_prior
       procedure :: stiffness
       procedure :: new_grains
@@ -442,30 +442,36 @@ contains
       real(wp), intent(out), contiguous :: values(:)
       !> (group).
       real(wp), intent(out) :: factor(:)
-      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared)
+      real(wp) :: c(6, 6), slope(size(values)), b(self%n_shared), precision(self%n_shared, self%n_shared), z(self%n_shared)
       real(wp), allocatable :: columns(:, :)
+      integer :: i
 
       c = self%stiffness(x)
       call self%infer_shared(x, b, precision)
       call grains%evaluate_moduli(c, values, slope)
-      call self%draw_shared(stream, b, precision, factor)
+      do i = 1, self%n_shared
+         call stream%normal(z(i))
+      end do
+      call self%place_shared(z, b, precision, factor)
       allocate (columns(size(values), grains%n_columns))
       if (size(columns) > 0) call grains%evaluate_columns(c, columns)
       values = values + slope*matmul(columns, b(:grains%n_columns))
    end subroutine draw_moduli
 
-   !> Shared errors from their mean and precision, in place, and one plus the calibration error of each group.
-   subroutine draw_shared(self, stream, b, precision, factor)
+   !> Shared errors from their mean and precision and standard normal numbers, in place, and one plus the calibration error of each
+   !> group.
+   pure subroutine place_shared(self, z, b, precision, factor)
       class(posterior_type), intent(in) :: self
-      type(random_stream_type), intent(inout) :: stream
+      !> (shared error).
+      real(wp), intent(in) :: z(:)
       !> (shared error); the lower factor of the precision.
       real(wp), intent(inout) :: b(:)
       real(wp), intent(in) :: precision(:, :)
       !> (group).
       real(wp), intent(out) :: factor(:)
 
-      call draw_normal(stream, b, precision)
+      call place_normal(z, b, precision)
       factor = 1.0_wp
       if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(self%grains%n_columns + 1:)
-   end subroutine draw_shared
+   end subroutine place_shared
 end module constants_posterior

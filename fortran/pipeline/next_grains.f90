@@ -9,6 +9,7 @@ module next_grains
    use errors, only: error_type
    use json, only: json_type
    use kinds, only: degree, wp
+   use linear_algebra, only: orthonormalize
    use namelist_file, only: place
    use next_measurement, only: candidates_type, choose_measurements, suggestions_type
    use orientation_columns, only: angles_of_direction
@@ -113,8 +114,7 @@ contains
       real(wp), intent(in) :: euler_deg(:, :)
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
-      type(random_stream_type) :: stream
-      real(wp), allocatable :: own_variance(:, :)
+      real(wp), allocatable :: own_variance(:, :), normals(:, :)
       class(grain_model_type), allocatable :: grains
       integer :: i, n
 
@@ -123,9 +123,9 @@ contains
       if (allocated(error)) return
       allocate (own_variance(n, size(draws, 2)), candidates%predicted(n, size(draws, 2)), &
          & candidates%shared_variance(n, size(draws, 2)), candidates%target(0))
-      stream = new_random_stream(seed, 0)
+      normals = even_normals(draws, posterior%n_shared, new_random_stream(seed, 0))
       do i = 1, size(draws, 2)
-         call draw_measurements(posterior, draws(:, i), grains, stream, candidates%predicted(:, i), &
+         call draw_measurements(posterior, draws(:, i), grains, normals(:, i), candidates%predicted(:, i), &
             & candidates%shared_variance(:, i), own_variance(:, i))
       end do
       candidates%predicted = transpose(candidates%predicted)
@@ -229,15 +229,50 @@ contains
       text = document%text()
    end function written
 
+   !> Standard normal numbers beside the draws: where these are many, without a mean, of unit covariance, and uncorrelated with all that is
+   !> linear in the draws. So the variance of the shared errors is known without the noise of a sample, which is larger than small gains.
+   function even_normals(draws, n, stream) result(normals)
+      !> (dimension, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: n
+      type(random_stream_type), intent(in) :: stream
+      !> (n, draw).
+      real(wp), allocatable :: normals(:, :)
+      real(wp), allocatable :: columns(:, :)
+      real(wp) :: mean
+      type(random_stream_type) :: numbers
+      integer :: i, j, known
+
+      numbers = stream
+      known = 1 + size(draws, 1)
+      allocate (columns(size(draws, 2), known + n))
+      columns(:, 1) = 1.0_wp
+      do j = 1, size(draws, 1)
+         mean = sum(draws(j, :))/size(draws, 2)
+         columns(:, 1 + j) = draws(j, :) - mean
+      end do
+      do i = 1, size(columns, 1)
+         do j = known + 1, size(columns, 2)
+            call numbers%normal(columns(i, j))
+         end do
+      end do
+      if (size(columns, 1) >= 4*size(columns, 2)) then
+         call orthonormalize(columns)
+         columns = columns*sqrt(real(size(columns, 1), wp))
+      end if
+      normals = transpose(columns(:, known + 1:))
+   end function even_normals
+
    !> What a further measurement of any grains would give at a point, of the kind and the first group that were measured, without its
    !> own error.
-   subroutine draw_measurements(posterior, x, grains, stream, values, shared_variance, own_variance)
+   subroutine draw_measurements(posterior, x, grains, z, values, shared_variance, own_variance)
       type(posterior_type), intent(in) :: posterior
       !> (dimension).
       real(wp), intent(in) :: x(:)
       class(grain_model_type), intent(in) :: grains
-      type(random_stream_type), intent(inout) :: stream
-      !> GPa, (grain), the shared errors drawn given the data.
+      !> Standard normal numbers, (shared error).
+      real(wp), intent(in) :: z(:)
+      !> GPa, (grain), the shared errors of these numbers, given the data.
       real(wp), intent(out), contiguous :: values(:)
       !> GPa², (grain): of the shared errors given the data and the constants, and of the surrogate's that grains do not share.
       real(wp), intent(out), contiguous :: shared_variance(:), own_variance(:)
@@ -255,7 +290,7 @@ contains
       call posterior%kind%apply(mean, mean_slope)
       columns = 0.0_wp
       if (posterior%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%likelihood%calibration_sd*mean
-      call posterior%draw_shared(stream, b, precision, factor)
+      call posterior%place_shared(z, b, precision, factor)
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
          values = values + slope*matmul(influence, b(:grains%n_columns))

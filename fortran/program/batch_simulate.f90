@@ -7,9 +7,9 @@ module batch_simulate
    use kinds, only: degree, i8, wp
    use namelist_file, only: place
    use physics_identity, only: identity_text
+   use point_index, only: number_equal
    use problem, only: problem_type
    use simulate, only: new_simulator, outcome_failed, outcome_type, outcome_waiting, simulation_error, simulator_type
-   use sorting, only: sort_order
    use text, only: to_text
    use parallelism, only: thread_count
    implicit none
@@ -170,32 +170,29 @@ contains
       end subroutine store_rows
    end subroutine simulate_into
 
-   !> The first row with the same point, for each.
+   !> The first row with the same crystal, by class and constants, in the same orientation, for each.
    function first_of_equals(rows) result(first)
       type(row_type), intent(in) :: rows(:)
-      integer :: first(size(rows)), order(size(rows)), i, j
-      real(wp) :: key(size(rows))
+      integer, allocatable :: first(:)
+      real(wp), allocatable :: points(:, :)
+      integer :: i, j, longest, most
 
+      longest = 0
+      most = 0
       do i = 1, size(rows)
-         key(i) = dot_product(rows(i)%constants, [(sqrt(real(j, wp)), j=1, size(rows(i)%constants))]) + norm2(rows(i)%euler_deg)
+         longest = max(longest, len(rows(i)%symmetry))
+         most = max(most, size(rows(i)%constants))
       end do
-      call sort_order(key, order)
+      allocate (points(longest + 3 + most, size(rows)), source=0.0_wp)
       do i = 1, size(rows)
-         first(order(i)) = order(i)
-         do j = i - 1, 1, -1
-            if (key(order(j)) < key(order(i))) exit
-            if (.not. same_point(rows(order(i)), rows(order(j)))) cycle
-            first(order(i)) = first(order(j))
-            exit
-         end do
+         associate (row => rows(i), point => points(:, i))
+            do j = 1, len(row%symmetry)
+               point(j) = iachar(row%symmetry(j:j))
+            end do
+            point(longest + 1:longest + 3) = row%euler_deg
+            point(longest + 4:longest + 3 + size(row%constants)) = row%constants
+         end associate
       end do
+      first = number_equal(points)
    end function first_of_equals
-
-   !> The same crystal in the same orientation, to the last bit.
-   pure logical function same_point(a, b)
-      type(row_type), intent(in) :: a, b
-
-      same_point = a%symmetry == b%symmetry .and. all(abs(a%euler_deg - b%euler_deg) <= 0.0_wp)
-      if (same_point) same_point = all(abs(a%constants - b%constants) <= 0.0_wp)
-   end function same_point
 end module batch_simulate

@@ -16,7 +16,9 @@ TOLERANCES = {
     "Theory": [(0, 3.0), (0, 1.5), (0, 3.0), (0, 1.5), (0, 3.0), (0, 1.5)],
     **{key: [(0, 1.0), (0, 1.0), (0, 25.0), (0, 3.0), (0, 3.0), (0, 0.03), (0, 0.01), (0.5, 0), (0.5, 0)] for key in ("C11", "C12", "C44")},
 }
-GAIN = [(0, 15.0), (0, 15.0), (0, 90.0), (0, 9.0), (0, 9.0), (0, 9.0), (0.2, 0)]
+#: The first grain to be measured; those after it are near each other in gain, so that their order may be another.
+FIRST = [(0, 15.0), (0, 15.0), (0, 15.0), (0, 9.0), (0, 9.0), (0, 9.0), (0.2, 0)]
+OTHER = [(0, 0), (0, 90.0), (0, 90.0), (0, 9.0), (0, 9.0), (0, 9.0), (0.2, 0.004)]
 NUMBER = r"(?<![\w-])\d+(?:\.\d+)?(?![\w%-])"
 
 
@@ -36,10 +38,11 @@ def test_the_quickstart_prints_this(bayesindent):
     shown, printed = block("Elastic constants (GPa)").strip().splitlines(), done.stdout.strip().splitlines()
     assert printed[-1] == "Report: runs/quickstart/report.html"
     assert len(shown) == len(printed) - 1
-    for expected, line in zip(shown, printed, strict=False):
+    for previous, expected, line in zip(["", *shown], shown, printed, strict=False):
         assert words(line) == words(expected)
         values = [[float(number) for number in re.findall(NUMBER, text)] for text in (line, expected)]
-        tolerances = TOLERANCES.get(expected.split()[0], GAIN)
+        others = FIRST if "phi1" in previous else OTHER
+        tolerances = TOLERANCES.get(expected.split()[0], others)
         if len(tolerances) > len(values[0]):  # no most probable value
             tolerances = tolerances[:2] + tolerances[3:]
         for value, wanted, (relative, absolute) in zip(*values, tolerances, strict=False):

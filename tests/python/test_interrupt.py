@@ -37,7 +37,10 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize("method", ["ensemble", "scmh"])
 def test_extract_is_interrupted(method):
     code = CODE.replace("FILE", repr(str(SOURCE / "inputs" / "data" / "fe3si.csv")))
-    with subprocess.Popen([sys.executable, "-c", code, method], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    # A job in the background of a shell ignores SIGINT, and so do its children.
+    heed = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code, method], **pipes, preexec_fn=heed) as process:
         assert process.stdout.readline() == "begin\n", process.stderr.read()
         time.sleep(2)
         begin = time.monotonic()

@@ -259,6 +259,18 @@ def test_errors_that_measurements_share_teach_nothing_of_the_constants(surrogate
     assert shared["gain"] < 0.5 * np.log(1 + (shared["sd"] / 1.0) ** 2) - 0.2
 
 
+def test_small_gains_are_not_those_of_chance(surrogates):
+    """Errors that measurements share are drawn, 2000 times: by chance alone their variance would be off by 3 %, and gains by 0.016 nats."""
+    settings = reference("cubic")[1] | {"surrogate_variance": "none", "sd_gpa": 3.0, "count": 1, "calibration_sd": 0.1}
+    table = REFERENCE / "cubic_fe3si.csv"
+    result = bi.extract(table, surrogate=surrogates["cubic"], samples=4000, **settings)
+    gains = [
+        [item["gain"] for item in bi.next_grain(table, surrogate=surrogates["cubic"], result=result, seed=seed, **settings)["candidates"]]
+        for seed in range(4)
+    ]
+    assert np.ptp(gains, axis=0).max() < 0.004
+
+
 def test_targets(surrogates, results):
     table = REFERENCE / "cubic_fe3si.csv"
     settings = reference("cubic")[1] | {"surrogate_variance": "none", "result": results["cubic"], "count": 1}
