@@ -2,11 +2,14 @@
 
 import importlib.util
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
 import bayesindent
+from bayesindent import core
 from bayesindent.version import __version__
 from conftest import SOURCE
 
@@ -46,3 +49,10 @@ def test_hosted_tests_run_what_is_there():
 def test_types_are_for_others_too():
     assert (Path(bayesindent.__file__).parent / "py.typed").exists()
     assert importlib.util.find_spec("bayesindent")
+
+
+@pytest.mark.skipif(shutil.which("nm") is None, reason="nm, which reads the symbols, comes with the compiler")
+def test_other_libraries_see_none_of_our_symbols():
+    file = core.native.__file__
+    shown = subprocess.run(["nm", "--dynamic", "--defined-only", file], capture_output=True, text=True, check=True).stdout
+    assert [line.split()[-1] for line in shown.splitlines()] == ["PyInit__core"]
