@@ -54,7 +54,9 @@ contains
          end associate
          if (cost >= least) cycle
          least = cost
-         best = posterior%grains
+         ! An assignment would leave the old components of `best` to nobody.
+         if (allocated(best)) deallocate (best)
+         allocate (best, source=posterior%grains)
       end do
       call move_alloc(best, posterior%grains)
       if (posterior%n_outputs > 0) posterior%n_outputs = posterior%grains%n_independent

@@ -8,7 +8,9 @@ Prior: flat in the constants over stable crystals with Hill's Poisson ratio betw
 Young's modulus within a factor 3 of (1 - 0.3^2) times the mean measurement.
 Sampling: coordinates of log K in an orthonormal basis, with the Jacobian of the constants. The posteriors are long ridges that bend, since
 the data leave 2, 3 and 6 axes open; so a pilot run is followed by a triangular map that straightens the ridge, fitted after some of the
-first rounds of 500 steps and then fixed. All before `burn_in` is dropped. Four independent ensembles; R-hat compares their halves. The
+first rounds of 500 steps and then fixed. With 21 constants half of the steps propose, from a round on, points of a mixture of
+Student's t that is fitted to the same draws, wherever a walker is (an independence sampler; steps of differential evolution alone need
+thousands to forget). All before `burn_in` is dropped. Four independent ensembles; R-hat compares their halves. The
 autocorrelation time is emcee's, with the variance of all walkers; beside it stands what the variance of the walkers' means shows, and the
 larger counts. In the end a part of the draws is weighted by the ratio of the density with a field of degree 16 to 24, double precision and
 finer quadrature, to that of the run: the prior reaches nearly incompressible crystals whose moduli a field of degree 14 misses by up to
@@ -17,7 +19,7 @@ finer quadrature, to that of the run: the prior reaches nearly incompressible cr
 emcee's moves are those of differential evolution, without DESnookerMove: up to emcee 3.1.6 it divides by the root of a norm where the norm
 belongs and leaves a wrong distribution (variances of a normal in ten dimensions 11 % too small; mended upstream by pull request 531).
 
-    pip install emcee
+    pip install emcee scikit-learn
     export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
     python tests/benchmarks/reference_posteriors.py check          # theory, Jacobian, prior; a minute
     python tests/benchmarks/reference_posteriors.py trigonal       # tests/reference/trigonal_quartz.csv and .json
@@ -65,16 +67,23 @@ class Case(NamedTuple):
     open: int  # axes that the data leave open, and the degree of the ridge's polynomials in them
     bends: int
     moves: tuple = SMALL_STEPS
+    parts: int = 0  # of the mixture that is proposed from this round on
+    mixed: int = 0
     fine: int = 24  # degree of the field by which the draws are weighted in the end, and how many of them
     weighted: int = 40000
 
+
+#: Degrees of freedom of the mixture's parts: tails heavier than those of a density with limits.
+DOF = 12
 
 CASES = {
     "trigonal": Case("quartz", 30, 61, 14, 30, walkers=240, burn_in=6000, fits=(2, 4, 8), open=2, bends=4, moves=LARGE_STEPS),
     "orthorhombic": Case(
         "forsterite", 40, 62, 12, 36, walkers=120, burn_in=7000, fits=(2, 4, 6, 9), open=4, bends=4, fine=20, weighted=120000
     ),
-    "triclinic": Case("albite", 100, 63, 12, 120, walkers=80, burn_in=6500, fits=(2, 4, 6, 13), open=6, bends=3, fine=16, weighted=3000),
+    "triclinic": Case(
+        "albite", 100, 63, 12, 120, walkers=80, burn_in=25500, fits=(2, 4, 6, 13, 40, 50), open=6, bends=3, parts=16, mixed=40, fine=16
+    ),
 }
 ENSEMBLES = 4
 #: Steps of a round, after which the chains are saved; every which step is kept.
@@ -183,11 +192,38 @@ class Warp:
         )
 
 
+class Mixture:
+    """A mixture of multivariate Student's t, its parts those of a normal mixture fitted to draws (n, k)."""
+
+    def __init__(self, draws: np.ndarray, parts: int):
+        from sklearn.mixture import GaussianMixture
+
+        fitted = GaussianMixture(parts, reg_covar=1e-4, max_iter=200, random_state=1).fit(draws)
+        self.shares, self.means, self.roots = fitted.weights_, fitted.means_, np.linalg.cholesky(fitted.covariances_)
+        self.inverses = np.linalg.inv(self.roots)
+        self.log_scale = np.log(self.shares) - np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
+
+    def propose(self, y: np.ndarray, rng) -> tuple[np.ndarray, np.ndarray]:
+        """Points (walkers, k) that do not depend on those there are, and the log ratio of the densities of proposing these and those."""
+        part = rng.choice(len(self.means), len(y), p=self.shares)
+        normal = rng.standard_normal(y.shape) * np.sqrt(DOF / rng.chisquare(DOF, len(y)))[:, None]
+        new = self.means[part] + np.einsum("wij,wj->wi", self.roots[part], normal)
+        return new, self.log_density(y) - self.log_density(new)
+
+    def log_density(self, y: np.ndarray) -> np.ndarray:
+        """Log density (n,) at y (n, k), without a constant."""
+        z = np.einsum("pij,pnj->pni", self.inverses, y - self.means[:, None])
+        terms = self.log_scale[:, None] - 0.5 * (DOF + y.shape[1]) * np.log1p((z**2).sum(axis=2) / DOF)
+        top = terms.max(axis=0)
+        return top + np.log(np.exp(terms - top).sum(axis=0))
+
+
 class Run:
     """Independent ensembles of emcee, advanced in rounds and saved after each."""
 
     def __init__(self, symmetry: str, posterior: LogPosterior, truth: np.ndarray, checkpoint: Path | None):
         self.case, self.posterior, self.checkpoint = CASES[symmetry], posterior, checkpoint
+        self.mixture: Mixture | None = None
         walkers, seed = self.case.walkers, self.case.seed
         if checkpoint and checkpoint.exists():
             saved = np.load(checkpoint)
@@ -201,12 +237,26 @@ class Run:
 
     def warp(self) -> Warp | None:
         """The map for the next round: from the half of the chain before the latest fit, which the chain determines."""
-        fits = [fit for fit in self.case.fits if fit <= self.rounds]
-        if not fits:
-            return None
-        x = self.chain[:, fits[-1] // 2 * ROUND // THIN : fits[-1] * ROUND // THIN]
-        x = x.reshape(-1, x.shape[-1])
-        return Warp(x[:: 1 + len(x) // 60000], self.case.open, self.case.bends)
+        x = self.pilot()
+        return Warp(x, self.case.open, self.case.bends) if len(x) else None
+
+    def pilot(self) -> np.ndarray:
+        """The draws (n, k) to which the next round's proposals are fitted, none before the first fit."""
+        fits = [0, *(fit for fit in self.case.fits if fit <= self.rounds)]
+        x = self.chain[:, fits[-1] // 2 * ROUND // THIN : fits[-1] * ROUND // THIN].reshape(-1, self.last.shape[2])
+        return x[:: 1 + len(x) // 60000]
+
+    def moves(self, warp: Warp | None) -> list:
+        """emcee's moves for the next round, with their weights."""
+        import emcee
+
+        k = self.last.shape[2]
+        local = [(emcee.moves.DEMove(gamma0=gamma / math.sqrt(2 * k)), weight) for gamma, weight in self.case.moves]
+        if not self.case.parts or self.rounds < self.case.mixed:
+            return local
+        if self.mixture is None or self.rounds in self.case.fits:
+            self.mixture = Mixture(warp.backward(self.pilot()), self.case.parts)
+        return [*((move, 0.5 * weight) for move, weight in local), (emcee.moves.MHMove(self.mixture.propose), 0.5)]
 
     def advance(self) -> None:
         """One round: each ensemble goes on from where it was, with a random stream of its own."""
@@ -218,8 +268,7 @@ class Run:
             x, log_jacobian = warp.forward(y) if warp else (y, 0.0)
             return self.posterior(x) + log_jacobian
 
-        k = self.last.shape[2]
-        moves = [(emcee.moves.DEMove(gamma0=gamma / math.sqrt(2 * k)), weight) for gamma, weight in self.case.moves]
+        k, moves = self.last.shape[2], self.moves(warp)
         for e in range(ENSEMBLES):
             sampler = emcee.EnsembleSampler(self.case.walkers, k, density, moves=moves, vectorize=True)
             sampler.random_state = np.random.RandomState([self.case.seed, e, self.rounds]).get_state()

@@ -4,6 +4,8 @@ import os
 
 import pytest
 
+from conftest import SOURCE
+
 COMMANDS = (
     "init",
     "run",
@@ -48,10 +50,11 @@ def test_wrong_usage_exits_2(bayesindent, arguments):
 
 
 def test_tools_of_the_source_tree_take_options_of_their_own(bayesindent):
-    done = bayesindent("bench", "unknown")
+    tree = os.environ | {"BAYESINDENT_SOURCE": str(SOURCE)}
+    done = bayesindent("bench", "unknown", env=tree)
     assert (done.returncode, done.stdout) == (2, "")
     assert "invalid choice: 'unknown'" in done.stderr
-    assert "--fix" in bayesindent("lint", "--help").stdout
+    assert "--fix" in bayesindent("lint", "--help", env=tree).stdout
     done = bayesindent("lines", env=os.environ | {"BAYESINDENT_SOURCE": "."})
     assert done.returncode == 1
     assert "is no source tree of bayesindent; use ./bayesindent in one" in done.stderr
