@@ -82,9 +82,10 @@ CASES = {
         "forsterite", 40, 62, 12, 36, walkers=120, burn_in=7000, fits=(2, 4, 6, 9), open=4, bends=4, fine=20, weighted=120000
     ),
     "triclinic": Case(
-        "albite", 100, 63, 12, 120, walkers=80, burn_in=25500, fits=(2, 4, 6, 13, 40, 50), open=6, bends=3, parts=16, mixed=40, fine=16
+        "albite", 100, 63, 12, 120, walkers=80, burn_in=25500, fits=(2, 4, 6, 13, 40, 50), open=6, bends=3, parts=16, mixed=40,
+        weighted=240000,
     ),
-}
+}  # fmt: skip
 ENSEMBLES = 4
 #: Steps of a round, after which the chains are saved; every which step is kept.
 ROUND, THIN = 500, 5
@@ -341,7 +342,7 @@ def sample(symmetry: str, arguments) -> None:
     while True:
         steps = run.rounds * ROUND - run.case.burn_in
         line = f"{run.rounds * ROUND} steps, {run.seconds:.0f} s, acceptance {run.accepted:.3f}"
-        if steps >= ROUND:
+        if steps >= ROUND and (run.rounds % 4 == 0 or time.monotonic() > end):
             draws = run.draws()
             tau, means = THIN * autocorrelation(draws), THIN * walkers_disagree(draws)
             effective = ENSEMBLES * steps * run.case.walkers / np.maximum(tau, means)
@@ -412,10 +413,11 @@ def document_of(symmetry: str, posterior: LogPosterior, run: Run, draws: np.ndar
             "largest_shift_of_a_mean_in_sds": round(float(np.abs((weighted.mean - plain.mean(axis=0)) / sd).max()), 4),
             "largest_relative_change_of_an_sd": round(float(np.abs(plain.std(axis=0) / sd - 1).max()), 4),
         },
-        "method": "emcee, differential evolution; draws weighted by the density with a finer theory",
+        "method": f"emcee, differential evolution{' and an independence sampler' * bool(case.parts)}; draws weighted by the density with a finer theory",
         "settings": {
             "ensembles": ENSEMBLES, "walkers": case.walkers, "steps": run.rounds * ROUND, "burn_in": case.burn_in, "kept_every": THIN,
             "moves": [{"DEMove_gamma0": f"{gamma} / sqrt(2 k)", "weight": weight} for gamma, weight in case.moves],
+            **({"independence": {"parts": case.parts, "share": 0.5, "from_step": case.mixed * ROUND}} if case.parts else {}),
             "acceptance": round(run.accepted, 3), "field_degree": case.degree, "field_nodes": case.nodes,
             "seed": case.seed, "cpu_seconds": round(run.seconds), "date": datetime.now(timezone.utc).strftime("%Y-%m-%d"),
         },

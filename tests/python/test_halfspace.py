@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from reference_density import LogPosterior
+from reference_theory import FieldTheory
 from step_2_cases import KIND, crystal, reference, table_of
 from theory_cases import FILES
 
@@ -186,3 +188,29 @@ def test_references_of_lower_symmetry(name):
         np.zeros(len(case["predicted_mean"])), abs=0.15
     )
     assert predicted.std(axis=0) == pytest.approx(case["predicted_sd"], rel=0.15)
+
+
+def test_the_density_of_21_constants_is_the_reference_s():
+    """That of the independent theory, about the truth and where the prior reaches; chains are compared by `bench references`."""
+    case = json.loads((REFERENCE / "triclinic_albite.json").read_text())
+    file = REFERENCE / "triclinic_albite.csv"
+    table = np.loadtxt(file, delimiter=",", skiprows=3)
+    rng = np.random.default_rng(7)
+    points = np.array(case["truth"]) * (1 + 0.03 * rng.standard_normal((10, 21)))
+    # Towards crystals that yield to no pressure, which have nearly the same moduli.
+    points[5:, :] += np.geomspace(20, 4000, 5)[:, None] * np.isin(case["order"], ["C11", "C12", "C13", "C22", "C23", "C33"])
+    theory = FieldTheory("triclinic", table[:, :3], 24, 487, points=32, angles=32, newton=6, precision=float)
+    expected = LogPosterior("triclinic", theory, table[:, 3], table[:, 4])
+    exact = [halfspace_modulus(stiffness, table[:, :3]) for stiffness in stiffness_rows("triclinic", points)]
+    assert np.array(exact) == pytest.approx(theory.moduli(points), rel=2e-5)
+    # The field that a chain begins with is read less finely.
+    ours = Posterior.of(file, symmetry="triclinic", surrogate=THEORY, **KIND)
+    moduli, (density, likelihood) = ours.moduli(points, table[:, :3])[0], ours.evaluate(points)
+    assert moduli == pytest.approx(np.array(exact), rel=2e-3)
+    # Flat in the constants, within the same limits.
+    inside = np.isfinite(expected.crystals(expected.coordinates(points))[1])
+    assert 5 <= inside.sum() < 10
+    assert (np.isfinite(density) == inside).all()
+    assert np.ptp((density - likelihood)[inside]) < 1e-9
+    wanted = -0.5 * (((moduli - table[:, 3]) / table[:, 4]) ** 2).sum(axis=1)
+    assert (likelihood - wanted)[inside] == pytest.approx(likelihood[0] - wanted[0], abs=1e-6)
