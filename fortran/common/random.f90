@@ -134,8 +134,9 @@ contains
    pure subroutine place_normal(z, mean, l)
       !> (n).
       real(wp), intent(in) :: z(:)
+      !> (n).
       real(wp), intent(inout) :: mean(:)
-      !> See `draw_normal`.
+      !> The lower factor, (n, n).
       real(wp), intent(in) :: l(:, :)
       real(wp) :: x(size(z))
       integer :: j

@@ -50,6 +50,7 @@ contains
       type(lattice_type), intent(out) :: lattice
       type(error_type), allocatable, intent(out) :: error
       character(len=len(class%cell)), allocatable :: words(:), names(:)
+      character(len=24) :: stated(6)
       real(wp) :: cell(6), cosine(3), height
       integer :: i, k
 
@@ -79,8 +80,11 @@ contains
       associate (sine => sqrt(1.0_wp - cosine(2)**2), cross => cosine(3) - cosine(1)*cosine(2))
          height = 1.0_wp - cosine(1)**2 - (cross/sine)**2
          if (any(cell <= 0.0_wp) .or. any(cell(4:) >= 180.0_wp) .or. .not. height > 0.0_wp) then
-            call raise(error, 'lattice parameters '//join([(to_text(values(i))//repeat(' ', 20), i=1, size(values))], ', ') &
-               & //' are no cell; '//lattice_parameters(class)//': lengths are positive, angles those of a solid', exit_bad_input)
+            do i = 1, size(values)
+               stated(i) = to_text(values(i))
+            end do
+            call raise(error, 'lattice parameters '//join(stated(:size(values)), ', ')//' are no cell; ' &
+               & //lattice_parameters(class)//': lengths are positive, angles those of a solid', exit_bad_input)
             return
          end if
          lattice%edges(:, 1) = cell(1)*[sine, 0.0_wp, cosine(2)]

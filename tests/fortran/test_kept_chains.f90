@@ -74,6 +74,7 @@ program test_kept_chains
    call remove_files(folder, '.chain-')
    call shelf%fetch(11, draws, density, share, found)
    call check('removed ones are gone', .not. found)
+   deallocate (draws, density, content)
    call finish()
 
 contains
