@@ -184,7 +184,8 @@ def test_equal_bounds_fix_a_constant():
     modulus = bi.halfspace_modulus(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), euler_deg)
     table = {"euler_deg": euler_deg, "modulus_gpa": modulus + 2 * np.cos(np.arange(12)), "sd_gpa": np.full(12, 2.0)}
     box = {"C11": (50, 300), "C12": (20, 200), "C44": (20, 200)}
-    settings = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "seed": 1, "samples": 4000}
+    # A chain now and then stays some hundred samples in the tail.
+    settings = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "seed": 1, "samples": 20000}
     fixed = bi.extract(table, bounds=box | {"C12": (121.4, 121.4)}, **settings).posterior
     known = bi.extract(table, bounds=box, knowledge={"C12": (121.4, 0.01)}, **settings).posterior
     np.testing.assert_allclose(fixed.C12, 121.4, atol=0.03)
