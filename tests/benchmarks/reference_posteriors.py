@@ -12,7 +12,7 @@ first rounds of 500 steps and then fixed. With 21 constants half of the steps pr
 Student's t that is fitted to the same draws, wherever a walker is (an independence sampler; steps of differential evolution alone need
 thousands to forget). All before `burn_in` is dropped. Four independent ensembles; R-hat compares their halves. The
 autocorrelation time is emcee's, with the variance of all walkers; beside it stands what the variance of the walkers' means shows, and the
-larger counts. In the end a part of the draws is weighted by the ratio of the density with a field of degree 16 to 24, double precision and
+larger counts. In the end a part of the draws is weighted by the ratio of the density with a field of degree 20 to 24, double precision and
 finer quadrature, to that of the run: the prior reaches nearly incompressible crystals whose moduli a field of degree 14 misses by up to
 1 %. Effective samples are those of the weighted means.
 
@@ -67,7 +67,7 @@ class Case(NamedTuple):
     open: int  # axes that the data leave open, and the degree of the ridge's polynomials in them
     bends: int
     moves: tuple = SMALL_STEPS
-    parts: int = 0  # of the mixture that is proposed from this round on
+    parts: int = 0  # of the mixture that half of the steps propose, and the round from which on they do
     mixed: int = 0
     fine: int = 24  # degree of the field by which the draws are weighted in the end, and how many of them
     weighted: int = 40000
