@@ -13,7 +13,7 @@ subroutine build_new(problem_handle, output, handle, status, message)
    character(len=*), intent(in) :: output
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(problem_type), pointer :: problem
    type(build_type), pointer :: build
    type(error_type), allocatable :: error
@@ -35,7 +35,7 @@ subroutine build_advance(handle, wanted, learnt, validating, status, message)
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(out) :: wanted, learnt, validating
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(build_type), pointer :: build
    type(error_type), allocatable :: error
 
@@ -62,7 +62,7 @@ subroutine build_wanted(handle, n, stiffness, euler_deg, status, message)
    integer(c_int), intent(in) :: n
    real(c_double), intent(out) :: stiffness(6, 6, n), euler_deg(3, n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(build_type), pointer :: build
    type(error_type), allocatable :: error
    integer :: i
@@ -94,7 +94,7 @@ subroutine build_store(handle, number, numbers, n, curve, why, status, message)
    real(c_double), intent(in) :: numbers(4), curve(n, 2)
    character(len=*), intent(in) :: why
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(build_type), pointer :: build
    type(outcome_type) :: outcome
    type(error_type), allocatable :: error
@@ -121,7 +121,7 @@ subroutine build_conclude(handle, output, status, message)
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: output
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(build_type), pointer :: build
    type(error_type), allocatable :: error
 
@@ -140,7 +140,7 @@ subroutine build_ask(handle, k, n, constants, euler_deg, status, message)
    integer(c_int), intent(in) :: k, n
    real(c_double), intent(out) :: constants(k, n), euler_deg(3, n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(build_type), pointer :: build
    integer, allocatable :: numbers(:)
    type(error_type), allocatable :: error

@@ -10,7 +10,7 @@ subroutine crystal_class_of(symmetry, name, count, constants, status, message)
    integer(c_int), intent(out) :: count
    character(len=63), intent(out) :: constants
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(crystal_class_type) :: class
    type(error_type), allocatable :: error
    integer :: i
@@ -38,7 +38,7 @@ subroutine crystal_stiffness(symmetry, k, n, constants, stiffness, status, messa
    real(c_double), intent(in) :: constants(k, n)
    real(c_double), intent(out) :: stiffness(6, 6, n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(crystal_class_type) :: class
    type(error_type), allocatable :: error
    integer :: i
@@ -139,7 +139,7 @@ subroutine theory_moduli(n, stiffness, euler, threads, modulus, circular, status
    real(c_double), intent(in) :: stiffness(6, 6, n), euler(3, n)
    real(c_double), intent(out) :: modulus(n), circular(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(halfspace_type) :: result
    type(error_type), allocatable :: error
    integer :: i, first

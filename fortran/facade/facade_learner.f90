@@ -12,7 +12,7 @@ subroutine learner_new(basis, handle, status, message)
    integer(c_int64_t), intent(in) :: basis
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    class(basis_type), pointer :: found
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
@@ -35,7 +35,7 @@ subroutine learner_candidates(handle, rule, k, n, constants, euler_deg, status, 
    integer(c_int), intent(in) :: k, n
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -54,7 +54,7 @@ subroutine learner_exclude(handle, n, numbers, status, message)
    integer(c_int), intent(in) :: n
    integer(c_int), intent(in) :: numbers(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -73,7 +73,7 @@ subroutine learner_add(handle, k, n, constants, euler_deg, modulus, chosen, stat
    integer(c_int), intent(in) :: k, n, chosen
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n), modulus(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -92,7 +92,7 @@ subroutine learner_fit(handle, alpha, beta, status, message)
    integer(c_int64_t), intent(in) :: handle
    real(c_double), intent(in) :: alpha, beta
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -118,7 +118,7 @@ subroutine learner_evidence(handle, n, alpha, beta, evidence, status, message)
    real(c_double), intent(in) :: alpha(n), beta(n)
    real(c_double), intent(out) :: evidence(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -141,7 +141,7 @@ subroutine learner_choose(handle, count, threads, chosen, variance, status, mess
    integer(c_int), intent(out) :: chosen(count)
    real(c_double), intent(out) :: variance(count)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -164,7 +164,7 @@ subroutine learner_update(handle, exactly, status, message)
    integer(c_int64_t), intent(in) :: handle
    integer(c_int), intent(in) :: exactly
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -185,7 +185,7 @@ subroutine learner_predict(handle, k, n, constants, euler_deg, modulus, status, 
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n)
    real(c_double), intent(out) :: modulus(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -207,7 +207,7 @@ subroutine learner_leave_out(handle, n, groups, modulus, z, status, message)
    integer(c_int), intent(in) :: groups(n)
    real(c_double), intent(out) :: modulus(n), z(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(error_type), allocatable :: error
 
@@ -230,7 +230,7 @@ subroutine learner_surrogate(handle, provenance, surrogate, status, message)
    character(len=*), intent(in) :: provenance
    integer(c_int64_t), intent(out) :: surrogate
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
    type(surrogate_type), pointer :: made
    type(error_type), allocatable :: error

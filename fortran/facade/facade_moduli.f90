@@ -12,7 +12,7 @@ subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, mod
    real(c_double), intent(in) :: moduli(n)
    real(c_double), intent(out) :: values(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    real(c_double) :: slope(n)
    type(modulus_map_type) :: map
    type(error_type), allocatable :: error

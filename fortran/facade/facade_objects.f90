@@ -22,7 +22,7 @@ subroutine object_document(handle, kind, length, text, full_length, status, mess
    integer(c_int), intent(in) :: length
    character(kind=c_char, len=1), intent(out) :: text(length)
    integer(c_int), intent(out) :: full_length, status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(described_values_type) :: visitor
    type(error_type), allocatable :: error
 
@@ -47,7 +47,7 @@ subroutine object_values(handle, kind, label, length, values, status, message)
    integer(c_int), intent(in) :: length
    real(c_double), intent(out) :: values(length)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(described_values_type) :: visitor
    type(error_type), allocatable :: error
 

@@ -13,7 +13,7 @@ subroutine basis_new(problem_handle, handle, status, message)
    integer(c_int64_t), intent(in) :: problem_handle
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(problem_type), pointer :: problem
    class(basis_type), allocatable :: basis
    class(*), pointer :: object
@@ -39,7 +39,7 @@ subroutine basis_crystals(handle, seed, k, n, constants, euler_deg, status, mess
    integer(c_int), intent(in) :: seed, k, n
    real(c_double), intent(out) :: constants(k, n), euler_deg(3, n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    class(basis_type), pointer :: basis
    real(c_double), allocatable :: crystals(:, :), angles(:, :)
    type(error_type), allocatable :: error
@@ -66,7 +66,7 @@ subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale
    real(c_double), intent(in) :: constants(k, n), euler_deg(3, n)
    real(c_double), intent(out) :: terms(n_terms, n), scale(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    class(basis_type), pointer :: basis
    type(error_type), allocatable :: error
    integer :: i
@@ -95,7 +95,7 @@ subroutine basis_coverage(handle, n, stiffness, reach, covered, scale, status, m
    real(c_double), intent(out) :: reach(n), scale(n)
    integer(c_int), intent(out) :: covered(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    class(basis_type), pointer :: basis
    type(error_type), allocatable :: error
    real(c_double) :: poisson, anisotropy
@@ -124,7 +124,7 @@ subroutine surrogate_basis(surrogate, handle, status, message)
    integer(c_int64_t), intent(in) :: surrogate
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(surrogate_type), pointer :: found
    class(*), pointer :: object
    type(error_type), allocatable :: error
@@ -154,7 +154,7 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
    character(len=*), intent(in) :: provenance
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    class(basis_type), pointer :: found
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
@@ -187,7 +187,7 @@ subroutine surrogate_path(name, output, folder, data_folder, shipped, path, stat
    character(len=*), intent(in) :: name, output, folder, data_folder, shipped
    character(len=4096), intent(out) :: path
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    character(len=:), allocatable :: found
    type(error_type), allocatable :: error
 
@@ -208,7 +208,7 @@ subroutine surrogate_load(name, symmetry, output, folder, data_folder, shipped, 
    character(len=*), intent(in) :: name, symmetry, output, folder, data_folder, shipped
    integer(c_int64_t), intent(out) :: handle
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
 
@@ -228,7 +228,7 @@ subroutine surrogate_save(handle, path, status, message)
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: path
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
 
@@ -244,7 +244,7 @@ subroutine surrogate_check_replaceable(path, status, message)
    implicit none
    character(len=*), intent(in) :: path
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(error_type), allocatable :: error
 
    call check_replaceable(path, error)
@@ -264,7 +264,7 @@ subroutine surrogate_predict(handle, n, stiffness, euler, threads, modulus, sd, 
    real(c_double), intent(in) :: stiffness(6, 6, n), euler(3, n)
    real(c_double), intent(out) :: modulus(n), sd(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(error_type), allocatable :: error
 
@@ -293,7 +293,7 @@ subroutine surrogate_predict_points(handle, problem_handle, n, threads, modulus,
    real(c_double), intent(out) :: modulus(n), sd(n), scale(n)
    integer(c_int), intent(out) :: covered(n)
    integer(c_int), intent(out) :: status
-   character(len=512), intent(out) :: message
+   character(len=4096), intent(out) :: message
    type(surrogate_type), pointer :: surrogate
    type(problem_type), pointer :: problem
    type(error_type), allocatable :: error

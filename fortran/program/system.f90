@@ -48,8 +48,9 @@ contains
       if (length > 0) call get_command_argument(i, text)
    end function argument
 
-   !> The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program,
-   !> installed, in a wheel (where programs have a folder beside the package) or in the build folder.
+   !> The folder of the shipped surrogates, with a slash at its end: as the environment says, or where it is from this program,
+   !> installed (where Python's own folders are is not known when this is built), in a wheel (where programs have a folder beside the
+   !> package) or in the build folder.
    function data_folder() result(folder)
       character(len=:), allocatable :: folder
       character(len=*), parameter :: places(4) = [character(len=max(32, len(installed_data))) :: &

@@ -4,6 +4,7 @@ import json
 import os
 import platform
 import warnings
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -50,8 +51,52 @@ __all__ = [
     "warn_of",
 ]
 
-#: The f2py module itself.
-native = import_module(_MODULE, __package__)
+
+class Core:
+    """The f2py module, with texts and paths in UTF-8 both ways: by itself f2py takes ASCII alone, and gives bytes.
+
+    A name of a file that is not UTF-8 comes back as Python itself has it (surrogateescape).
+    """
+
+    def __init__(self, module):
+        self._module = module
+
+    def __getattr__(self, name: str):
+        found = getattr(self._module, name)
+        if not callable(found):
+            return found
+        procedure = _with_texts(found)
+        setattr(self, name, procedure)
+        return procedure
+
+
+def _with_texts(procedure: Callable) -> Callable:
+    """The same procedure, which takes and gives texts."""
+
+    def called(*arguments):
+        found = procedure(*map(_as_bytes, arguments))
+        return tuple(map(_as_text, found)) if isinstance(found, tuple) else _as_text(found)
+
+    called.__doc__ = procedure.__doc__
+    return called
+
+
+def _as_bytes(value):
+    """A text or a path as the core has it."""
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    return value.encode("utf-8", "surrogateescape") if isinstance(value, str) else value
+
+
+def _as_text(value):
+    """Bytes of the core, padded with blanks, or an array of characters, as a text."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "S":
+        return value.tobytes().decode("utf-8", "surrogateescape")
+    return value.rstrip().decode("utf-8", "surrogateescape") if isinstance(value, bytes) else value
+
+
+#: The compiled core.
+native = Core(import_module(_MODULE, __package__))
 
 
 class BayesindentError(RuntimeError):
@@ -76,12 +121,10 @@ def warn_of(document: dict) -> None:
         warnings.warn(line, BayesindentWarning, stacklevel=3)
 
 
-def check(status: int, message: bytes | str) -> None:
+def check(status: int, message: str) -> None:
     """Raise the exception that a status and a message of the core stand for; return on status 0."""
-    if status == 0:
-        return
-    text = message.decode(errors="replace") if isinstance(message, bytes) else str(message)
-    raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(text.strip())
+    if status:
+        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(message.strip())
 
 
 def call(procedure: str, *arguments):
@@ -93,10 +136,11 @@ def call(procedure: str, *arguments):
 
 def document(handle: int, kind: str) -> dict:
     """Numbers and texts of an object of the core, arrays by their lengths; or, without a handle, what 'settings' there are."""
-    text, length = call("object_document", handle, kind, 1 << 16)
-    if length > len(text):
-        text, length = call("object_document", handle, kind, length)
-    return json.loads(text.tobytes()[:length].decode(errors="replace"))
+    room = 1 << 16
+    text, length = call("object_document", handle, kind, room)
+    if length > room:
+        text, _ = call("object_document", handle, kind, length)
+    return json.loads(text)
 
 
 class NativeObject:

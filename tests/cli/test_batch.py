@@ -4,8 +4,6 @@ import csv
 import json
 import os
 import sqlite3
-import subprocess
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -13,7 +11,6 @@ import arviz
 import numpy as np
 import pytest
 import xarray
-from programs import BATCH
 from theory_cases import theory_surrogate
 
 from bayesindent import Problem
@@ -24,17 +21,6 @@ from bayesindent.surrogate.surrogate import Surrogate
 from conftest import DOMAIN, SOURCE
 
 BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n! command: " not in path.read_text()]
-
-
-@pytest.fixture
-def batch(tmp_path):
-    """`batch(*arguments)` in an empty folder gives the finished process."""
-
-    def run(*arguments, **options) -> subprocess.CompletedProcess:
-        command = [BATCH, *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, **options)
-
-    return run
 
 
 def test_help_and_version(batch):
@@ -104,26 +90,7 @@ def stored(folder) -> list:
         return file.execute("SELECT * FROM simulation ORDER BY position").fetchall()
 
 
-def test_kill_costs_no_finished_simulation(batch, tmp_path):
-    points = [HEADER, *(f"200,120,90,0,{angle},0" for angle in range(0, 40, 2))]
-    (tmp_path / "points.csv").write_text("\n".join(points) + "\n")
-    (tmp_path / "a.nml").write_text(
-        "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n&execution workers = 1 /\n"
-    )
-    process = subprocess.Popen([BATCH, "a.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    while not stored(tmp_path / "out") and process.poll() is None:
-        time.sleep(0.01)
-    process.kill()
-    process.wait()
-    before = stored(tmp_path / "out")
-    assert 0 < len(before) < 20
-    done = batch("a.nml", "--output", "out")
-    assert (done.returncode, f"{20 - len(before)} new" in done.stdout) == (0, True), done.stdout + done.stderr
-    after = stored(tmp_path / "out")
-    assert after[: len(before)] == before
-    assert [row[2] for row in after] == list(range(20))
-
-
+@pytest.mark.long_where("fe")
 @pytest.mark.parametrize("simulation", ["refine = 0.6", "simulator = 'theory'"], ids=["fe", "theory"])
 def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tmp_path, simulation):
     rows = ["225,135,124,0,0,0,iron", '168.4,121.4,75.4,10,20,30,"a, b"', "225,135,124,0,0,0,again", "200,100,60,30,45,0,"]
@@ -181,6 +148,7 @@ def small(tmp_path, **words):
 BUILDS = {"fe": {"simulator": "fe", "budget": 4}, "theory": {}, "all crystals": {"domain": WIDE}, "paper": {"surrogate": PAPER}}
 
 
+@pytest.mark.long_where("theory", "all crystals")
 @pytest.mark.parametrize("words", BUILDS.values(), ids=list(BUILDS))
 def test_builds_as_python_does(batch, bayesindent, tmp_path, words):
     """From nothing: the same choices, simulations, surrogate and document, to the last bit; and each goes on with what the other did."""
@@ -207,24 +175,6 @@ def test_builds_as_python_does(batch, bayesindent, tmp_path, words):
     assert json.loads(done.stdout)["new_simulations"] == 4
     texts = [(folder / "surrogate.txt").read_text() for folder in folders]
     assert texts[0] == texts[1]
-
-
-def test_a_killed_build_goes_on(batch, tmp_path):
-    small(tmp_path, simulator="fe", budget=8)
-    process = subprocess.Popen([BATCH, "small.nml", "--output", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    while len(stored(tmp_path / "out")) < 3 and process.poll() is None:
-        time.sleep(0.01)
-    process.kill()
-    process.wait()
-    before = stored(tmp_path / "out")
-    assert 3 <= len(before) < 10
-    done = batch("small.nml", "--output", "out")
-    assert (done.returncode, f"8 simulations, {10 - len(before)} new" in done.stdout) == (0, True), done.stdout + done.stderr
-    assert [row for row in stored(tmp_path / "out") if row in before] == before
-    # As if nothing had happened.
-    assert batch("small.nml", "--output", "whole").returncode == 0
-    whole, resumed = (stored(tmp_path / folder) for folder in ("whole", "out"))
-    assert sorted(row[3:6] for row in whole) == sorted(row[3:6] for row in resumed)
 
 
 def test_goes_on_where_it_was(batch, tmp_path):
@@ -304,6 +254,7 @@ HEXAGONAL_PRIORS = """
 """
 
 
+@pytest.mark.long_where("hexagonal", "scmh")
 @pytest.mark.parametrize(
     ("symmetry", "method", "measurements", "prior"),
     [
@@ -425,6 +376,7 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
     assert done.stderr == bayesindent("run", "a.nml", "--output", "out").stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stated", "low", "high"),
     [("c_max = 180, 150, 130", -np.inf, [180, 150, 130]), ("c_min = 230, 20, 100", [230, 20, 100], np.inf)],
@@ -451,6 +403,7 @@ NAMES = {
 }
 
 
+@pytest.mark.long_where("notes.txt")
 @pytest.mark.parametrize("name", NAMES)
 def test_no_program_replaces_what_is_no_surrogate(batch, bayesindent, tmp_path, name):
     (tmp_path / "out").mkdir()
@@ -479,14 +432,14 @@ def test_check_waits_for_what_a_stage_makes(batch, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_shipped_surrogates_are_where_the_environment_says(batch, bayesindent, tmp_path):
+def test_the_shipped_surrogates_are_where_the_environment_says(batch, process, tmp_path):
     name = SHIPPED[0]
     (tmp_path / "elsewhere").mkdir()
     theory_surrogate("cubic", 1, 4, points=200).save(tmp_path / "elsewhere" / f"{name}.txt")
     (tmp_path / "a.nml").write_text(CHECKED.format(file=name, data=FE3SI))
     for folder, status in (("elsewhere", 0), ("nowhere", 2)):
         environment = os.environ | {"BAYESINDENT_DATA": str(tmp_path / folder)}
-        for done in (batch("a.nml", "--check", env=environment), bayesindent("run", "a.nml", "--check", env=environment)):
+        for done in (batch("a.nml", "--check", env=environment), process("run", "a.nml", "--check", env=environment)):
             assert done.returncode == status, done.stderr
             assert (status == 0) or f"'{name}': there is no such surrogate" in done.stderr
 

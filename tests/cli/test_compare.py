@@ -15,18 +15,18 @@ from conftest import SOURCE
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
-&sampler samples = 300, burn_in = 1000, chains = 2, evidence = EVIDENCE /
+&sampler method = 'scmh', samples = 300, burn_in = 2000, chains = 2, evidence = EVIDENCE /
 """
 
 
-def extract(bayesindent, folder, name, kind="indentation_modulus", calibration=0.0, evidence=".true."):
+def extract(program, folder, name, kind="indentation_modulus", calibration=0.0, evidence=".true."):
     """A run of this name."""
     words = {"TITLE": name, "KIND": kind, "CALIBRATION": str(calibration), "EVIDENCE": evidence}
     text = CASE
     for word, value in words.items():
         text = text.replace(word, value)
     (folder / f"{name}.nml").write_text(text)
-    done = bayesindent("extract", f"{name}.nml")
+    done = program("extract", f"{name}.nml")
     assert done.returncode == 0, done.stderr
     return json.loads((folder / "runs" / name / "summary.json").read_text())
 

@@ -14,7 +14,7 @@ CASE = f"""&problem symmetry = 'cubic' /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'indentation_modulus' /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &knowledge quantity = 'bulk_modulus', mean = KNOWN, sd = 3.3 /
-&sampler samples = 1000, burn_in = 4000, chains = 2 /
+&sampler samples = 400, burn_in = 1500, chains = 2 /
 """
 PRIOR = [
     "uniform in the constants over stable crystals, anisotropy index (Eq. 14) up to 7.2",
@@ -40,6 +40,7 @@ def test_prior_and_order(bayesindent, tmp_path):
     assert [line for line in done.stdout.splitlines() if line.startswith("prior: ")][:3] == [f"prior: {line}" for line in PRIOR]
 
 
+@pytest.mark.long
 def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "300"))
     for done in (

@@ -11,6 +11,7 @@ def ended_well(found: dict) -> bool:
     return not found["wrong"] and found["refused"] + found["same"] == found["tries"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "program, kills, campaign",
     [
@@ -25,6 +26,7 @@ def test_a_campaign_that_is_killed_is_the_one_that_is_not(tmp_path, program, kil
     assert (found["lost"], found["repeated"], found["half-written files"], found["other"]) == (0, 0, [], [])
 
 
+@pytest.mark.long_where("campaign.sqlite")
 @pytest.mark.parametrize("file", ["campaign.sqlite", "surrogate.txt"])
 def test_a_damaged_file_is_named(tmp_path, file):
     """The batch program's; those of Python are damaged in tests/python/test_damaged_files.py."""
@@ -33,6 +35,7 @@ def test_a_damaged_file_is_named(tmp_path, file):
     assert found["refused"] > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program, sizes", [("bayesindent-batch", range(0, 40, 8)), ("bayesindent", range(12, 13))])
 def test_a_full_disk_is_told_and_loses_nothing(program, sizes):
     found = full_disk(program, sizes, "build")

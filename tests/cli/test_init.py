@@ -52,7 +52,7 @@ def test_the_files_of_a_metal_run(bayesindent, tmp_path):
     text = (tmp_path / "grains.nml").read_text()
     assert "mean = 137.1 " in text
     (tmp_path / "grains.nml").write_text(
-        text.replace("effective_modulus'\n", "indentation_modulus'\n").replace("! samples = 10000", "samples = 1000")
+        text.replace("effective_modulus'\n", "indentation_modulus'\n").replace("! samples = 10000", "samples = 300")
     )
     checked = bayesindent("run", "grains.nml", "--check")
     assert checked.stderr.splitlines()[-1] == "next: bayesindent run grains.nml", checked.stderr

@@ -13,7 +13,7 @@ from contextlib import closing, contextmanager
 
 import pytest
 from programs import BATCH
-from test_build import NAMELIST
+from test_ask_and_tell import NAMELIST
 
 from bayesindent.pipeline.campaign import Campaign
 
@@ -97,6 +97,7 @@ def test_a_lock_ends_with_its_process(small):
     assert subprocess.run(command, cwd=small, capture_output=True).returncode == 0
 
 
+@pytest.mark.long
 def test_of_many_that_begin_at_once_one_works_and_none_spoils_the_folder(small):
     (small / "a.nml").write_text(THEORY.replace("'theory'", "'fe'") + "&execution workers = 1 /\n")
     commands = [[*PYTHON, "simulate", "a.nml", "--output", "new"], [BATCH, "a.nml", "--output", "new"]] * 3
@@ -129,6 +130,7 @@ def test_asking_and_telling_wait_for_each_other(bayesindent, tmp_path):
         assert campaign.execute("SELECT count(*) FROM simulation").fetchone() == (4,)
 
 
+@pytest.mark.long
 def test_a_campaign_is_made_by_many_at_once(tmp_path):
     """The library takes no lock: the file itself must bear it."""
     code = """import sys, time

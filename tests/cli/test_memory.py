@@ -8,7 +8,7 @@ import sys
 import pytest
 from programs import BATCH
 
-from conftest import SANITIZED
+from conftest import HANGS_S, SANITIZED
 
 SCRIPT = """
 import resource, sys
@@ -53,6 +53,7 @@ with Campaign(folder + "/campaign.sqlite", problem.physics) as campaign:
 """
 
 
+@pytest.mark.long
 def test_too_little_memory_is_retried_and_never_stored(tmp_path):
     done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -75,7 +76,7 @@ def test_batch_program_without_memory_stores_nothing_and_goes_on_later(tmp_path)
         limit = int(1e6 * megabytes) if megabytes else resource.RLIM_INFINITY
         return subprocess.run(
             [BATCH, "a.nml", "--output", "out"], cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1"}, timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+            "OPENBLAS_NUM_THREADS": "1"}, timeout=HANGS_S, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
         )  # fmt: skip
 
     done = next(done for done in map(run, range(100, 400, 20)) if "too little memory for" in done.stderr)

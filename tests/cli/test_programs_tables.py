@@ -11,6 +11,7 @@ from conftest import SOURCE
 CASE = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = 20, burn_in = 50, chains = 1 /\n"
 
 
+@pytest.mark.long
 def test_a_spreadsheet_from_a_namelist(bayesindent, tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     rows = [line.split(",") for line in (SOURCE / "inputs" / "data" / "fe3si.csv").read_text().splitlines() if not line.startswith("#")]

@@ -7,6 +7,8 @@ import pytest
 import bayesindent as bi
 from conftest import SOURCE
 
+pytestmark = pytest.mark.long
+
 README = (SOURCE / "README.md").read_text()
 
 #: How far a printed number may be from another machine's: by the first word of its line, or else for a row of `next`. The first share
@@ -32,8 +34,8 @@ def words(line):
     return re.sub(r"\s+", " ", re.sub(NUMBER, "#", re.sub(r"\b[0-9A-F]{16}\b", "#", line)))
 
 
-def test_the_quickstart_prints_this(bayesindent):
-    done = bayesindent("run", SOURCE / "inputs" / "quickstart.nml")
+def test_the_quickstart_prints_this(process):
+    done = process("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
     shown, printed = block("Elastic constants (GPa)").strip().splitlines(), done.stdout.strip().splitlines()
     assert printed[-1] == "Report: runs/quickstart/report.html"

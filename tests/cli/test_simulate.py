@@ -15,6 +15,7 @@ from conftest import SOURCE
 ZINC = [161.1, 34.2, 38.3, 61.1, 50.3]
 
 
+@pytest.mark.long
 def test_isotropic_crystal(bayesindent, tmp_path):
     first = bayesindent("run", SOURCE / "inputs" / "isotropic.nml", "--json")
     assert first.returncode == 0, first.stderr
@@ -98,6 +99,7 @@ def test_fields_and_decks(bayesindent, tmp_path):
 SOFT = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,20,0\n136,132,60,30,50,70\n"
 
 
+@pytest.mark.long
 def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text(SOFT)
     (tmp_path / "a.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation /\n")

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import re
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -14,13 +15,13 @@ import numpy as np
 import pytest
 import xarray
 from bench_stop import BATCH, POINTS, PROGRAMS, STAGES, start, stored
-from test_build import NAMELIST
+from test_ask_and_tell import NAMELIST
 
-from conftest import SOURCE
+from conftest import HANGS_S, SOURCE
 
 
 def wait_for(condition, process):
-    deadline = time.monotonic() + 100
+    deadline = time.monotonic() + HANGS_S
     while not condition() and time.monotonic() < deadline:
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.02)
@@ -34,18 +35,17 @@ def working(folder, stage) -> bool:
     return len(stored(folder)) >= 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize(("stage", "number"), [("simulate", signal.SIGINT), ("build", signal.SIGTERM), ("extract", signal.SIGHUP)])
 def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, number, tmp_path):
     process = start(tmp_path, program, stage)
     wait_for(lambda: working(tmp_path, stage), process)
     kept = stored(tmp_path)
-    begin = time.monotonic()
     for _ in range(3):
         process.send_signal(number)
-    out, err = process.communicate(timeout=60)
-    # Milliseconds, but where others use the machine.
-    assert time.monotonic() - begin < 2
+    out, err = process.communicate(timeout=HANGS_S)
+    # With work for minutes before it; `bench stop` measures how long it takes.
     assert (process.returncode, out) == (128 + number, "")
     told = f"stopped by {number.name}; what was finished is kept in out, and the same command goes on from there"
     assert err.splitlines()[-1] == told
@@ -53,7 +53,7 @@ def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, num
     assert "Traceback" not in err
     last = (tmp_path / "out" / "run.log").read_text().splitlines()[-1]
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} WARNING " + re.escape(told), last)
-    assert abs(time.mktime(time.strptime(last[:19], "%Y-%m-%d %H:%M:%S")) - time.time()) < 100
+    assert abs(time.mktime(time.strptime(last[:19], "%Y-%m-%d %H:%M:%S")) - time.time()) < 1500
     if stage != "extract":
         assert stored(tmp_path)[: len(kept)] == kept
         with closing(sqlite3.connect(tmp_path / "out" / "campaign.sqlite")) as campaign:
@@ -62,12 +62,13 @@ def test_three_signals_in_a_row_end_at_once_and_lose_nothing(program, stage, num
         process = start(tmp_path, program, stage)
         wait_for(lambda: len(stored(tmp_path)) > len(kept) + 2, process)
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+        process.communicate(timeout=HANGS_S)
         rows = stored(tmp_path)
         assert rows[: len(kept)] == kept
         assert len({row[3:6] for row in rows}) == len(rows)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_signals_that_are_ignored_stay_so(program, tmp_path):
     (tmp_path / "points.csv").write_text("".join(POINTS.splitlines(keepends=True)[:4]))
@@ -77,7 +78,7 @@ def test_signals_that_are_ignored_stay_so(program, tmp_path):
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, preexec_fn=ignore)
     wait_for(lambda: len(stored(tmp_path)) > 0, process)
     process.send_signal(signal.SIGHUP)
-    assert process.wait(timeout=100) == 0
+    assert process.wait(timeout=HANGS_S) == 0
     assert len(stored(tmp_path)) == 3
 
 
@@ -91,7 +92,7 @@ def test_while_it_waits_for_another_process(tmp_path):
         # Until then it may still be starting.
         wait_for(lambda: has_open(process.pid, tmp_path / "out" / ".lock"), process)
         process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60) == ("", "stopped by SIGTERM; the same command begins anew\n")
+        assert process.communicate(timeout=HANGS_S) == ("", "stopped by SIGTERM; the same command begins anew\n")
         assert process.returncode == 128 + signal.SIGTERM
 
 
@@ -106,16 +107,24 @@ STEP_2 = f"""&problem symmetry = 'cubic' /
 """
 
 
+@pytest.mark.long
 def test_finished_chains_are_gone_on_with_to_the_bit(bayesindent, tmp_path):
     """By the other program."""
     (tmp_path / "a.nml").write_text(STEP_2)
     subprocess.run([BATCH, "a.nml", "--output", "whole"], cwd=tmp_path, check=True, capture_output=True)
     output = tmp_path / "stopped"
-    process = subprocess.Popen([BATCH, "a.nml", "--output", "stopped"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    # The first chain of the posterior, which its stream names.
-    wait_for(lambda: list(output.glob(".chain-*-1")), process)
-    process.send_signal(signal.SIGTERM)
-    assert process.communicate(timeout=60)[1].startswith("stopped by SIGTERM; what was finished is kept in stopped")
+    # Again, where it has ended before the signal comes.
+    for _ in range(10):
+        shutil.rmtree(output, ignore_errors=True)
+        process = subprocess.Popen([BATCH, "a.nml", "--output", "stopped"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+        # The first chain of the posterior, which its stream names.
+        while not list(output.glob(".chain-*-1")) and process.poll() is None:
+            time.sleep(0.005)
+        process.send_signal(signal.SIGTERM)
+        told = process.communicate(timeout=HANGS_S)[1]
+        if process.returncode == 128 + signal.SIGTERM:
+            break
+    assert told.startswith("stopped by SIGTERM; what was finished is kept in stopped")
     kept = list(output.glob(".chain-*-1"))
     assert len(kept) == 1
     assert not list(output.glob("posterior.*"))

@@ -8,10 +8,19 @@ module testing
    implicit none
    private
    public :: check, check_close, check_success, check_refused, class_of, stiffness_of, wide, finish, clenshaw_curtis_weight
+   public :: long_cases
 
    integer :: count = 0, failures = 0
 
 contains
+
+   !> Whether the long cases are asked for, in place of the others.
+   logical function long_cases()
+      character(len=4) :: word
+
+      call get_command_argument(2, word)
+      long_cases = word == 'long'
+   end function long_cases
 
    !> Record whether `condition` holds; `detail` is printed when it does not.
    subroutine check(name, condition, detail)

@@ -61,24 +61,34 @@ def rough():
     return models
 
 
+class References(dict):
+    """The posteriors of the reference data sets by symmetry, each sampled when it is first asked for."""
+
+    def __missing__(self, symmetry):
+        self[symmetry] = bi.extract(REFERENCE / f"{FILES[symmetry]}.csv", samples=20000, **reference(symmetry)[1])
+        return self[symmetry]
+
+
 @pytest.fixture(scope="session")
-def results(surrogates):
-    """The reference data sets with surrogate uncertainty off."""
-    return {
-        symmetry: bi.extract(
-            REFERENCE / f"{FILES[symmetry]}.csv",
-            surrogate=surrogates[symmetry],
-            surrogate_variance="none",
-            samples=20000,
-            **reference(symmetry)[1],
-        )
-        for symmetry in SYMMETRIES
-    }
+def results():
+    return References()
+
+
+class Summaries(dict):
+    """What is said of them."""
+
+    def __init__(self, results):
+        super().__init__()
+        self.results = results
+
+    def __missing__(self, symmetry):
+        self[symmetry] = bi.summary(self.results[symmetry])
+        return self[symmetry]
 
 
 @pytest.fixture(scope="session")
 def documents(results):
-    return {symmetry: bi.summary(result) for symmetry, result in results.items()}
+    return Summaries(results)
 
 
 def crystal(name):

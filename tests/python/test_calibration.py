@@ -35,14 +35,22 @@ def least_p(name, change=None, **settings):
     return min(holm(p_values).values())
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in LONGEST])
+#: Of `./bayesindent test`; the others are long.
+SHORT = ("cubic",)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in SHORT else pytest.mark.long) for name in CASES if name not in LONGEST]
+)
 def test_ranks_are_uniform(name):
     assert least_p(name) > 1e-3
 
 
+@pytest.mark.long
 def test_errors_three_times_as_large_as_stated_are_found():
     assert least_p("cubic", lambda table, drawn: (table | {"sd_gpa": table["sd_gpa"] / 3}, drawn)) < 1e-3
 
 
+@pytest.mark.long
 def test_a_correction_that_is_taken_for_exact_is_found():
     assert least_p("correction, cubic", surrogate_variance="none") < 1e-3

@@ -16,6 +16,7 @@ import bayesindent as bi
 from bayesindent.pipeline.build import build
 from bayesindent.pipeline.engines import DaskEngine
 from bayesindent.settings.problem import Problem
+from conftest import HANGS_S
 
 pytest.importorskip("distributed", reason="the extra dask is not installed")
 
@@ -36,7 +37,7 @@ def cluster(tmp_path_factory):
             return subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log)
 
     processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
-    end = time.monotonic() + 60
+    end = time.monotonic() + HANGS_S
     while not file.exists() and time.monotonic() < end:
         time.sleep(0.1)
     workers = [start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
@@ -67,7 +68,7 @@ class Counted:
 @contextmanager
 def engine_with_two(address: str):
     with DaskEngine(0, address) as engine:
-        end = time.monotonic() + 60
+        end = time.monotonic() + HANGS_S
         while engine.workers < 2 and time.monotonic() < end:
             time.sleep(0.1)
         assert engine.workers == 2
@@ -117,7 +118,7 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
                 workers[0].send_signal(signal.SIGKILL)
 
     build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask", Progress())
-    assert workers[0].wait(10) == -signal.SIGKILL
+    assert workers[0].wait(HANGS_S) == -signal.SIGKILL
 
     def rows(name: str) -> list[tuple]:
         with sqlite3.connect(tmp_path / name / "campaign.sqlite") as campaign:
@@ -129,6 +130,7 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
     assert coefficients[0] == coefficients[1]
 
 
-def test_no_scheduler_is_told(tmp_path):
+def test_no_scheduler_is_told(monkeypatch):
+    monkeypatch.setattr("bayesindent.pipeline.engines.dask.PATIENCE_S", 0.5)
     with pytest.raises(bi.core.MachineError, match="no scheduler answers at tcp://127.0.0.1:1"):
         DaskEngine(0, "tcp://127.0.0.1:1")

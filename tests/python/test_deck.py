@@ -19,6 +19,7 @@ def block():
     return bi.Indentation(geometry="block", refine=0.65, integration="full", depths=3)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian package calculix-ccx) is not installed")
 @pytest.mark.parametrize(
     "options",

@@ -19,6 +19,7 @@ def driver():
     return module
 
 
+@pytest.mark.long
 def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
     """On a coarse mesh, with few simulations and short chains."""
     text = (SOURCE / "inputs" / "quickstart.nml").read_text()

@@ -9,6 +9,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.report.figures.residuals import chi_square
 from bayesindent.report.figures.young import youngs_modulus
+from conftest import HANGS_S
 
 
 def test_youngs_modulus_of_a_cubic_crystal():
@@ -60,5 +61,5 @@ assert all(halved(lambda _: os.getpid() == mine, list(range(3))))
 
 def test_two_processes_give_what_one_gives():
     """In a process of its own: nothing is forked beside threads, which other tests may have left."""
-    done = subprocess.run([sys.executable, "-c", TWO], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", TWO], capture_output=True, text=True, timeout=HANGS_S)
     assert done.returncode == 0, done.stderr

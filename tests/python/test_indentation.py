@@ -52,6 +52,7 @@ def test_modulus_by_depth_is_that_of_each_point(halfspace):
     assert result.modulus_by_depth_gpa[6:] == pytest.approx(result.indentation_modulus_gpa, rel=5e-3)
 
 
+@pytest.mark.long
 def test_shapes_agree_on_an_anisotropic_half_space():
     """Elliptical contact: a small sphere is the paraboloid, and the last point may be stated either way."""
     paraboloid = bi.Indentation(depths=4).run(ZINC, (0, 70, 0))
@@ -61,6 +62,7 @@ def test_shapes_agree_on_an_anisotropic_half_space():
         assert sphere.depth_um[-1] == pytest.approx(0.5**2 / 16, rel=1e-3)
 
 
+@pytest.mark.long_where("sphere")
 @pytest.mark.parametrize("shape", ["sphere", "cone"])
 def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
     """The same block, indenter and last point four times as large: a power of two, which rounds alike in single precision."""
@@ -74,6 +76,7 @@ def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
     assert moduli[0] > 1.03 * bi.halfspace_modulus(ZINC, (0, 30, 0))
 
 
+@pytest.mark.long
 def test_a_large_block_is_a_half_space():
     """The farther the clamped bottom, the smaller its part: half of it at twice the distance, apart from the error of the mesh."""
     sizes, angles = (4.8, 9.6, 19.2), (0, 30, 0)
@@ -200,6 +203,7 @@ def test_a_freed_model_is_refused_in_words():
         model.run(ZINC, (0, 30, 0))
 
 
+@pytest.mark.long
 def test_models_give_their_memory_back():
     """A model holds 100 MB outside Python: it must go with its handle."""
     sizes = []

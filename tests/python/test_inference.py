@@ -33,9 +33,12 @@ def test_posterior_meets_reference(symmetry, documents):
     for item in document["parameters"].values():
         assert item["r_hat"] < 1.01
         assert item["ess_bulk"] > 20000
+    assert document["theory"]["largest_error_sd"] < 0.02
+    assert document["prior"]["share_covered"] == 1
 
 
 #: Of 4 chains of 700,000 sweeps: least effective size, and four standard errors of the means (in sds) and sds (relative) at that size.
+@pytest.mark.long
 @pytest.mark.parametrize(("symmetry", "least", "mean", "sd"), [("cubic", 2000, 0.09, 0.05), ("hexagonal", 120, 0.3, 0.1)])
 def test_the_papers_sampler_agrees(symmetry, least, mean, sd):
     surrogate = theory_surrogate(symmetry, *SIZES[symmetry])
@@ -49,6 +52,7 @@ def test_the_papers_sampler_agrees(symmetry, least, mean, sd):
         assert draws[..., j].std() == pytest.approx(expected[..., j].std(), rel=sd)
 
 
+@pytest.mark.long_where("hexagonal")
 def test_bit_identical_for_any_number_of_threads(symmetry, surrogates):
     posterior = Posterior.of(table_of(*columns(symmetry)), surrogate=surrogates[symmetry], **reference(symmetry)[1])
     for method in ("ensemble", "scmh"):
@@ -91,6 +95,7 @@ def brute_force(m, slope, terms, model, measured, sd, kind="indentation_modulus"
     return stats.multivariate_normal(m, v).logpdf(measured)
 
 
+@pytest.mark.long_where("sample_modulus", "hexagonal")
 @pytest.mark.parametrize("kind", ["indentation_modulus", "effective_modulus", "sample_modulus"])
 @pytest.mark.parametrize("family", ["correction", "paper"])
 @pytest.mark.parametrize(("full", "calibration"), [(False, 0.0), (True, 0.0), (False, 0.03), (True, 0.03)])
@@ -119,6 +124,7 @@ def test_likelihood_is_the_dense_one(rough, symmetry, kind, family, full, calibr
         assert value == pytest.approx(expected, rel=1e-8, abs=1e-6)
 
 
+@pytest.mark.long_where("quartz", "Zn")
 @pytest.mark.parametrize("name", ["forsterite", "quartz", "albite", "Zn"])
 @pytest.mark.parametrize("domain", [{}, {"stiffness_min_gpa": 30.0, "stiffness_max_gpa": 300.0}], ids=["any scale", "a range"])
 def test_a_correction_of_all_classes_serves_each(name, domain):
@@ -218,6 +224,7 @@ def from_the_prior(posterior, settings):
     return points[rng.choice(len(points), 20000, p=weights / weights.sum())]
 
 
+@pytest.mark.long
 def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
     _, settings = reference("cubic")
     result = bi.extract(
@@ -240,6 +247,7 @@ def test_known_bulk_modulus_closes_the_hidden_direction(surrogates, documents):
     assert result.posterior["C12"].values.std() < 7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("calibration_sd", [0.0, 0.03])
 def test_calibration_error_widens_the_mean_modulus(surrogates, calibration_sd):
     """Against brute force; 3 % of 225 GPa are 6.8 GPa, less what the bounds forbid."""
@@ -294,6 +302,7 @@ def test_the_smallest_sds_have_a_density(rough):
     assert values[0] < 0
 
 
+@pytest.mark.long_where("hexagonal", "2")
 @pytest.mark.parametrize("grains", [1, 2])
 @pytest.mark.parametrize("sampler", [{"samples": 300, "burn_in": 3000}, {"samples": 10, "burn_in": 10, "chains": 1, "method": "scmh"}])
 def test_few_grains_and_few_draws(surrogates, symmetry, grains, sampler):
@@ -306,6 +315,7 @@ def test_few_grains_and_few_draws(surrogates, symmetry, grains, sampler):
     assert combinations[0]["contraction"] > 0.9
 
 
+@pytest.mark.long
 def test_one_bound_alone(surrogates):
     table = REFERENCE / "cubic_fe3si.csv"
     free, capped, floored = (
@@ -318,6 +328,7 @@ def test_one_bound_alone(surrogates):
     assert floored.max() > 250
 
 
+@pytest.mark.long
 def test_prior_and_posterior_have_streams_of_their_own(surrogates):
     """The chains of the prior are not those that its density has with the posterior's seed."""
     settings = reference("cubic")[1] | {"seed": 3}

@@ -51,6 +51,7 @@ def test_a_stiffness_with_its_covariance_is_one_normal_factor():
     assert found - found[0] == pytest.approx(normal - normal[0], rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.long
 def test_where_data_say_nothing_the_posterior_is_what_is_known():
     mean, covariance = stiffness_of_file()
     # A product of two normals, by the usual update.
@@ -88,6 +89,7 @@ def test_the_conflict_of_two_sources_is_their_distance_in_sds():
     assert all("C44 = " in line for line in told)
 
 
+@pytest.mark.long
 def test_knowledge_that_contradicts_measurements_is_told():
     settings = {"symmetry": "hexagonal", **SHORT}
     _, together, told = conflicts(bi.extract(TITANIUM, knowledge={"stiffness": STIFFNESS}, **settings))
@@ -179,6 +181,7 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
     assert warnings(max(2, min(visible, 6))) == [] or visible > 6
 
 
+@pytest.mark.long
 def test_equal_bounds_fix_a_constant():
     euler_deg = np.column_stack([np.zeros(12), np.degrees(np.arccos(np.linspace(-0.95, 0.95, 12))), np.linspace(0, 330, 12)])
     modulus = bi.halfspace_modulus(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), euler_deg)

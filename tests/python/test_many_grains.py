@@ -67,6 +67,7 @@ def test_the_likelihood_of_many_grains_by_brute_force(name, n):
     assert posterior.evaluate(points)[1] == pytest.approx(expected, abs=0.1)
 
 
+@pytest.mark.long
 def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
     angles, moduli = measured(600, seed=4)
     moduli[[7, 300]] += [20, -20]

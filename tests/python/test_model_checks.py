@@ -58,6 +58,7 @@ def test_likelihood_of_a_grain_given_the_others(rough, full, calibration, scatte
         assert values == pytest.approx(expected, rel=1e-7, abs=1e-7)
 
 
+@pytest.mark.long
 def test_likelihood_of_a_grain_with_a_correction(rough):
     """Against the ratio of the likelihoods of all grains and of all but one: more shared errors than grains."""
     model = rough_correction(degree=3, directions=60, sd=0.02)
@@ -142,6 +143,7 @@ def test_checks_of_a_known_crystal():
     assert checks["extreme_grain"]["p"] == pytest.approx(1 - (1 - 2 * stats.norm.sf(abs(residuals[worst]))) ** len(sd), abs=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("likelihood", ["normal", "student"])
 def test_what_is_off_is_told(surrogates, likelihood):
     angles, measured, sd = columns("cubic")
@@ -159,6 +161,7 @@ def test_what_is_off_is_told(surrogates, likelihood):
     assert not {word for word in ("scatter", "worst grain") if word in well}
 
 
+@pytest.mark.long_where("hexagonal")
 def test_arviz_takes_it_as_it_is(results, symmetry):
     """Leave-one-out, comparison and a check plot; and its leave-one-out against the formula on its own numbers."""
     result = results[symmetry]
@@ -179,6 +182,7 @@ def test_arviz_takes_it_as_it_is(results, symmetry):
     assert result.log_prior["constants"].size == len(values)
 
 
+@pytest.mark.long
 def test_log_prior_is_that_of_the_density(surrogates):
     """With the likelihood of all grains together it is the density of the chains."""
     settings = reference("cubic")[1] | {"knowledge": {"bulk_modulus": (165.0, 5.0)}, "measure": "logarithms"}

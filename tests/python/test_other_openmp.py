@@ -7,6 +7,8 @@ import pytest
 
 from conftest import SOURCE
 
+pytestmark = pytest.mark.long
+
 OURS = f"""
 import bayesindent as bi
 copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)

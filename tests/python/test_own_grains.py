@@ -52,9 +52,11 @@ def test_the_gain_of_a_grain_is_that_of_its_direction(result, tmp_path):
     assert {item["uvw"] for item in own["suggestions"]} == {"[0 0 1]", "[1 1 1]"}
 
 
+@pytest.mark.long
 def test_indices_need_a_cell(tmp_path):
     table = {"phi1": [0.0, 10, 20, 30], "Phi": [0.0, 30, 60, 90], "phi2": [0.0, 10, 20, 30], "Er": [125.0, 120, 118, 115], "sd": 4 * [3.0]}
-    settings = {"symmetry": "hexagonal", "samples": 200, "burn_in": 1000, "chains": 1, "count": 1}
+    settings = {"symmetry": "hexagonal", "samples": 200, "burn_in": 1000, "chains": 1}
+    settings |= {"result": bi.extract(table, **settings), "count": 1}
     assert "uvw" not in bi.next_grain(table, **settings)["suggestions"][0]
     (tmp_path / "own.csv").write_text("u,v,t,w\n1,1,-2,3\n")
     found = bi.next_grain(table, lattice=[2.951, 4.684], candidates=tmp_path / "own.csv", **settings)["suggestions"][0]

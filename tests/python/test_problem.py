@@ -248,6 +248,7 @@ def spelled(content, rng):
     return "".join(pieces)
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(namelists())
 def test_valid_spellings_are_read(tmp_path_factory, case):

@@ -21,7 +21,7 @@ ANGLES = [(0, 0, 0), (0, 30, 10), (0, 45, 0), (0, 54.7, 45), (10, 20, 30), (0, 4
 BOUNDS = "c_min = 50, 40, 15 c_max = 250, 150, 120"
 
 
-def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus", more: str = "", stages: str = "") -> Path:
+def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus", more: str = ", chains = 2", stages: str = "") -> Path:
     """A namelist with the moduli of a crystal by theory."""
     modulus = bi.halfspace_modulus(bi.stiffness("cubic", **constants), np.array(ANGLES, dtype=float))
     rows = [",".join(map(str, (*angles, m, 2.0))) for angles, m in zip(ANGLES, modulus.tolist(), strict=True)]
@@ -29,7 +29,7 @@ def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus",
     file = folder / "case.nml"
     file.write_text(
         f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
-        f"&prior {BOUNDS} /\n&sampler samples = 600, burn_in = 500 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
+        f"&prior {BOUNDS} /\n&sampler samples = 300, burn_in = 500 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
     )
     return file
 
@@ -39,6 +39,7 @@ def headings(folder: Path) -> list[str]:
     return [part.split("</h2>")[0] for part in text.split("<h2>")[1:]]
 
 
+@pytest.mark.long
 def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
     """Copper is measured, then tungsten: nothing of copper's may stand beside it."""
     output = tmp_path / "out"
@@ -78,6 +79,7 @@ def test_a_stage_that_fails_leaves_no_results_of_other_inputs(tmp_path, monkeypa
     assert headings(output) == ["Provenance"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["indentation_modulus", "effective_modulus", "sample_modulus"])
 def test_every_kind_of_modulus_has_its_orientation_figure(tmp_path, kind, capsys):
     output = tmp_path / "out"
@@ -86,6 +88,7 @@ def test_every_kind_of_modulus_has_its_orientation_figure(tmp_path, kind, capsys
     assert (output / "figures" / "orientations.svg").exists()
 
 
+@pytest.mark.long
 def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys):
     (tmp_path / "case").mkdir()
     file = write_case(tmp_path / "case", COPPER)
@@ -98,15 +101,17 @@ def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys)
     assert Path("out/figures/orientations.svg").exists()
 
 
+@pytest.mark.long
 def test_one_chain(tmp_path, capsys):
     output = tmp_path / "out"
-    assert main(["run", str(write_case(tmp_path, COPPER, more="chains = 1")), "--output", str(output)]) == 0
+    assert main(["run", str(write_case(tmp_path, COPPER, more=", chains = 1")), "--output", str(output)]) == 0
     table = capsys.readouterr().out
     assert " – " in next(line for line in table.splitlines() if line.startswith("C11"))
     assert json.loads((output / "summary.json").read_text())["parameters"]["C11"]["r_hat"] is None
     assert "Convergence of 1 chains" in (output / "report.html").read_text()
 
 
+@pytest.mark.long
 def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
     # Fe-3%Si: the data do not decide C12.
     output = tmp_path / "out"
@@ -136,7 +141,8 @@ def test_every_figure_has_a_section_and_a_name_of_its_own():
 
 def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
     output = tmp_path / "out"
-    assert main(["run", str(write_case(tmp_path, COPPER, "effective_modulus")), "--output", str(output)]) == 0
+    for command in ("extract", "next"):
+        assert main([command, str(write_case(tmp_path, COPPER, "effective_modulus")), "--output", str(output)]) == 0
     assert main(["report", str(output), "--figures", "svg"]) == 0
     page = (output / "report.html").read_text()
     order = [

@@ -15,10 +15,13 @@ import subprocess
 import pytest
 
 from bayesindent.program.cli import main
-from conftest import SOURCE
+from conftest import HANGS_S, SOURCE
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian package chromium): nobody looked at the report")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian package chromium): nobody looked at the report"),
+]
 
 WIDTHS = (1280, 390)
 #: Size of text, px, below which it cannot be read; share of the dots of a figure that are not white.
@@ -80,7 +83,7 @@ def shown_by_chromium(page: str, folder, timeout: float) -> str:
 @pytest.fixture(scope="module", autouse=True)
 def working_browser(tmp_path_factory):
     """A container may have Chromium and not let it start."""
-    if "works" not in shown_by_chromium("<!doctype html><p>works</p>", tmp_path_factory.mktemp("browser"), 60):
+    if "works" not in shown_by_chromium("<!doctype html><p>works</p>", tmp_path_factory.mktemp("browser"), HANGS_S):
         pytest.skip("Chromium does not start here: nobody looked at the report")
 
 
@@ -90,7 +93,7 @@ def look_at(page: str, folder) -> list[dict]:
     frames = "".join(
         f'<iframe style="width: {width}px; height: 900px; border: 0" srcdoc="{html.escape(page)}"></iframe>' for width in WIDTHS
     )
-    shown = shown_by_chromium(f"<!doctype html><meta charset='utf-8'><body><script>{script}</script>{frames}</body>", folder, 240)
+    shown = shown_by_chromium(f"<!doctype html><meta charset='utf-8'><body><script>{script}</script>{frames}</body>", folder, HANGS_S)
     told = re.search(r'<pre id="told">(.*?)</pre>', shown, re.DOTALL)
     assert told, shown[:500]
     return json.loads(html.unescape(told[1]))

@@ -29,6 +29,7 @@ def changes_of(result):
     return {(row["name"], row.get("side"), row.get("to", 0) > row.get("from", 0)): row for row in bi.summary(result)["sensitivity"]}
 
 
+@pytest.mark.long
 def test_another_prior(surrogates):
     """Against chains of the other priors."""
     _, settings = reference("cubic")
@@ -65,6 +66,7 @@ def test_another_prior(surrogates):
     assert "upper limit of C" in told
 
 
+@pytest.mark.long
 def test_limits_where_nothing_is_stated(surrogates):
     result = bi.extract(table_of(*columns("cubic")), surrogate=surrogates["cubic"], symmetry="cubic", samples=1000, **KIND)
     limits = {(name, side) for name, side, _ in changes_of(result)}
@@ -73,6 +75,7 @@ def test_limits_where_nothing_is_stated(surrogates):
     assert changes_of(result)["poisson", "upper", True]["to"] == pytest.approx(0.5)
 
 
+@pytest.mark.long
 def test_nothing_is_told_where_the_data_decide():
     """Fifty grains, the bulk modulus known, and bounds far away."""
     rng = np.random.default_rng(2)
@@ -87,6 +90,7 @@ def test_nothing_is_told_where_the_data_decide():
     assert max(abs(value) for row in document["sensitivity"] for value in row["shift_sd"].values()) < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["plain", "knowledge and logarithms"])
 def test_evidence(model, case):
     """Over the box dynesty's, and the mean of the likelihood over points of it; both less the share of the box that is in the prior."""

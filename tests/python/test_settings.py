@@ -1,41 +1,14 @@
-"""One settings layer: keywords and files give the same words, and every variable is read by somebody."""
+"""One settings layer: keywords and files give the same words."""
 
 import copy
 import pickle
-import re
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
 from bayesindent.settings.problem import schema, stages
-from conftest import DOMAIN, SOURCE
-
-#: Files of the settings layer itself, which handle every variable alike, and its checks.
-LAYER = {"settings_checks", "settings_groups", "settings_lists", "settings_names", "settings_reader", "settings_schema", "settings_visitor"}
-SOURCES = [
-    path.read_text()
-    for folder, ending in (("fortran", "f90"), ("python/bayesindent", "py"))
-    for path in sorted((SOURCE / folder).rglob(f"*.{ending}"))
-    if path.stem not in LAYER
-]
-
-
-def is_read(group: str, name: str) -> bool:
-    """Whether a source that takes the settings of the group names the variable."""
-    takes = re.compile(rf"settings[.%]{group}\b|\b{group}_settings_type|\bgroups\.{group}\b|group\(\"{group}\"\)")
-    return any(takes.search(text) and re.search(rf"[.%]{name}\b|\"{name}\"", text) for text in SOURCES)
-
-
-@pytest.mark.parametrize("variable", schema(), ids=lambda v: f"{v.group}-{v.name}")
-def test_every_variable_is_read(variable):
-    assert is_read(variable.group, variable.name)
-
-
-def test_a_variable_that_nobody_reads_is_found():
-    assert not is_read("measurements", "patience")
-    assert not is_read("design", "nonsense")
-
+from conftest import DOMAIN
 
 #: What is wrong with a group.
 WRONG = {

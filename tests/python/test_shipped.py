@@ -20,6 +20,7 @@ def test_its_coefficients_follow_from_its_simulations():
     np.testing.assert_allclose(again.covariance, BLOCK.covariance, atol=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [3, 77])
 def test_its_simulations_are_those_of_the_block(number):
     data = {name: values[number] for name, values in BLOCK.data.items()}
@@ -35,6 +36,7 @@ CRYSTALS = {
 }
 
 
+@pytest.mark.long_where("titanium", "quartz")
 @pytest.mark.parametrize("name", CRYSTALS)
 def test_crystals_that_it_has_not_seen(name):
     angles = [[20, 35, 50], [110, 70, 15]]

@@ -1,22 +1,25 @@
-"""Counting the cases of the tests, of both kinds of report."""
+"""The tool that runs the tests: what it counts, and what is left of a run that is killed."""
 
+import importlib.util
+import json
+import os
+import signal
+import subprocess
 import sys
+import time
 
 import pytest
 
-from conftest import SOURCE
+from conftest import HANGS_S, SOURCE
 
-sys.path.insert(0, str(SOURCE / "tests" / "tools"))
-from cases import count_cases
+SPECIFICATION = importlib.util.spec_from_file_location("test_tool", SOURCE / "tests" / "tools" / "test.py")
+tool = importlib.util.module_from_spec(SPECIFICATION)
+SPECIFICATION.loader.exec_module(tool)
 
-JUNIT = '<testsuites><testsuite name="pytest" errors="{errors}" failures="{failures}" skipped="{skipped}" tests="{tests}"/></testsuites>'
 
-
-def counted(entry, logs, **report):
-    if report:
-        (logs / "python.junit.xml").write_text(JUNIT.format(**report))
-    count = count_cases(entry, logs)
-    return count["passed"], count["failed"], count["skipped"]
+def counted(cases) -> tuple[int, int, int]:
+    outcomes = [case.outcome for case in cases]
+    return tuple(outcomes.count(outcome) for outcome in ("passed", "failed", "skipped"))
 
 
 @pytest.mark.parametrize(
@@ -26,17 +29,50 @@ def counted(entry, logs, **report):
         ("ok 1 - a\nnot ok 2 - b\n# because\nok 3 - c # SKIP no ccx\n1..3\n", "FAIL", (1, 1, 1)),
         ("ok 1 - a\n", "ERROR", (1, 1, 0)),  # crashed before the plan
         ("", "TIMEOUT", (0, 1, 0)),
-        ("okay, a line that is no case\n", "OK", (1, 0, 0)),  # no TAP: the program is the case
-        ("", "SKIP", (0, 0, 1)),
+        ("", "OK", (1, 0, 0)),  # no TAP: the program is the case
     ],
 )
-def test_tap(tmp_path, stdout, result, expected):
-    assert counted({"name": "unit - bayesindent:crystal", "stdout": stdout, "result": result}, tmp_path) == expected
+def test_counts_lines_of_tap(tmp_path, stdout, result, expected):
+    entry = {"name": "unit - bayesindent:crystal", "stdout": stdout, "result": result, "duration": 1.5}
+    (tmp_path / "testlog.json").write_text(json.dumps(entry) + "\n")
+    cases = list(tool.unit_cases(tmp_path / "testlog.json"))
+    assert counted(cases) == expected
+    assert sum(case.seconds for case in cases) == 1.5
 
 
-def test_pytest(tmp_path):
-    entry = {"name": "python - bayesindent:python", "stdout": "....", "result": "OK"}
-    assert counted(entry, tmp_path, errors=0, failures=0, skipped=2, tests=36) == (34, 0, 2)
-    entry["result"] = "FAIL"
-    assert counted(entry, tmp_path, errors=1, failures=3, skipped=0, tests=36) == (32, 4, 0)
-    assert counted(entry, tmp_path, errors=0, failures=0, skipped=0, tests=36) == (36, 1, 0)
+def test_says_the_slowest_and_the_count_last(capsys):
+    cases = [tool.Case("passed", float(number), f"case {number}") for number in range(12)] + [tool.Case("skipped", 0.5, "skipped")]
+    assert tool.conclude(cases, True) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:11] == [f"{number:7.1f} s  case {number}" for number in range(11, 1, -1)]
+    assert lines[-1] == "12 passed, 0 failed, 1 skipped"
+    assert tool.conclude([*cases, tool.Case("failed", 1.0, "bad")], True) == 1
+    assert tool.conclude(cases, False) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "12 passed, 1 failed, 1 skipped"
+    assert tool.conclude([], True) == 1
+
+
+EXAMPLE = """
+import os, time
+def test_good(): pass
+def test_bad(): assert 0
+def test_that_kills_its_worker(): os._exit(3)
+def test_that_takes_for_ever(): time.sleep(3600)
+"""
+
+
+def test_a_run_that_is_killed_leaves_its_results(tmp_path):
+    (tmp_path / "test_example.py").write_text(EXAMPLE)
+    (tmp_path / "conftest.py").write_text((SOURCE / "tests" / "conftest.py").read_text().replace('pytest_plugins = ["step_2_cases"]', ""))
+    command = [sys.executable, "-m", "pytest", "-n", "1", "-p", "no:cacheprovider", "--cases=cases.txt", "."]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
+    file, deadline = tmp_path / "cases.txt", time.monotonic() + HANGS_S
+    while not (file.exists() and file.read_text().count("\n") == 3) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    cases = list(tool.pytest_cases(file))
+    assert {case.name.rpartition("::")[-1]: case.outcome for case in cases} == {
+        "test_good": "passed", "test_bad": "failed", "test_that_kills_its_worker": "failed",
+    }  # fmt: skip

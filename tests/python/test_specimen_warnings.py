@@ -21,6 +21,7 @@ def warnings_of(surrogate="halfspace", moduli=MODULI, **columns):
     return bi.summary(posterior)["warnings"]
 
 
+@pytest.mark.long
 def test_small_grains():
     """(mean/modulus)^(0.95 a/R) - 1 of the worst grain; large grains, and grains without a size, are not warned of."""
     radius = np.full(N, 1000.0)
@@ -34,6 +35,7 @@ def test_small_grains():
     assert not any("so small" in words for words in warnings_of())
 
 
+@pytest.mark.long
 def test_another_depth():
     """The surrogate of the block is of a contact radius of 0.5 um; a depth four times as large has twice that."""
     block = bi.Surrogate.load("block")

@@ -21,6 +21,7 @@ def isotropic(young, nu):
     return bi.stiffness("isotropic", C11=scale * (1 - nu), C12=scale * nu)
 
 
+@pytest.mark.long_where("row 3", "row 6", "row 10", "row 22")
 @pytest.mark.parametrize("row", [2, 5, 9, 16, 21], ids=lambda row: f"row {row + 1}")
 def test_isotropic_films(row):
     """Thick and thin, stiff and compliant: the exact force at the exact depth, and the contact radius to an element."""
@@ -36,6 +37,7 @@ def test_isotropic_films(row):
     assert result.contact_radius_um[-1] == pytest.approx(case["contact_radius_um"], abs=0.5 / 9.5)
 
 
+@pytest.mark.long_where("thin film", "thick film", "cylinder")
 @pytest.mark.parametrize(
     "specimen",
     [
@@ -55,6 +57,7 @@ def test_alike(specimen):
     assert modulus == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.long
 def test_a_grain_in_its_own_polycrystal_is_a_halfspace_only_if_it_is_isotropic():
     """By default the matrix is Hill's average: nothing for an isotropic crystal, and softer or stiffer than a direction of another."""
     grain, half = bi.Indentation(geometry="grain", grain_radius_um=2.5, depths=5), bi.Indentation(depths=5)
@@ -68,6 +71,7 @@ def test_a_grain_in_its_own_polycrystal_is_a_halfspace_only_if_it_is_isotropic()
         assert 0.003 < sign * change < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("layer, substrate", [((200, 0.3), (70, 0.2)), ((70, 0.3), (400, 0.25))])
 def test_a_contact_much_smaller_than_the_film_is_thick(layer, substrate):
     """At a/t = 0.01 the substrate still adds a displacement, known to the first order; 10 % of it is 0.1 % of the modulus."""
@@ -94,6 +98,7 @@ def test_the_first_order_is_that_of_the_table():
         assert force == pytest.approx(case["force_mn"], rel=0.7 * ratio**3)
 
 
+@pytest.mark.long
 def test_a_rigid_substrate_is_one_without_end():
     """A film on something ten thousand times as stiff."""
     settings = {"geometry": "film", "thickness_um": 1.0, "depths": 5}
@@ -102,6 +107,7 @@ def test_a_rigid_substrate_is_one_without_end():
     assert rigid == pytest.approx(stiff, rel=5e-3)
 
 
+@pytest.mark.long
 def test_an_anisotropic_film_turns_with_the_sample():
     """Turning crystal and sample about the axis together changes nothing, about 90 degrees not even the mesh."""
     film = bi.Indentation(geometry="film", thickness_um=1.0, substrate_young_gpa=160, depths=5)
@@ -109,6 +115,7 @@ def test_an_anisotropic_film_turns_with_the_sample():
     assert first == pytest.approx(turned, rel=2e-5)
 
 
+@pytest.mark.long
 def test_extrapolation_of_a_film():
     case = COATED[10]
     film = bi.Indentation(geometry="film", thickness_um=case["thickness_um"], substrate_young_gpa=case["substrate_young_gpa"],

@@ -30,6 +30,7 @@ def logarithms(symmetry, group, most=4000):
     return (vectors * np.log(values)[:, None, :] @ np.swapaxes(vectors, 1, 2)).reshape(len(draws), 36)
 
 
+@pytest.mark.long_where("cubic")
 def test_identifiability(results, documents, symmetry):
     rows = documents[symmetry]["identifiability"]
     combinations = [row for row in rows if row["kind"] == "combination"]
@@ -67,6 +68,7 @@ def test_poor_chains_are_told_of(surrogates):
     assert any("have not mixed" in line for line in bi.summary(result)["warnings"])
 
 
+@pytest.mark.long
 def test_outlying_grain_is_named(surrogates):
     angles, measured, sd = columns("cubic")
     _, settings = reference("cubic")
@@ -172,6 +174,7 @@ def test_crystals_that_the_surrogate_does_not_know_are_cut_and_told(rough):
     assert not rough["cubic", "correction"].outside(stiffness_rows("cubic", draws)).any()
 
 
+@pytest.mark.long
 def test_a_range_of_the_scale_cuts_the_prior_and_is_named():
     narrow = rough_correction(domain={"stiffness_min_gpa": 180.0, "stiffness_max_gpa": 200.0})
     settings = {"symmetry": "cubic", "bounds": {"C11": (150, 250), "C12": (90, 150), "C44": (80, 140)}, "anisotropy_cap": 7.2, **KIND}
@@ -184,6 +187,7 @@ def test_a_range_of_the_scale_cuts_the_prior_and_is_named():
     assert scale.max() <= 200
 
 
+@pytest.mark.long
 def test_kinds_of_modulus_agree(surrogates):
     """The same data given as three kinds of modulus has the same posterior, up to the noise of the sampler."""
     angles, measured, sd = columns("cubic")
@@ -231,6 +235,7 @@ def test_gain_by_brute_force(surrogates, results):
     assert found["suggestions"][0]["euler_deg"] == found["candidates"][int(np.argmax(gains))]["euler_deg"]
 
 
+@pytest.mark.long_where("hexagonal")
 def test_suggestions_do_not_repeat(surrogates, results, symmetry):
     _, settings = reference(symmetry)
     settings |= {"surrogate_variance": "none", "result": results[symmetry], "seed": 3, "count": 5, "target": "C44"}
@@ -245,6 +250,7 @@ def test_suggestions_do_not_repeat(surrogates, results, symmetry):
     assert all(item["gain"] > 0 for item in one)
 
 
+@pytest.mark.long
 def test_errors_that_measurements_share_teach_nothing_of_the_constants(surrogates, results):
     """With a calibration error a further grain tells less of the constants, however much it tells of that error."""
     _, settings = reference("cubic")
@@ -259,6 +265,7 @@ def test_errors_that_measurements_share_teach_nothing_of_the_constants(surrogate
     assert shared["gain"] < 0.5 * np.log(1 + (shared["sd"] / 1.0) ** 2) - 0.2
 
 
+@pytest.mark.long
 def test_small_gains_are_not_those_of_chance(surrogates):
     """Errors that measurements share are drawn, 2000 times: by chance alone their variance would be off by 3 %, and gains by 0.016 nats."""
     settings = reference("cubic")[1] | {"surrogate_variance": "none", "sd_gpa": 3.0, "count": 1, "calibration_sd": 0.1}
@@ -286,6 +293,7 @@ def test_targets(surrogates, results):
             bi.next_grain(table, surrogate=surrogates["cubic"], target=target, **settings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sd_gpa", [1e-5, 1e-7, 1e-9])
 def test_a_precise_next_measurement_is_no_burden(surrogates, results, sd_gpa):
     settings = reference("cubic")[1] | {"surrogate_variance": "none", "result": results["cubic"], "count": 2}
@@ -305,13 +313,13 @@ def test_stages(tmp_path):
     (tmp_path / "case.nml").write_text(
         "&problem symmetry = 'cubic' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n"
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
-        "&sampler samples = 2000 /\n&next target = 'C44'  count = 3 /\n"
+        "&sampler samples = 300 /\n&next target = 'C44'  count = 3 /\n"
     )
     problem = bi.Problem(tmp_path / "case.nml", "run")
     document = extract_stage(problem, tmp_path / "out", None)
     assert document["parameters"]["C12"]["sd"] < 7
     stored = az.from_netcdf(str(tmp_path / "out" / "posterior.nc"), engine="h5netcdf")
-    assert stored.posterior["C44"].shape == (4, 2000)
+    assert stored.posterior["C44"].shape == (4, 300)
     suggestions = next_stage(problem, tmp_path / "out", None)
     assert len(suggestions["suggestions"]) == 3
     (tmp_path / "case.nml").write_text(

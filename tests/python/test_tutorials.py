@@ -10,6 +10,8 @@ import pytest
 
 from conftest import SOURCE
 
+pytestmark = pytest.mark.long
+
 PAGES = sorted((SOURCE / "docs" / "tutorials").glob("*.md"))
 NUMBER = r"-?\d+(?:\.\d+)?"
 

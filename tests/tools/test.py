@@ -1,14 +1,17 @@
-"""Build and run the tests; the last line counts the cases."""
+"""Build and run the tests: those of every day, in some three minutes on two cores; with --long all others, in some twenty.
+
+The last lines are the ten slowest cases and the count. Each case that has ended is in build/meson-logs/*.txt at once, so that a run
+that is killed leaves its results.
+"""
 
 import argparse
 import json
 import os
 import subprocess
 import sys
-from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-
-from cases import count_cases
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 #: What a build that checks itself is made with.
@@ -21,54 +24,97 @@ SANITIZERS = (
 )
 
 
+class Case(NamedTuple):
+    """One case that has ended: 'passed', 'failed' or 'skipped', how long it took, and its name."""
+
+    outcome: str
+    seconds: float
+    name: str
+
+
 def main(argv=None) -> int:
     """Run the tests asked for and return an exit status."""
-    parser = argparse.ArgumentParser(prog="bayesindent test", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="a suite (unit, python, cli), a unit test, or part of a case's name (all)")
+    parser = argparse.ArgumentParser(prog="bayesindent test", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="a suite (unit, python, long), a unit test, or part of the name of cases of pytest"
+    )
+    parser.add_argument("--long", action="store_true", help="the long cases: whole examples, calibration, kills, other programs")
     parser.add_argument("--sanitize", action="store_true", help="of a build that checks addresses, undefined behaviour and bounds")
     arguments = parser.parse_args(argv)
-    return run_tests(arguments.names, arguments.sanitize)
-
-
-def run_tests(names: list[str], sanitize: bool) -> int:
-    """Build and run the tests of these names (none: all), print the count of cases last, and return an exit status.
-
-    A name is a suite, one of meson's tests, or else part of the names of cases of pytest. With `sanitize` it is a build of its own in
-    build-sanitize/ that checks addresses, undefined behaviour and the bounds of arrays.
-    """
-    build = ROOT / ("build-sanitize" if sanitize else "build")
-    if sanitize and not (build / "build.ninja").exists():
+    names = arguments.names or (["long"] if arguments.long else ["unit", "python"])
+    build = ROOT / ("build-sanitize" if arguments.sanitize else "build")
+    if arguments.sanitize and not (build / "build.ninja").exists():
         meson("setup", "--reconfigure", ROOT, build, *SANITIZERS)
-    known = json.loads(meson("introspect", "--tests", build, capture_output=True).stdout)
-    suites = {test["name"]: {suite.rpartition(":")[-1] for suite in test["suite"]} for test in known}
-    chosen = [name for name in suites if not names or name in names or suites[name] & set(names)]
-    words = [name for name in names if name not in suites and name not in set().union(*suites.values())]
-    patience = ["--timeout-multiplier", "10"] if sanitize else []
-    count: Counter = Counter()
-    if chosen:
-        count += run_meson_tests(build, *patience, *chosen)
+    if meson("compile", "-C", build, stdout=sys.stderr).returncode:
+        return 1
+    return run_tests(build, names)
+
+
+def run_tests(build: Path, names: list[str]) -> int:
+    """Run the tests of these names in a build and return an exit status."""
+    known = {test["name"]: test for test in json.loads(meson("introspect", "--tests", build, stdout=subprocess.PIPE).stdout)}
+    suites = {name: {suite.rpartition(":")[-1] for suite in test["suite"]} for name, test in known.items()}
+    runners = ("python", "long")
+    programs = [name for name in known if name not in runners and ({name} | suites[name]) & set(names)]
+    words = [name for name in names if name not in known and name != "unit"]
+    logs = build / "meson-logs"
+    for old in [*logs.glob("*.junit.xml"), *logs.glob("cases-*.txt"), logs / "testlog.json"]:
+        old.unlink(missing_ok=True)
+    good = True
+    cases: list[Case] = []
+    if programs:
+        good = meson("test", "-C", build, "--no-rebuild", "--print-errorlogs", *programs).returncode == 0
+        cases += unit_cases(logs / "testlog.json")
+    runs: list[tuple[str, list[str]]] = [(name, []) for name in runners if name in names]
     if words:
-        count += run_meson_tests(build, *patience, "python", "cli", f"--test-args=-k '{' or '.join(words)}'")
+        runs.append(("python", ["-m", "long or not long", "-k", " or ".join(words)]))
+    for name, more in runs:
+        test = known[name]
+        status = subprocess.run([*test["cmd"], *more], env=os.environ | test["env"], stdin=subprocess.DEVNULL).returncode
+        found = pytest_cases(logs / f"cases-{name}.txt")
+        # 5: nothing was collected. A crash of pytest itself is no failed case.
+        good &= status in (0, 5)
+        cases += found
+    return conclude(cases, good)
+
+
+def conclude(cases: list[Case], good: bool) -> int:
+    """Print the slowest cases and the count, and return an exit status."""
+    count = {outcome: sum(case.outcome == outcome for case in cases) for outcome in ("passed", "failed", "skipped")}
+    if not good and not count["failed"]:
+        print("the tests did not end as they should", file=sys.stderr)
+        count["failed"] = 1
+    print("The slowest:")
+    for case in sorted(cases, key=lambda case: -case.seconds)[:10]:
+        print(f"{case.seconds:7.1f} s  {case.name}")
     skipped = f", {count['skipped']} skipped" if count["skipped"] else ""
     print(f"{count['passed']} passed, {count['failed']} failed{skipped}", flush=True)
     return 1 if count["failed"] or not count["passed"] else 0
+
+
+def unit_cases(log: Path) -> Iterator[Case]:
+    """The cases of the unit tests, lines of TAP; the first of each program has its seconds."""
+    for line in log.read_text().splitlines() if log.exists() else []:
+        entry = json.loads(line)
+        name, seconds = entry["name"].rpartition(":")[-1].strip(), entry["duration"]
+        told = [text for text in entry.get("stdout", "").splitlines() if text.startswith(("ok", "not ok"))]
+        for text in told or ["ok" if entry["result"] == "OK" else "not ok"]:
+            outcome = "failed" if text.startswith("not") else "skipped" if "# SKIP" in text.upper() else "passed"
+            yield Case(outcome, seconds, f"unit {name}")
+            seconds = 0.0
+        if entry["result"] != "OK" and told and not any(text.startswith("not") for text in told):
+            yield Case("failed", 0.0, f"unit {name}: {entry['result']}")
+
+
+def pytest_cases(log: Path) -> Iterator[Case]:
+    """The cases that tests/conftest.py has kept."""
+    for line in log.read_text().splitlines() if log.exists() else []:
+        outcome, seconds, name = line.split(maxsplit=2)
+        yield Case(outcome, float(seconds), name)
 
 
 def meson(*arguments: str | Path, **options) -> subprocess.CompletedProcess:
     """Run meson, and through it ninja, from the environment of this Python."""
     tools = Path(sys.executable).parent
     environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"}
-    return subprocess.run([tools / "meson", *arguments], env=environment, stdin=subprocess.DEVNULL, **options)
-
-
-def run_meson_tests(build: Path, *arguments: str) -> Counter:
-    """Build, run some of meson's tests, and count their cases."""
-    logs = build / "meson-logs"
-    for report in [*logs.glob("*.junit.xml"), *logs.glob("testlog.json")]:
-        report.unlink()
-    status = meson("test", "-C", build, "--print-errorlogs", *arguments).returncode
-    log = logs / "testlog.json"
-    if not log.exists():
-        sys.exit(f"meson could not build or start the tests (status {status})")
-    entries = [json.loads(line) for line in log.read_text().splitlines()]
-    return sum((count_cases(entry, logs) for entry in entries), Counter())
+    return subprocess.run([tools / "meson", *arguments], env=environment, stdin=subprocess.DEVNULL, text=True, **options)

@@ -18,8 +18,7 @@ def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
     """Name and constants of a class as the core's table has them."""
     name, count, constants, status, message = native.crystal_class_of(symmetry)
     check(status, message)
-    text = constants.decode()
-    return name.decode().strip(), tuple(text[3 * i : 3 * i + 3] for i in range(count))
+    return name, tuple(constants[3 * i : 3 * i + 3] for i in range(count))
 
 
 def class_name(symmetry: str) -> str:

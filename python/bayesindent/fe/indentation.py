@@ -257,4 +257,4 @@ def moduli_by_depth(problem: Problem, depth_um, force_mn) -> list[float]:
 def resolution(problem: Problem, stiffness: np.ndarray) -> tuple[np.ndarray, str]:
     """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
     largest, warning = call("simulation_resolution", problem.handle, np.moveaxis(stiffness, 0, -1))
-    return largest, warning.decode().strip()
+    return largest, warning

@@ -7,7 +7,7 @@ from .extract import extract, loaded
 from .measurements import problem_of
 from .posterior import Posterior
 
-__all__ = ["draws_of", "next_grain"]
+__all__ = ["next_grain"]
 
 
 def next_grain(measurements, *, surrogate="halfspace", result=None, **settings) -> dict:
@@ -21,11 +21,7 @@ def next_grain(measurements, *, surrogate="halfspace", result=None, **settings) 
     problem = problem_of("bi.next_grain", surrogate, measurements, **settings)
     if result is None:
         result = extract(measurements, surrogate=surrogate, **settings)
-    document = Posterior(problem, surrogate).suggest(problem, draws_of(result))
+    draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
+    document = Posterior(problem, surrogate).suggest(problem, draws)
     warn_of(document)
     return document
-
-
-def draws_of(result) -> np.ndarray:
-    """Draws (n, dimension) of a result of `extract`."""
-    return np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)

@@ -56,7 +56,7 @@ class Posterior(NativeObject):
         check(status, message)
         text, _, status, message = native.posterior_document(self._handle, label, length)
         check(status, message)
-        return json.loads(text.tobytes())
+        return json.loads(text)
 
     def sample(self, *, method: str, samples: int, burn_in: int, chains: int, threads: int, seed: int):
         """Chains: parameters (chains, samples, dimension), log densities (chains, samples), acceptance (chains,)."""

@@ -13,7 +13,7 @@ def quantity_names(symmetry: str) -> dict[str, str]:
     """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
     names, status, message = native.quantity_list(symmetry)
     check(status, message)
-    return dict(line.split("\x1f") for line in names.decode().rstrip().split("\n"))
+    return dict(line.split("\x1f") for line in names.split("\n"))
 
 
 def quantities(symmetry: str, constants, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:

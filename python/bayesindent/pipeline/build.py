@@ -106,7 +106,7 @@ class Build(NativeObject):
         # The core takes no empty arrays.
         curve = np.column_stack([result["depth_um"], result["force_mn"]]) if points else np.zeros((1, 2))
         numbers = [result.get(name, 0.0) for name in ("modulus_gpa", "seconds", "elements")]
-        call("build_store", self.handle, number, [*numbers, points], curve, result.get("message", "").encode())
+        call("build_store", self.handle, number, [*numbers, points], curve, result.get("message", ""))
 
     def perform(self, simulate: Callable, engine, advance: Callable[[int], None], n: int) -> None:
         """Have the n simulations that are wanted made by an engine; each is stored as soon as it is done."""

@@ -1,7 +1,6 @@
 """campaign.sqlite: every simulation that was ever made or imported, one row each, never changed. The core keeps it, for both programs."""
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +41,7 @@ class Campaign(NativeObject):
 
     def __init__(self, path, identity: dict):
         self.path = Path(path)
-        self._hold(call("campaign_open", os.fsencode(path), json.dumps(identity, sort_keys=True)))
+        self._hold(call("campaign_open", self.path, json.dumps(identity, sort_keys=True)))
 
     def close(self) -> None:
         """Close the file."""
@@ -65,7 +64,7 @@ class Campaign(NativeObject):
     def _select(self, symmetry: str, point: list) -> list[Row]:
         sizes = call("campaign_select", self.handle, symmetry, point)
         columns, values, text = call("campaign_selected", self.handle, *sizes)
-        words, values, start, rows = text.tobytes().decode(errors="replace").split("\0"), values.tolist(), 0, []
+        words, values, start, rows = text.split("\0"), values.tolist(), 0, []
         for i, numbers in enumerate(columns.T.tolist()):
             position, imported, failed, modulus, seconds, elements, *euler_deg = numbers[:9]
             parts = []
@@ -99,7 +98,7 @@ class Campaign(NativeObject):
 
     def _facts(self) -> tuple[int, list[str]]:
         position, identities = call("campaign_facts", self.handle)
-        return position, identities.decode().split("\n") if identities.strip() else []
+        return position, identities.split("\n") if identities else []
 
     def add(self, symmetry: str, constants, euler_deg, *, position: int = -1, **result) -> None:
         """Store one result of a crystal, constants (k,) in GPa and angles (3,) in degrees, at this or, of -1, the next position.
@@ -111,7 +110,7 @@ class Campaign(NativeObject):
         numbers = position, modulus is None, modulus or 0, result.get("seconds") or 0, result.get("elements") or 0
         curve = [[] if result.get(name) is None else result[name] for name in ("depth_um", "force_mn")]
         point = [*constants, *euler_deg]
-        call("campaign_add", self.handle, symmetry, point, numbers, np.transpose(curve), result.get("message", "").encode())
+        call("campaign_add", self.handle, symmetry, point, numbers, np.transpose(curve), result.get("message", ""))
 
     def import_rows(self, symmetry: str, constants, euler_deg, modulus_gpa) -> int:
         """Import results of others: constants (n, k) in GPa, angles (n, 3) in degrees, moduli (n,) in GPa. Gives how many were new.

@@ -1,16 +1,16 @@
 """Step 2 of a problem: its posterior, kept in the output folder, and what to measure next."""
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from ..common.progress import Progress
-from ..common.result_files import read_groups, write_groups
+from ..common.result_files import read_variables, write_groups
 from ..core import call, native
 from ..inference.extract import groups_of
-from ..inference.next_grain import draws_of
 from ..inference.posterior import EXTRACTION, Posterior
 from ..settings.problem import stages
 from ..surrogate.surrogate import surrogate_of
@@ -40,23 +40,20 @@ def extract_stage(problem, output: Path, progress: Progress | None = None) -> di
 @contextmanager
 def keeping_chains(problem, output: Path) -> Iterator[None]:
     """Chains that are finished within stay in the folder until the end, or for the next time if there is none."""
-    call("command_keep_chains", problem.handle, os.fsencode(output))
+    call("command_keep_chains", problem.handle, output)
     yield
-    native.command_forget_chains(os.fsencode(output))
+    native.command_forget_chains(output)
 
 
-def stored_posterior(problem, output: Path):
-    """The posterior that `extract` left in the output folder, if it was made from the present inputs; else None."""
-    import arviz as az
-
+def stored_draws(problem, output: Path, posterior: Posterior) -> np.ndarray | None:
+    """The draws (n, dimension) that `extract` left in the output folder, if they were made from the present inputs; else None."""
     try:
-        # ArviZ reads files by their names alone.
-        read_groups(output / "posterior.nc")
-        result = az.from_netcdf(str(output / "posterior.nc"), engine="h5netcdf")
-        same = result.posterior.attrs["inputs"] == json.dumps(step_2_inputs(problem, output))
-    except (OSError, ValueError, KeyError, AttributeError):
+        variables, facts = read_variables(output / "posterior.nc")["posterior"]
+        if facts["inputs"] != json.dumps(step_2_inputs(problem, output)):
+            return None
+        return np.stack([variables[name].ravel() for name in (*posterior.names, "sd_factor")[: posterior.dimension]], axis=1)
+    except (OSError, ValueError, KeyError):
         return None
-    return result if same else None
 
 
 def step_2_inputs(problem, output: Path) -> dict[str, str]:
@@ -67,15 +64,13 @@ def step_2_inputs(problem, output: Path) -> dict[str, str]:
 
 def next_stage(problem, output: Path, progress: Progress | None = None) -> dict:
     """The grains worth measuring next of a problem, after its posterior, which is sampled unless `extract` left it in the folder."""
-    surrogate = surrogate_of(problem, output)
-    stored = stored_posterior(problem, output)
+    posterior = Posterior(problem, surrogate_of(problem, output))
+    draws = stored_draws(problem, output, posterior)
     with (progress or Progress()).bar("next grain", 1) as advance:
-        if stored is not None:
-            document = Posterior(problem, surrogate).suggest(problem, draws_of(stored))
-        else:
+        if draws is None:
             with keeping_chains(problem, output):
-                found = Posterior(problem, surrogate, EXTRACTION)
-                draws = found.values("found_draws")
-                document = found.suggest(problem, draws.reshape(found.dimension, -1, order="F").T)
+                posterior = Posterior(problem, posterior.surrogate, EXTRACTION)
+            draws = posterior.values("found_draws").reshape(posterior.dimension, -1, order="F").T
+        document = posterior.suggest(problem, draws)
         advance(1)
     return document

@@ -84,7 +84,7 @@ def report_of(arguments: argparse.Namespace, document: dict) -> str:
 
 def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:
     """Have an output folder, which is made, to the end of the command; refuse if another process has it for longer."""
-    call("command_take_folder", os.fsencode(output), patience_s, int(resumes))
+    call("command_take_folder", output, patience_s, int(resumes))
 
 
 def output_folder(arguments: argparse.Namespace, source: Path) -> Path:

@@ -243,7 +243,11 @@ def next_grain(results: Results) -> Section | None:
 def provenance(results: Results) -> Section:
     """Versions, input and commands that made the results."""
     log = results.folder / "run.log"
-    commands = [line for line in log.read_text().splitlines() if f"INFO bayesindent {__version__[:1]}" in line] if log.exists() else []
+    commands = (
+        [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if f"INFO bayesindent {__version__[:1]}" in line]
+        if log.exists()
+        else []
+    )
     rows = [
         ["bayesindent", __version__],
         ["Python, system", f"{platform.python_version()}, {platform.system()} {platform.machine()}"],

@@ -134,7 +134,7 @@ class Points:
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
         values = np.column_stack(list(columns.values()))
-        call("problem_write_crystals", self._problem.handle, os.fsencode(path), ",".join(columns), values)
+        call("problem_write_crystals", self._problem.handle, path, ",".join(columns), values)
 
 
 class Problem(NativeObject):
@@ -150,7 +150,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
         self._made_of: tuple = (path, command)
-        self._fill(call("problem_new", os.fsencode(path), command, ""), Path(path))
+        self._fill(call("problem_new", path, command, ""), Path(path))
 
     @classmethod
     def from_keywords(
@@ -164,21 +164,21 @@ class Problem(NativeObject):
         self = cls.__new__(cls)
         self._made_of = (origin, measurements_table, stiffness_page, groups)
         text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
-        self._fill(call("problem_new", origin.encode(), "", text.encode()), Path(origin), measurements_table, stiffness_page)
+        self._fill(call("problem_new", origin, "", text), Path(origin), measurements_table, stiffness_page)
         return self
 
     def _fill(self, handle: int, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
         self._hold(handle, frozen=False)
         if stiffness_page:
-            call("problem_set_table", handle, "stiffness", stiffness_page.encode())
+            call("problem_set_table", handle, "stiffness", stiffness_page)
         if measurements_table is not None:
-            call("problem_set_table", handle, "measurements", _page(measurements_table).encode())
+            call("problem_set_table", handle, "measurements", _page(measurements_table))
         facts = self._document()
         if "spreadsheet" in facts:
             settings = _settings(facts["values"], [])
             place = f"{path}: &measurements file: {settings.measurements.file}: "
             page = spreadsheet_page(place, Path(facts["spreadsheet"]), settings.measurements.sheet)
-            call("problem_set_table", handle, "measurements", page.encode())
+            call("problem_set_table", handle, "measurements", page)
             facts = self._document()
         if "indents_um" in facts:
             from .orientation_maps import page_of as page_of_map
@@ -187,9 +187,9 @@ class Problem(NativeObject):
             place = f"{path}: &measurements ebsd: {settings.measurements.ebsd}: "
             x, y = self._array("indents_um", facts["indents_um"]).reshape(2, -1)
             page, told = page_of_map(place, Path(facts["map"]), x.copy(), y.copy(), facts["indents_columns"], settings.problem.symmetry)
-            call("problem_set_table", handle, "ebsd", page.encode())
+            call("problem_set_table", handle, "ebsd", page)
             if told:
-                call("problem_set_table", handle, "warning", told.encode())
+                call("problem_set_table", handle, "warning", told)
             facts = self._document()
         self.path = path
         self.folder = path.parent
@@ -275,7 +275,7 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
     holder = Problem.__new__(Problem)
-    holder._hold(call("problem_of_table", os.fsencode(path), symmetry))
+    holder._hold(call("problem_of_table", path, symmetry))
     return Points(holder, "crystals", holder._document())
 
 

@@ -21,7 +21,7 @@ def find_surrogate(name: str, output, folder) -> Path | None:
     """The file of a surrogate: in the output folder, beside the namelist, or one that comes with the package; the theory has none."""
     path, status, message = native.surrogate_path(name, *places(output, folder))
     check(status, message)
-    return Path(path.decode().rstrip()) if path.strip() else None
+    return Path(path) if path else None
 
 
 def check_replaceable(problem, output) -> None:

@@ -78,12 +78,12 @@ class Surrogate(NativeObject):
 
     def save(self, path) -> None:
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
-        check(*native.surrogate_save(self._handle, str(path)))
+        check(*native.surrogate_save(self._handle, path))
 
     def __reduce__(self):
         with TemporaryDirectory() as folder:
             self.save(Path(folder) / "surrogate.txt")
-            return _from_text, ((Path(folder) / "surrogate.txt").read_text(),)
+            return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
         facts = self._document()

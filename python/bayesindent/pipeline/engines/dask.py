@@ -9,6 +9,9 @@ from ...core import InputError, MachineError
 
 __all__ = ["DaskEngine"]
 
+#: How long a scheduler may take to answer, s.
+PATIENCE_S = 10
+
 
 class DaskEngine:
     """`workers` processes with one thread each (0: as many as there are cores, or one job of SLURM), or all that a scheduler has.
@@ -101,5 +104,5 @@ def _connect(workers: int, scheduler: str):
         cluster = SLURMCluster()
         cluster.scale(workers or 1)
     else:
-        return Client(scheduler, timeout=10, set_as_default=False), None
+        return Client(scheduler, timeout=PATIENCE_S, set_as_default=False), None
     return Client(cluster, set_as_default=False), cluster

@@ -1,0 +1,332 @@
+"""Every variable of a namelist has an effect: changed alone, it changes what a user sees."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from step_2_cases import rough_correction
+from theory_cases import theory_surrogate
+
+import bayesindent as bi
+from bayesindent.inference.posterior import Posterior
+from bayesindent.pipeline.build import build
+from bayesindent.pipeline.simulator import engine_of
+from bayesindent.program.cli import main
+from bayesindent.report.results import Results
+from bayesindent.settings.problem import schema
+
+#: In one process, which looks at each default once.
+pytestmark = pytest.mark.xdist_group("variables")
+
+COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+POINTS = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,10,20,30\n"
+#: Grains of copper, whose moduli are not quite those of the theory.
+GRAINS = {
+    "phi1_deg": [0.0, 0, 0, 10, 50],
+    "Phi_deg": [0.0, 45, 54.7, 20, 70],
+    "phi2_deg": [0.0, 0, 45, 30, 80],
+    "modulus_gpa": [120.0, 140, 146, 130, 139],
+    "sd_gpa": [2.0, 3, 2, 3, 2],
+}
+CSV = "".join(",".join(map(str, row)) + "\n" for row in [[*GRAINS], *zip(*GRAINS.values(), strict=True)])
+#: Further tables of one grain.
+TABLES = [
+    ("fewer", "phi1,Phi,phi2,modulus_gpa,sd_gpa", "1,2,3,120,2"),
+    ("radians", "phi1,Phi,phi2,modulus_gpa,sd_gpa", "0.1,0.2,0.3,120,2"),
+    ("planes", "h,k,l,modulus_gpa,sd_gpa", "1,0,1,120,2"),
+    ("named", "phi1,Phi,phi2,first,second,sd_gpa", "1,2,3,120,130,2"),
+]
+KIND = {"modulus_kind": "indentation_modulus"}
+
+
+def spelled(values: dict) -> str:
+    """The lines of a group."""
+    return "".join(
+        f"{name} = {value!r}\n" if not isinstance(value, list) else f"{name} = {str(value)[1:-1]}\n" for name, value in values.items()
+    )
+
+
+def written(folder, groups: dict, command: str = "run") -> bi.Problem:
+    """The problem of these groups in a file."""
+    folder.mkdir(exist_ok=True)
+    (folder / "points.csv").write_text(POINTS)
+    (folder / "others.csv").write_text(POINTS.replace("10,20,30", "0,45,0"))
+    (folder / "grains.csv").write_text(CSV)
+    for name, header, row in TABLES:
+        (folder / f"{name}.csv").write_text(f"{header}\n{row}\n")
+    text = "".join(f"&{group}\n{spelled(values)}/\n" for group, values in groups.items())
+    (folder / "a.nml").write_text(text.replace("True", ".true.").replace("False", ".false."))
+    return bi.Problem(folder / "a.nml", command)
+
+
+def simulated(folder, groups):
+    """One indentation."""
+    flat = {"refine": 0.6, "depths": 2, **{name: value for values in groups.values() for name, value in values.items()}}
+    found = bi.Indentation(**flat).run(COPPER, [10, 20, 30])
+    return found.indentation_modulus_gpa, found.elements, found.force_mn.tolist()
+
+
+def files(folder, groups):
+    """What `simulate` leaves."""
+    defaults = {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}, "simulation": {"refine": 0.6, "depths": 2}}
+    problem = written(folder, merged(defaults, groups))
+    assert main(["simulate", str(problem.path), "--output", str(folder / "out")]) == 0
+    kept = {path.name for path in (folder / "out").iterdir()}
+    return sorted(kept), [line.split(",")[:7] for line in (folder / "out" / "moduli.csv").read_text().splitlines()]
+
+
+def built(folder, groups):
+    """A surrogate of simulations by theory."""
+    defaults = {
+        "problem": {"symmetry": "cubic"},
+        "simulation": {"simulator": "theory"},
+        "surrogate": {"degree": 1},
+        "design": {"n_candidates": 60, "budget": 12, "initial": 8},
+    }
+    groups = merged(defaults, groups)
+    document = build(written(folder, groups, "build"), folder / "out")
+    file = folder / "out" / groups["surrogate"].get("file", "surrogate.txt")
+    angles = bi.Surrogate.load(file).data["euler_deg"].tolist()
+    return angles, file.name, json.dumps({name: value for name, value in document.items() if name != "file"})
+
+
+def density(folder, groups):
+    """The density of Step 2 at a few points, with a correction that is known badly."""
+    settings = {name: value for values in groups.values() for name, value in values.items()}
+    x = np.array([168.4, 121.4, 75.4]) * np.array([0.9, 1.0, 1.05])[:, None]
+    x = np.column_stack([x, np.full(3, 0.2)]) if settings.get("scale") == "inferred" else x
+    posterior = Posterior.of(GRAINS, symmetry="cubic", surrogate=surrogate(), **KIND | settings)
+    return posterior.evaluate(x)[0].round(9).tolist()
+
+
+def read(folder, groups):
+    """The table of measurements as it is understood."""
+    defaults = {"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}
+    points = written(folder, merged(defaults, groups)).measurements
+    return points.euler_deg.tolist(), points.modulus_gpa.tolist(), points.modulus_kind
+
+
+def sampled(folder, groups):
+    """Chains."""
+    settings = {"method": "scmh", "samples": 12, "burn_in": 20, "chains": 2} | {
+        name: value for values in groups.values() for name, value in values.items()
+    }
+    with pytest.warns(bi.BayesindentWarning):
+        result = bi.extract(GRAINS, surrogate=of_cubic_crystals(), **KIND | settings)
+    return {name: values.values.tolist() for name, values in result.posterior.items()}, "evidence" in bi.summary(result)
+
+
+def asked_for(folder, groups):
+    """What is sampled."""
+    problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
+    return Posterior(problem, bi.Surrogate.load("halfspace")).names
+
+
+def suggested(folder, groups):
+    """What to measure next."""
+    settings = {"count": 2} | {name: value for values in groups.values() for name, value in values.items()}
+    if "candidates" in settings:
+        settings["candidates"] = str(folder / settings["candidates"])
+        folder.mkdir(exist_ok=True)
+        (folder / "mine.csv").write_text("phi1_deg,Phi_deg,phi2_deg\n1,2,3\n40,50,60\n")
+    return json.dumps(bi.next_grain(GRAINS, surrogate=of_cubic_crystals(), result=drawn(), **KIND | settings))
+
+
+def engine(folder, groups):
+    """Where simulations run."""
+    with engine_of(written(folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups)) as made:
+        return type(made).__name__, getattr(made, "workers", None)
+
+
+def reported(folder, groups):
+    """The title of the report, and whether its figures say that the data are made up."""
+    problem = written(folder, merged({"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}, groups))
+    (folder / "resolved.nml").write_text(problem.resolved)
+    results = Results(folder)
+    return results.title, results.synthetic
+
+
+@cache
+def surrogate():
+    return rough_correction()
+
+
+@cache
+def of_cubic_crystals():
+    """The paper's model, whose chains take no time."""
+    return theory_surrogate("cubic", 1, 4, points=200)
+
+
+@cache
+def drawn():
+    with pytest.warns(bi.BayesindentWarning):
+        return bi.extract(GRAINS, surrogate=of_cubic_crystals(), method="scmh", samples=50, burn_in=500, chains=2, **KIND)
+
+
+def merged(groups: dict, more: dict) -> dict:
+    return groups | {name: groups.get(name, {}) | values for name, values in more.items()}
+
+
+BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.8}}
+FILM = {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}
+GRAIN = {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix": "isotropic", "matrix_young_gpa": 200.0}}
+CONE = {"indenter": {"shape": "cone"}}
+BOUNDED = {"domain": {"c_min": [100, 60, 40], "c_max": [250, 150, 120]}}
+PAPER = BOUNDED | {"surrogate": {"model": "paper", "degree": 1, "bandlimit": 4}}
+FACTORIAL = BOUNDED | {"design": {"candidates": "factorial", "n_candidates": 40, "n_directions": 3}}
+REDUCED = {"measurements": {"modulus_kind": "effective_modulus"}}
+
+#: What is looked at, in which problem, and the value that is another than the default.
+EFFECTS = {
+    "problem": {
+        "symmetry": (asked_for, {}, "tetragonal"),
+        "lattice": (
+            read,
+            {"problem": {"symmetry": "tetragonal", "lattice": [4.6, 4.6]}, "measurements": {"file": "planes.csv"}},
+            [4.6, 2.96],
+        ),
+        "title": (reported, {}, "mine"),
+        "synthetic": (reported, {}, True),
+        "seed": (sampled, {}, 2),
+    },
+    "crystals": {"points": (files, {}, "others.csv")},
+    "specimen": {
+        "geometry": (simulated, {"simulation": {"refine": 0.8}}, "block"),
+        "width_um": (simulated, BLOCK, 7.0),
+        "height_um": (simulated, BLOCK, 4.0),
+        "thickness_um": (simulated, FILM, 2.0),
+        "substrate": (simulated, {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}, "rigid"),
+        "substrate_young_gpa": (simulated, FILM, 80.0),
+        "substrate_nu": (simulated, FILM, 0.2),
+        "grain_radius_um": (simulated, GRAIN, 3.0),
+        "grain_depth_um": (simulated, GRAIN, 3.0),
+        "matrix": (simulated, {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix_young_gpa": 200.0}}, "isotropic"),
+        "matrix_young_gpa": (simulated, GRAIN, 90.0),
+        "matrix_nu": (simulated, GRAIN, 0.2),
+    },
+    "indenter": {
+        "shape": (simulated, {}, "sphere"),
+        "radius_um": (simulated, {}, 10.0),
+        "half_angle_deg": (simulated, CONE, 60.0),
+        "depth_um": (simulated, {}, 0.01),
+        "contact_radius_um": (simulated, {}, 0.4),
+    },
+    "simulation": {
+        "simulator": (files, {}, "theory"),
+        "element": (simulated, {}, "c3d8"),
+        "integration": (simulated, {"simulation": {"element": "c3d8"}}, "full"),
+        "refine": (simulated, {}, 0.7),
+        "extrapolate": (simulated, {"simulation": {"refine": 0.9}}, True),
+        "outer": (simulated, {}, 4.0),
+        "growth": (simulated, {}, 1.2),
+        "depths": (simulated, {}, 3),
+        "vtu": (files, {}, True),
+        "inp": (files, {}, True),
+    },
+    "domain": {
+        "classes": (built, {}, ["cubic"]),
+        "log_anisotropy_max": (built, {}, 0.8),
+        "poisson_min": (built, {}, 0.2),
+        "poisson_max": (built, {}, 0.35),
+        "stiffness_min_gpa": (built, {"domain": {"stiffness_max_gpa": 300.0, "stiffness_min_gpa": 50.0}}, 100.0),
+        "stiffness_max_gpa": (built, {"domain": {"stiffness_min_gpa": 50.0, "stiffness_max_gpa": 300.0}}, 200.0),
+        "c_min": (built, BOUNDED, [120, 60, 40]),
+        "c_max": (built, BOUNDED, [240, 150, 120]),
+        "anisotropy_cap": (built, BOUNDED, 1.0),
+    },
+    "surrogate": {
+        "file": (built, {}, "mine.txt"),
+        "model": (built, BOUNDED | {"surrogate": {"degree": 1, "bandlimit": 4}, "design": {"budget": 20}}, "paper"),
+        "degree": (built, {}, 2),
+        "bandlimit": (built, PAPER | {"design": {"budget": 20}}, 0),
+        "truncation": (built, PAPER | {"design": {"budget": 20}}, "total"),
+        "scan": (built, PAPER | {"design": {"budget": 20}}, "0, 1 x 0, 4"),
+    },
+    "design": {
+        "candidates": (built, BOUNDED, "factorial"),
+        "n_candidates": (built, {}, 80),
+        "initial": (built, {}, 5),
+        "initial_set": (built, {}, "latin"),
+        "orientations": (built, BOUNDED, "declination"),
+        "n_directions": (built, FACTORIAL, 5),
+        "variance_of": (built, {"design": {"budget": 20}}, "modulus"),
+        "budget": (built, {}, 14),
+        "batch": (built, {"design": {"budget": 20, "initial": 2}}, 6),
+        "refit": (built, {"design": {"budget": 20}}, 7),
+        "target_gpa": (built, {"design": {"budget": 40}}, 50.0),
+        "patience": (built, PAPER | {"design": {"n_candidates": 250, "budget": 200}}, 5),
+        "validation": (built, {}, 3),
+        "reuse": None,  # test_build: a surrogate of what other models chose
+    },
+    "measurements": {
+        "file": (read, {}, "fewer.csv"),
+        "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
+        "sheet": None,  # test_spreadsheets: the second sheet of a workbook
+        "ebsd": None,  # test_orientation_maps: orientations of a map
+        "modulus_kind": (density, {}, "effective_modulus"),
+        "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),
+        "indenter_modulus_gpa": (density, REDUCED, 600.0),
+        "indenter_nu": (density, REDUCED, 0.3),
+        "sample_nu": (density, {"measurements": {"modulus_kind": "sample_modulus"}}, 0.2),
+        "calibration_sd": (density, {}, 0.03),
+        "orientation_sd_deg": (density, {}, 2.0),
+        "scatter_sd": (density, {}, 0.03),
+        "scale": (density, {}, "inferred"),
+        "likelihood": (density, {}, "student"),
+        "student_dof": (density, {"measurements": {"likelihood": "student"}}, 9.0),
+    },
+    "prior": {
+        "c_min": (density, {}, [160, 60, 40]),
+        "c_max": (density, {}, [165, 150, 120]),
+        "anisotropy_cap": (density, {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}}, 0.1),
+        "measure": (density, {}, "logarithms"),
+    },
+    "knowledge": {
+        "quantity": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C12": (80, 5)}),
+        "mean": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (85, 5)}),
+        "sd": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C44": (80, 9)}),
+        "stiffness_file": (density, {}, {"stiffness": ([168, 121, 75], np.diag([9.0, 9, 9]))}),
+    },
+    "sampler": {
+        "method": (sampled, {}, "ensemble"),
+        "samples": (sampled, {}, 14),
+        "burn_in": (sampled, {}, 40),
+        "chains": (sampled, {}, 3),
+        "surrogate_variance": (density, {}, "none"),
+        "evidence": (sampled, {}, True),
+    },
+    "next": {
+        "sd_gpa": (suggested, {}, 9.0),
+        "target": (suggested, {}, "C44"),
+        "candidates": (suggested, {}, "mine.csv"),
+        "count": (suggested, {}, 3),
+    },
+    "execution": {
+        "workers": (engine, {"execution": {"workers": 1}}, 3),
+        "engine": (engine, {}, "dask"),
+        "scheduler": None,  # test_dask: a scheduler at an address
+    },
+}
+
+
+def test_every_variable_is_here():
+    assert {(variable.group, variable.name) for variable in schema()} == {(group, name) for group in EFFECTS for name in EFFECTS[group]}
+
+
+@pytest.mark.parametrize(("group", "name"), [(group, name) for group in EFFECTS for name in EFFECTS[group] if EFFECTS[group][name]])
+def test_has_an_effect(tmp_path, capsys, group, name):
+    look, common, value = EFFECTS[group][name]
+    changed = merged(common, {"knowledge": {"knowledge": value}} if group == "knowledge" else {group: {name: value}})
+    assert at_default(look, common, tmp_path / "default") != look(tmp_path / "changed", changed)
+
+
+DEFAULTS: dict = {}
+
+
+def at_default(look, common, folder):
+    """What is looked at before the change, once for all variables."""
+    key = look, repr(common)
+    if key not in DEFAULTS:
+        DEFAULTS[key] = look(folder, common)
+    return DEFAULTS[key]
