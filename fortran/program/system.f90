@@ -2,6 +2,7 @@
 module system
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_long, c_null_char, c_null_ptr, c_ptr, c_loc
    use files, only: folder_of, is_folder, read_entry
+   use text, only: to_text
    use version, only: installed_data
    implicit none
    private
@@ -48,14 +49,16 @@ contains
       if (length > 0) call get_command_argument(i, text)
    end function argument
 
-   !> The folder of the shipped surrogates, with a slash at its end: as the environment says, or where it is from this program,
-   !> installed (where Python's own folders are is not known when this is built), in a wheel (where programs have a folder beside the
-   !> package) or in the build folder.
+   !> The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program,
+   !> installed, in a wheel (where programs have a folder beside the package), in the build folder, or among the packages of a Python
+   !> that has other folders than it said when this was built, as Debian's has.
    function data_folder() result(folder)
       character(len=:), allocatable :: folder
       character(len=*), parameter :: places(4) = [character(len=max(32, len(installed_data))) :: &
          & installed_data, '../bayesindent/data/', '../data/', '../python/bayesindent/data/']
-      integer :: i, length, status
+      character(len=*), parameter :: libraries(2) = [character(len=5) :: 'lib', 'lib64'], packages(2) = ['site', 'dist']
+      integer, parameter :: newest = 40, oldest = 10
+      integer :: i, length, minor, status
 
       call get_environment_variable('BAYESINDENT_DATA', length=length, status=status)
       if (status == 0 .and. length > 0) then
@@ -67,6 +70,13 @@ contains
       do i = 1, size(places)
          folder = own_folder()//trim(places(i))
          if (is_folder(folder)) return
+      end do
+      do minor = newest, oldest, -1
+         do i = 0, 3
+            folder = own_folder()//'../'//trim(libraries(1 + i/2))//'/python3.'//to_text(minor)//'/'//packages(1 + mod(i, 2)) &
+               & //'-packages/bayesindent/data/'
+            if (is_folder(folder)) return
+         end do
       end do
    end function data_folder
 

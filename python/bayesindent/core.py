@@ -124,7 +124,7 @@ def warn_of(document: dict) -> None:
 def check(status: int, message: str) -> None:
     """Raise the exception that a status and a message of the core stand for; return on status 0."""
     if status:
-        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(message.strip())
+        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(message)
 
 
 def call(procedure: str, *arguments):

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import bayesindent as bi
@@ -11,16 +12,6 @@ pytestmark = pytest.mark.long
 
 README = (SOURCE / "README.md").read_text()
 
-#: How far a printed number may be from another machine's: by the first word of its line, or else for a row of `next`. The first share
-#: is relative. Errors of Monte Carlo are a tenth of these; a most probable point on a long ridge is worth little.
-TOLERANCES = {
-    "Surrogate:": [(0, 0), (0, 0), (0, 0), (0, 0), (0.5, 0), (0.5, 0), (0.5, 0), (1, 0), (1, 0)],
-    "Theory": [(0, 3.0), (0, 1.5), (0, 3.0), (0, 1.5), (0, 3.0), (0, 1.5)],
-    **{key: [(0, 1.0), (0, 1.0), (0, 25.0), (0, 3.0), (0, 3.0), (0, 0.03), (0, 0.01), (0.5, 0), (0.5, 0)] for key in ("C11", "C12", "C44")},
-}
-#: The first grain to be measured; those after it are near each other in gain, so that their order may be another.
-FIRST = [(0, 15.0), (0, 15.0), (0, 15.0), (0, 9.0), (0, 9.0), (0, 9.0), (0.2, 0)]
-OTHER = [(0, 0), (0, 90.0), (0, 90.0), (0, 9.0), (0, 9.0), (0, 9.0), (0.2, 0.004)]
 NUMBER = r"(?<![\w-])\d+(?:\.\d+)?(?![\w%-])"
 
 
@@ -34,21 +25,58 @@ def words(line):
     return re.sub(r"\s+", " ", re.sub(NUMBER, "#", re.sub(r"\b[0-9A-F]{16}\b", "#", line)))
 
 
+def numbers(line):
+    return [float(number) for number in re.findall(NUMBER, line)]
+
+
+def check_constant(value, wanted):
+    """One row of the constants: a fourth of its sd for another order of simulations, which another processor may choose."""
+    quarter = wanted[1] / 4
+    assert value[:2] == pytest.approx(wanted[:2], abs=quarter)
+    # The most probable value, where one is given, lies on a long ridge and is worth little; it is in the interval.
+    *mode, low, high, contraction, r_hat, bulk, tail = value[2:]
+    assert all(low <= number <= high for number in mode)
+    assert [low, high] == pytest.approx(wanted[-6:-4], abs=3 * quarter)
+    assert contraction == pytest.approx(wanted[-4], abs=0.01)
+    assert r_hat < 1.01
+    assert min(bulk, tail) > 0.7 * min(wanted[-2:])
+
+
+def off_deg(row):
+    """Between the direction of the angles of a row of `next` and that of its indices, degrees."""
+    phi, phi2 = np.radians(row[1:3])
+    along = np.array([np.sin(phi) * np.sin(phi2), np.sin(phi) * np.cos(phi2), np.cos(phi)])
+    return np.degrees(np.arccos(along @ row[3:6] / np.linalg.norm(row[3:6])))
+
+
+def check_suggestions(values, wanted):
+    """Rows of `next`: indices are those of the angles, gains fall and are as large as shown; who is second may depend on the processor."""
+    assert max(map(off_deg, values)) < 2.05
+    gains = [row[-1] for row in values]
+    assert gains == sorted(gains, reverse=True)
+    assert gains == pytest.approx([row[-1] for row in wanted], abs=0.004)
+    # The best one is known to some degrees.
+    first, shown = (np.radians(rows[0][1]) for rows in (values, wanted))
+    assert abs(np.degrees(first - shown)) < 8
+
+
 def test_the_quickstart_prints_this(process):
     done = process("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
     shown, printed = block("Elastic constants (GPa)").strip().splitlines(), done.stdout.strip().splitlines()
     assert printed[-1] == "Report: runs/quickstart/report.html"
-    assert len(shown) == len(printed) - 1
-    for previous, expected, line in zip(["", *shown], shown, printed, strict=False):
-        assert words(line) == words(expected)
-        values = [[float(number) for number in re.findall(NUMBER, text)] for text in (line, expected)]
-        others = FIRST if "phi1" in previous else OTHER
-        tolerances = TOLERANCES.get(expected.split()[0], others)
-        if len(tolerances) > len(values[0]):  # no most probable value
-            tolerances = tolerances[:2] + tolerances[3:]
-        for value, wanted, (relative, absolute) in zip(*values, tolerances, strict=False):
-            assert value == pytest.approx(wanted, rel=relative, abs=absolute), line
+    assert [words(line) for line in printed[:-1]] == [words(line) for line in shown]
+    values, wanted = ({line.split()[0]: numbers(line) for line in lines} for lines in (printed, shown))
+    for name in ("C11", "C12", "C44"):
+        check_constant(values[name], wanted[name])
+    # Chains of the theory alone, whose sd is some 4 GPa, with thousands of effective samples.
+    assert values["Theory"] == pytest.approx(wanted["Theory"], abs=0.3)
+    *counts, loocv, mean, largest, anisotropy, poisson, scale = values["Surrogate:"]
+    assert counts == wanted["Surrogate:"][:-6]
+    assert [loocv, mean, largest] == pytest.approx(wanted["Surrogate:"][-6:-3], rel=0.3)
+    assert 0 <= anisotropy <= 1.5 and 0.05 <= poisson <= 0.45 and 40 < scale < 460
+    begin = next(number for number, line in enumerate(shown) if line.startswith("phi1")) + 1
+    check_suggestions(*([numbers(line) for line in lines[begin : len(shown)]] for lines in (printed, shown)))
 
 
 def test_the_example_in_python_says_so(monkeypatch):

@@ -1,9 +1,11 @@
 """What describes the package elsewhere agrees with the package."""
 
 import importlib.util
+import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,6 +51,27 @@ def test_hosted_tests_run_what_is_there():
 def test_types_are_for_others_too():
     assert (Path(bayesindent.__file__).parent / "py.typed").exists()
     assert importlib.util.find_spec("bayesindent")
+
+
+BUILD = os.environ.get("BAYESINDENT_BUILD")
+
+
+@pytest.mark.skipif(not BUILD, reason="the package is installed already, and was not built here")
+def test_the_installed_batch_program_finds_the_shipped_surrogates(tmp_path):
+    """Whichever Python it was built for: Debian's says lib/python3/dist-packages when it builds, and pip installs into other folders."""
+    meson = Path(sys.executable).with_name("meson")
+    subprocess.run([meson, "install", "-C", BUILD, "--no-rebuild", "--quiet", "--destdir", tmp_path], check=True, capture_output=True)
+    (packages,) = {path.parents[2] for path in tmp_path.rglob("bayesindent/data/block.txt")}
+    folder = packages.parents[1] / "python3.12" / ("dist-packages" if packages.name == "site-packages" else "site-packages")
+    folder.parent.mkdir(exist_ok=True)
+    packages.rename(folder)
+    (program,) = tmp_path.rglob("bin/bayesindent-batch")
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'cubic' /\n&surrogate file = 'block' /\n"
+        f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv', modulus_kind = 'effective_modulus' /\n"
+    )
+    done = subprocess.run([program, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
 
 
 @pytest.mark.skipif(shutil.which("nm") is None, reason="nm, which reads the symbols, comes with the compiler")

@@ -99,12 +99,13 @@ def look_at(page: str, folder) -> list[dict]:
     return json.loads(html.unescape(told[1]))
 
 
-def check(folder, tmp_path, figures: int) -> None:
-    measured = look_at((folder / "report.html").read_text(), tmp_path)
+def check(folder, tmp_path) -> None:
+    page = (folder / "report.html").read_text()
+    measured = look_at(page, tmp_path)
     assert [frame["width"] for frame in measured] == list(WIDTHS)
     for frame in measured:
         assert frame["found"] == [], frame["width"]
-        assert frame["figures"] == figures
+        assert frame["figures"] == page.count("<img ") > 0
     # The narrow one is the longer one, unless nothing is laid out.
     assert measured[1]["height"] > measured[0]["height"] > 2000
 
@@ -121,7 +122,7 @@ def test_both_steps(tmp_path, capsys):
         "&sampler chains = 2, samples = 1500, burn_in = 500 /\n&next count = 3 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
-    check(tmp_path / "out", tmp_path, figures=16)
+    check(tmp_path / "out", tmp_path)
 
 
 def test_simulations(tmp_path, capsys):
@@ -130,7 +131,7 @@ def test_simulations(tmp_path, capsys):
     file = tmp_path / "fe.nml"
     file.write_text("&problem symmetry = 'hexagonal' /\n&crystals points = 'zinc.csv' /\n&simulation refine = 0.6 /\n")
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
-    check(tmp_path / "out", tmp_path, figures=3)
+    check(tmp_path / "out", tmp_path)
 
 
 def test_what_is_wrong_is_found(tmp_path):

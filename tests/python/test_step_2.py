@@ -30,7 +30,7 @@ def logarithms(symmetry, group, most=4000):
     return (vectors * np.log(values)[:, None, :] @ np.swapaxes(vectors, 1, 2)).reshape(len(draws), 36)
 
 
-@pytest.mark.long_where("cubic")
+@pytest.mark.long_where("hexagonal")
 def test_identifiability(results, documents, symmetry):
     rows = documents[symmetry]["identifiability"]
     combinations = [row for row in rows if row["kind"] == "combination"]

@@ -168,7 +168,7 @@ def merged(groups: dict, more: dict) -> dict:
     return groups | {name: groups.get(name, {}) | values for name, values in more.items()}
 
 
-BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.8}}
+BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.66}}
 FILM = {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}
 GRAIN = {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix": "isotropic", "matrix_young_gpa": 200.0}}
 CONE = {"indenter": {"shape": "cone"}}
@@ -192,7 +192,7 @@ EFFECTS = {
     },
     "crystals": {"points": (files, {}, "others.csv")},
     "specimen": {
-        "geometry": (simulated, {"simulation": {"refine": 0.8}}, "block"),
+        "geometry": (simulated, {"simulation": {"refine": 0.66}}, "block"),
         "width_um": (simulated, BLOCK, 7.0),
         "height_um": (simulated, BLOCK, 4.0),
         "thickness_um": (simulated, FILM, 2.0),

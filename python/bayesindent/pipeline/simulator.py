@@ -37,7 +37,7 @@ class Simulator(NativeObject):
         check(status, message)
         modulus, seconds, elements, points, failed = numbers
         if failed:
-            return {"seconds": float(seconds), "message": message.strip()}
+            return {"seconds": float(seconds), "message": message}
         result = {"modulus_gpa": float(modulus), "seconds": float(seconds)}
         if not elements:
             return result
