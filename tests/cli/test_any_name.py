@@ -95,7 +95,7 @@ def test_the_library(tmp_path, name):
     folder.mkdir()
     problem = bi.Problem(folder / write(folder, NAMES[name]))
     assert problem.stages[0] == "simulate"
-    assert os.path.basename(problem.settings.crystals.points) == f"{NAMES[name]}.csv"
+    assert Path(problem.settings.crystals.points).name == f"{NAMES[name]}.csv"
     table = folder / f"{NAMES[name]}.csv"
     assert read_crystals(table, "cubic").euler_deg.tolist() == [list(map(float, angles)) for angles in ANGLES]
     surrogate = bi.Surrogate.load("block")

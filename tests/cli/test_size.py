@@ -5,10 +5,8 @@ import json
 import pytest
 
 import bayesindent.pipeline.specimen_size as specimen_size_module
-from bayesindent.common.progress import Progress
 from bayesindent.fe.indentation import Indentation
 from bayesindent.pipeline.specimen_size import LIMIT, smallest_size
-from bayesindent.settings.problem import Problem
 from conftest import SOURCE
 
 FILE = """
@@ -60,7 +58,7 @@ def test_the_smallest_size():
     assert smallest_size([]) is None
 
 
-def test_a_cylinder_keeps_its_proportions(monkeypatch, tmp_path):
+def test_a_cylinder_keeps_its_proportions(bayesindent, monkeypatch, tmp_path):
     """Every size that is simulated has the depth over radius of the file."""
     made = []
 
@@ -77,7 +75,9 @@ def test_a_cylinder_keeps_its_proportions(monkeypatch, tmp_path):
         "&problem symmetry = 'cubic' /\n&crystals points = 'copper.csv' /\n"
         "&specimen geometry = 'grain', grain_radius_um = 4.0, grain_depth_um = 6.0 /\n"
     )
-    specimen_size_module.specimen_size(Problem(tmp_path / "grain.nml", "size"), Progress(False))
+    done = bayesindent("size", "grain.nml", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["variable"] == "grain_radius_um"
     cylinders = [settings for settings in made if settings["geometry"] == "grain"]
     assert len(cylinders) == 2 * 3
     assert all(settings["grain_depth_um"] == pytest.approx(1.5 * settings["grain_radius_um"]) for settings in cylinders)

@@ -1,7 +1,5 @@
 """Evidence regression and sequential design against closed forms, brute force and direct densities, on the terms of real bases."""
 
-import re
-
 import numpy as np
 import pytest
 from paper_domains import DOMAINS
@@ -12,7 +10,6 @@ import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.learner import Learner
-from conftest import SOURCE
 
 #: The paper's model: 8 products x 2 harmonics; corrections: 29 and 141 terms.
 BASES = {
@@ -22,13 +19,8 @@ BASES = {
 }
 
 
-def experience():
-    """What the core takes for known of the fall: the logarithms that it tries, their centre and sd."""
-    text = (SOURCE / "fortran" / "surrogate" / "evidence_regression.f90").read_text()
-    n, least, step, typical, sd = (
-        float(re.search(rf"\b{name} = (-?[\d.]+)", text)[1]) for name in ("n_falls", "least", "step", "typical", "sd")
-    )
-    return least + step * np.arange(int(n)), typical, sd
+#: Of the logarithm of the fall: the values that are tried, and centre and sd of its normal prior (docs/surrogate.md).
+FALLS, TYPICAL, SD = np.linspace(-2.1, -0.15, 14), -0.9, 0.12
 
 
 def free_width(degrees, fall):
@@ -121,9 +113,8 @@ def test_evidence_is_maximised(name, n_data):
     if name == "paper":
         assert found["log_evidence"] == pytest.approx(-best.fun, abs=1e-6)
         return
-    falls, typical, sd = experience()
     values = {}
-    for log_fall in falls:
+    for log_fall in FALLS:
         width = free_width(case.basis.polynomial_degrees, np.exp(log_fall))
         result = minimize(
             lambda x, width=width: -case.density(np.exp(x[0]), np.exp(x[1]), width),
@@ -132,7 +123,7 @@ def test_evidence_is_maximised(name, n_data):
             bounds=[(None, None), (None, -2 * np.log(case.basis.least_noise))],
             options={"xatol": 1e-5, "fatol": 1e-7, "maxiter": 2000},
         )
-        values[log_fall] = -result.fun - 0.5 * ((log_fall - typical) / sd) ** 2
+        values[log_fall] = -result.fun - 0.5 * ((log_fall - TYPICAL) / SD) ** 2
     best_of_all = max(values, key=values.get)
     assert np.log(found["fall"]) == pytest.approx(best_of_all, abs=1e-9)
     assert found["log_evidence"] == pytest.approx(values[best_of_all], abs=1e-4)
@@ -145,15 +136,14 @@ def test_the_fall_is_learnt():
     terms, scale = basis.terms(constants, angles)
     rng = np.random.default_rng(5)
     normal, noise = rng.normal(size=basis.n_terms), 0.001 * rng.normal(size=400)
-    _, typical, _ = experience()
-    for fall in np.exp([typical - 0.6, typical + 0.4]):
+    for fall in np.exp([TYPICAL - 0.6, TYPICAL + 0.4]):
         learner = Learner(basis)
         y = 0.1 * normal * fall ** np.maximum(0, basis.polynomial_degrees - 1) @ terms + noise
         learner.add(constants, angles, basis.to_modulus(y, scale), chosen=True)
         learner.fit()
         found.append(np.log(learner.precisions()["fall"]))
-    assert typical - 0.7 < found[0] < typical - 0.2
-    assert typical + 0.1 < found[1] < typical + 0.5
+    assert TYPICAL - 0.7 < found[0] < TYPICAL - 0.2
+    assert TYPICAL + 0.1 < found[1] < TYPICAL + 0.5
 
 
 @pytest.mark.parametrize("name", ["paper", "large"])
