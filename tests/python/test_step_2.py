@@ -15,7 +15,7 @@ from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
 from bayesindent.inference.posterior import Posterior
 from bayesindent.inference.quantities import quantity_names
-from bayesindent.pipeline.step_2 import extract_stage, next_stage
+from bayesindent.pipeline.step_2 import extract_stage, next_stage, stored_draws
 from conftest import REFERENCE
 
 # What the results say
@@ -322,6 +322,12 @@ def test_stages(tmp_path):
     assert stored.posterior["C44"].shape == (4, 300)
     suggestions = next_stage(problem, tmp_path / "out", None)
     assert len(suggestions["suggestions"]) == 3
+    # What `next` goes on with is that posterior, and none of other measurements.
+    posterior = Posterior(problem, bi.Surrogate.load(tmp_path / "model.txt"))
+    draws = stored_draws(problem, tmp_path / "out", posterior)
+    assert ([stored.posterior[name].values.ravel() for name in constant_names("cubic")] == draws.T).all()
+    (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text().rstrip().rpartition("\n")[0] + "\n")
+    assert stored_draws(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", posterior) is None
     (tmp_path / "case.nml").write_text(
         "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n&sampler samples = 100 /\n"
     )

@@ -16,7 +16,7 @@ from ..settings.problem import stages
 from ..surrogate.surrogate import surrogate_of
 from .inputs_identity import inputs_of
 
-__all__ = ["check_stage", "extract_stage", "next_stage"]
+__all__ = ["check_stage", "extract_stage", "next_stage", "stored_draws"]
 
 
 def check_stage(problem, output: Path) -> None:
