@@ -73,6 +73,7 @@ INSERT INTO physics (identity) VALUES ('{"simulator": "theory"}');
 """
 
 
+@pytest.mark.long
 def test_rows_that_python_wrote_are_found(tmp_path):
     path = tmp_path / "campaign.sqlite"
     rng = np.random.default_rng(2)

@@ -9,6 +9,7 @@ import pytest
 from bayesindent.crystal.elasticity import stiffness_rows
 
 
+@pytest.mark.long
 def test_crystals_from_several_threads_at_once():
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)

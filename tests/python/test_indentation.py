@@ -62,7 +62,7 @@ def test_shapes_agree_on_an_anisotropic_half_space():
         assert sphere.depth_um[-1] == pytest.approx(0.5**2 / 16, rel=1e-3)
 
 
-@pytest.mark.long_where("sphere")
+@pytest.mark.long
 @pytest.mark.parametrize("shape", ["sphere", "cone"])
 def test_modulus_of_a_homogeneous_block_does_not_depend_on_scale(shape):
     """The same block, indenter and last point four times as large: a power of two, which rounds alike in single precision."""
@@ -234,6 +234,7 @@ def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
     assert "so near instability that the error of the mesh may reach about" in result.warning
 
 
+@pytest.mark.long
 def test_real_crystals_are_resolved_without_a_word(halfspace):
     with (SOURCE / "tests" / "reference" / "crystals.csv").open() as stream:
         rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))

@@ -169,6 +169,7 @@ def test_student_t_by_quadrature(rough):
     assert value[0] == pytest.approx(np.log(np.trapezoid(np.exp(density), e)), abs=0.03)
 
 
+@pytest.mark.long
 def test_inferred_scale(surrogates):
     angles, measured, sd = columns("cubic")
     _, settings = reference("cubic")

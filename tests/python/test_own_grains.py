@@ -35,6 +35,7 @@ def test_all_grains_are_ranked_by_name(result, tmp_path):
     assert not any("degrees apart" in line for line in found["warnings"])
 
 
+@pytest.mark.long
 def test_the_gain_of_a_grain_is_that_of_its_direction(result, tmp_path):
     """As by the lattice of all directions, which has these corners."""
     everywhere = bi.next_grain(DATA, result=result, **SETTINGS)["candidates"]

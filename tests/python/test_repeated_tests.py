@@ -124,6 +124,7 @@ def test_equivalent_orientations_are_one():
     assert found.names == ["b", "a", "c"]
 
 
+@pytest.mark.long
 def test_names_reach_the_document():
     result = bi.extract(table(), symmetry="cubic", samples=50, burn_in=200, chains=1, knowledge={"bulk_modulus": (165, 3)})
     rows = bi.summary(result)["predicted"]

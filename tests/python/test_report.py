@@ -66,6 +66,7 @@ def test_results_of_other_inputs_are_not_shown(tmp_path, capsys):
     assert following in headings(output)
 
 
+@pytest.mark.long
 def test_a_stage_that_fails_leaves_no_results_of_other_inputs(tmp_path, monkeypatch, capsys):
     output = tmp_path / "out"
     assert main(["extract", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
@@ -139,6 +140,7 @@ def test_every_figure_has_a_section_and_a_name_of_its_own():
     assert len(set(names)) == len(names)
 
 
+@pytest.mark.long
 def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
     output = tmp_path / "out"
     for command in ("extract", "next"):

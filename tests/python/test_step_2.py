@@ -60,6 +60,7 @@ def test_verdicts(documents):
     assert "not mixed" not in lines
 
 
+@pytest.mark.long
 def test_poor_chains_are_told_of(surrogates):
     _, settings = reference("hexagonal")
     result = bi.extract(
@@ -166,6 +167,7 @@ def test_the_share_of_a_prior_that_a_box_covers_is_named():
     assert result.posterior["C44"].max() <= 120
 
 
+@pytest.mark.long
 def test_crystals_that_the_surrogate_does_not_know_are_cut_and_told(rough):
     settings = {"symmetry": "cubic", "bounds": {"C11": (60, 5000), "C12": (20, 5000), "C44": (1, 5000)}, "anisotropy_cap": 1e3, **KIND}
     result = bi.extract(REFERENCE / "cubic_fe3si.csv", surrogate=rough["cubic", "correction"], samples=1000, chains=2, **settings)

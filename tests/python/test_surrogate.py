@@ -124,6 +124,7 @@ def test_an_impossible_domain_is_refused(symmetry, domain, settings, message):
         Basis.from_keywords(symmetry, domain, **settings)
 
 
+@pytest.mark.long
 def test_a_domain_without_crystals_is_refused():
     with pytest.raises(bi.InputError, match="no stable crystal"):
         Basis.from_keywords("cubic", DOMAINS["cubic"] | {"anisotropy_cap": 1e-15}, **PAPER).crystals(10, 0)

@@ -314,6 +314,20 @@ def test_every_variable_is_here():
     assert {(variable.group, variable.name) for variable in schema()} == {(group, name) for group in EFFECTS for name in EFFECTS[group]}
 
 
+@pytest.mark.long_where(
+    "simulation-extrapolate",
+    "sampler-method",
+    "sampler-samples",
+    "sampler-chains",
+    "sampler-evidence",
+    "execution-engine",
+    "design-patience",
+    "problem-seed",
+    "next-target",
+    "next-sd_gpa",
+    "specimen-width_um",
+    "specimen-height_um",
+)
 @pytest.mark.parametrize(("group", "name"), [(group, name) for group in EFFECTS for name in EFFECTS[group] if EFFECTS[group][name]])
 def test_has_an_effect(tmp_path, capsys, group, name):
     look, common, value = EFFECTS[group][name]
