@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -66,10 +66,10 @@ def next_stage(problem, output: Path, progress: Progress | None = None) -> dict:
     """The grains worth measuring next of a problem, after its posterior, which is sampled unless `extract` left it in the folder."""
     posterior = Posterior(problem, surrogate_of(problem, output))
     draws = stored_draws(problem, output, posterior)
-    with (progress or Progress()).bar("next grain", 1) as advance:
+    keeping = keeping_chains(problem, output) if draws is None else nullcontext()
+    with (progress or Progress()).bar("next grain", 1) as advance, keeping:
         if draws is None:
-            with keeping_chains(problem, output):
-                posterior = Posterior(problem, posterior.surrogate, EXTRACTION)
+            posterior = Posterior(problem, posterior.surrogate, EXTRACTION)
             draws = posterior.values("found_draws").reshape(posterior.dimension, -1, order="F").T
         document = posterior.suggest(problem, draws)
         advance(1)
