@@ -16,7 +16,7 @@ SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[1]))
 REFERENCE = SOURCE / "tests" / "reference"
 #: Whether the compiled core checks itself: AddressSanitizer reserves 20 TB of addresses.
 SANITIZED = "libasan" in os.environ.get("LD_PRELOAD", "")
-#: After which a process hangs, s: a hundred times what the longest takes on a free machine.
+#: After which a process hangs, s: ten times what the longest takes on a slow machine.
 HANGS_S = 1200
 
 #: The paper's domains as namelist groups.
