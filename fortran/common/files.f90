@@ -1,6 +1,6 @@
 !> Whole files in, whole files out, and the paths between them.
 module files
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_int, c_null_char, c_ptr, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use kinds, only: i8
    use text, only: to_text
@@ -8,7 +8,7 @@ module files
    private
    public :: read_text_file, read_bytes, read_entry, new_file_type, replace_file, make_folder, name_beside, &
       & place_new_file, remove_file
-   public :: folder_of, resolve_path, file_exists, is_folder, printable
+   public :: folder_of, full_path, resolve_path, file_exists, is_folder, printable
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
    character(len=*), parameter, public :: unfinished = '.part-'
@@ -56,6 +56,12 @@ module files
          import :: c_int
          integer(c_int), value :: descriptor
       end function c_close
+      type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
+         import :: c_char, c_ptr
+         character(kind=c_char), intent(in) :: path(*)
+         ! allow(C072)
+         character(kind=c_char), intent(out) :: resolved(*)
+      end function c_realpath
       integer(c_int) function c_getpid() bind(c, name='getpid')
          import :: c_int
       end function c_getpid
@@ -325,6 +331,16 @@ contains
          path = folder//name
       end if
    end function resolve_path
+
+   !> The absolute path of a file that is there, else as it is.
+   function full_path(path) result(resolved)
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable :: resolved
+      character(kind=c_char, len=4097) :: buffer
+
+      resolved = path
+      if (c_associated(c_realpath(path//c_null_char, buffer))) resolved = buffer(:index(buffer, c_null_char) - 1)
+   end function full_path
 
    logical function file_exists(path)
       character(len=*), intent(in) :: path

@@ -16,7 +16,7 @@ module json
    use warning_lists, only: warning_type
    implicit none
    private
-   public :: json_type
+   public :: json_type, quoted
 
    integer, parameter :: deepest = 32
    character, parameter :: newline = achar(10)
@@ -33,6 +33,7 @@ module json
       procedure :: begin_array
       procedure :: end_array
       procedure :: put_null
+      procedure :: put_if
       !> A value that is JSON already.
       procedure :: put_json
       procedure :: text => document_text
@@ -83,6 +84,17 @@ contains
 
       call self%put_json(key, 'null')
    end subroutine put_null
+
+   !> The number `value` under `key`, or null if it is not `known`.
+   pure subroutine put_if(self, known, key, value)
+      class(json_type), intent(inout) :: self
+      logical, intent(in) :: known
+      character(len=*), intent(in) :: key
+      real(wp), intent(in) :: value
+
+      if (known) call self%put(key, value)
+      if (.not. known) call self%put_null(key)
+   end subroutine put_if
 
    !> `value`, which is JSON already, under `key`.
    pure subroutine put_json(self, key, value)
@@ -238,6 +250,7 @@ contains
       if (ieee_is_finite(value)) string = number_text(value)
    end function number
 
+   !> A text as JSON.
    pure function quoted(string) result(literal)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: literal

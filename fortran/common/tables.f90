@@ -4,6 +4,7 @@
 !> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
 !> order mark are accepted. A row of units may follow the header.
 module tables
+   use checksums, only: checksum
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
    use numbers, only: number_malformed, number_ok, read_real
@@ -38,6 +39,7 @@ module tables
       procedure :: find
       procedure :: number
       procedure :: join
+      procedure :: digest
    end type table_type
 
 contains
@@ -474,4 +476,14 @@ contains
       end do
       cell = cell//'"'
    end function csv_cell
+   !> A short name for the cells.
+   function digest(self)
+      class(table_type), intent(in) :: self
+      character(len=:), allocatable :: digest
+      character(len=:), allocatable :: places
+
+      allocate (character(len=4*size(self%first)) :: places)
+      places = transfer(self%first, places)
+      digest = to_text(self%columns)//' '//checksum(self%buffer)//checksum(places)
+   end function digest
 end module tables

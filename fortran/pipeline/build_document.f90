@@ -11,7 +11,7 @@ module build_document
    use physics_identity, only: identity_text
    use problem, only: problem_type
    use simulate, only: simulation_error, specimen_contact_radius
-   use step_1, only: build_type
+   use build_loop, only: build_type
    use surrogate_domain, only: domain_type
    use surrogate_file, only: save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of

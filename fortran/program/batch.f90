@@ -1,24 +1,27 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
-   use batch_build, only: build_surrogate, check_new_surrogate
-   use batch_sample, only: check_sampling, sample_constants
-   use batch_simulate, only: simulate_crystals
+   use abstract_stage, only: stage_type
    use errors, only: error_type, exit_bad_input, exit_status, raise
-   use files, only: printable, replace_file
+   use extract_stage, only: extract_stage_type
+   use files, only: printable
    use namelist_file, only: place
    use choices, only: all_choices
    use problem, only: problem_type
    use problem_input, only: read_problem
    use running_command, only: take_folder, watch_signals
    use settings_lists, only: new_schema, schema_markdown
-   use system, only: argument, settle_blas, end_process
-   use version, only: package_version
+   use simulation_loop, only: simulate_all
+   use stage_documents, only: begin_results
+   use stages, only: check_stages, groups_of, new_stage
+   use surrogate_lookup, only: places_type
+   use system, only: argument, data_folder, settle_blas, end_process
+   use version, only: package_version, shipped_surrogates
    use warning_lists, only: warning_type
    implicit none
 
-   character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--output DIR] [--check]'
-   character(len=:), allocatable :: path, output
+   character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'
+   character(len=:), allocatable :: path, output, command
    logical :: check_only
 
    call settle_blas()
@@ -34,6 +37,7 @@ contains
 
       path = ''
       output = ''
+      command = 'run'
       check_only = .false.
       i = 1
       do while (i <= command_argument_count())
@@ -51,6 +55,11 @@ contains
             call end_process(0)
          case ('--check')
             check_only = .true.
+         case ('--stage')
+            command = ''
+            if (i <= command_argument_count()) command = argument(i)
+            i = i + 1
+            if (len(command) == 0) call refuse_usage('--stage needs a name')
          case ('--output')
             if (i <= command_argument_count()) output = argument(i)
             i = i + 1
@@ -66,13 +75,12 @@ contains
    end subroutine read_arguments
 
    subroutine perform()
-      type(problem_type) :: self
+      type(problem_type), target :: self
       type(error_type), allocatable :: error
-      character(len=:), allocatable :: told
-      type(warning_type), allocatable :: prior(:), warnings(:)
-      integer :: i
+      character(len=:), allocatable :: left, name
+      type(places_type) :: places
 
-      call read_problem(path, 'run', self, error)
+      call read_problem(path, command, self, error)
       if (.not. allocated(error) .and. allocated(self%spreadsheet)) call raise(error, place(path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
          & //'its sheet as CSV', exit_bad_input)
@@ -81,42 +89,52 @@ contains
          & //'bayesindent-batch, which needs the orientations as columns', exit_bad_input)
       call stop_on(error)
       call tell(self%warnings)
-      if (self%settings%design%given) call check_new_surrogate(self, output, error)
+      ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.
+      places%output = output//'/'
+      places%folder = self%folder
+      places%data_folder = data_folder()
+      places%shipped = shipped_surrogates
+      call check_stages(self, places, error)
       call stop_on(error)
       if (check_only) then
-         if (self%settings%measurements%given) call check_sampling(self, output, error)
-         call stop_on(error)
          write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
          return
       end if
       call take_folder(output, 0, .true., error)
+      if (.not. allocated(error)) call begin_results(self, groups_of(self%stages), places, error)
       call stop_on(error)
-      self%kept_in = output
-      call replace_file(output//'/resolved.nml', self%resolved_text(), error)
-      call stop_on(error)
-      if (self%settings%crystals%given) then
-         call simulate_crystals(self, output, told, error)
-         call stop_on(error)
-         write (output_unit, '(2a)') 'simulate: ', told
-         flush (output_unit)
-      end if
-      if (self%settings%design%given) then
-         call build_surrogate(self, output, told, warnings, error)
-         call stop_on(error)
-         call tell(warnings)
-         write (output_unit, '(2a)') 'build: ', told
-         flush (output_unit)
-      end if
-      if (self%settings%measurements%given) then
-         call sample_constants(self, output, told, prior, warnings, error)
-         call stop_on(error)
-         call tell(warnings)
-         write (output_unit, '(2a)') 'sample: ', told
-         do i = 1, size(prior)
-            write (output_unit, '(2a)') 'prior: ', prior(i)%text
-         end do
-      end if
+      left = self%stages//' '
+      do while (len(left) > 0)
+         name = left(:index(left, ' ') - 1)
+         left = left(len(name) + 2:)
+         call perform_stage(self, name, places)
+      end do
    end subroutine perform
+
+   subroutine perform_stage(self, name, places)
+      type(problem_type), intent(in), target :: self
+      character(len=*), intent(in) :: name
+      type(places_type), intent(in) :: places
+      class(stage_type), allocatable :: stage
+      type(error_type), allocatable :: error
+      character(len=:), allocatable :: document
+      integer :: i
+
+      call new_stage(name, stage, error)
+      if (.not. allocated(error)) call stage%open(self, places, error)
+      if (.not. allocated(error)) call simulate_all(stage, error)
+      if (.not. allocated(error)) call stage%close(document, error)
+      call stop_on(error)
+      call tell(stage%warnings)
+      write (output_unit, '(3a)') name, ': ', stage%done
+      select type (stage)
+      type is (extract_stage_type)
+         do i = 1, size(stage%prior)
+            write (output_unit, '(2a)') 'prior: ', stage%prior(i)%text
+         end do
+      end select
+      flush (output_unit)
+   end subroutine perform_stage
 
    subroutine tell(warnings)
       type(warning_type), intent(in) :: warnings(:)
@@ -159,10 +177,13 @@ contains
       write (output_unit, '(a)') usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
-         & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv', &
+         & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
          & '  &design        chooses simulations, performs and learns them: campaign.sqlite, surrogate.txt, build.json', &
-         & '  &measurements  samples the constants: posterior.csv, summary.json', &
+         & '  &measurements  samples the constants: posterior.csv, posterior.bin, summary.json', &
+         & '  &next          ranks the grains to measure next: next.json', &
+         & 'bayesindent report DIR makes the page of results.', &
          & '', &
+         & '  --stage NAME  only simulate, theory, size, build, extract or next', &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      print the page of all groups and variables', &

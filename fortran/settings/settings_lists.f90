@@ -32,7 +32,7 @@ module settings_lists
       !> Groups to write beside those that are given, each with a blank before and after it.
       character(len=:), allocatable :: needed
       character(len=:), allocatable :: page
-      logical :: writing = .false.
+      logical :: writing = .false., only_needed = .false.
    contains
       procedure :: begin_group => write_group
       procedure :: visit => write_variable
@@ -138,9 +138,11 @@ contains
    end function kind_in_words
 
    !> The groups that are given, and those of the list `needed`, as namelists; numbers to the last bit.
-   function settings_namelist(settings, needed) result(page)
+   function settings_namelist(settings, needed, only_needed) result(page)
       type(settings_type), intent(in) :: settings
       character(len=*), intent(in) :: needed
+      !> Without those that are given.
+      logical, intent(in), optional :: only_needed
       character(len=:), allocatable :: page
       type(writer_type) :: writer
       type(settings_type) :: copy
@@ -148,6 +150,7 @@ contains
       copy = settings
       allocate (writer%choices(0))
       writer%needed = ' '//needed//' '
+      if (present(only_needed)) writer%only_needed = only_needed
       writer%page = ''
       call visit_settings(writer, copy)
       page = writer%page
@@ -159,7 +162,7 @@ contains
       logical, intent(inout) :: given
 
       if (self%writing) self%page = self%page//'/'//newline
-      self%writing = given .or. index(self%needed, ' '//self%group_name//' ') > 0
+      self%writing = (given .and. .not. self%only_needed) .or. index(self%needed, ' '//self%group_name//' ') > 0
       if (self%writing) self%page = self%page//newline//'&'//self%group_name//newline
    end subroutine write_group
 

@@ -2,7 +2,7 @@
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type, new_correction_basis
-   use described_values, only: described_values_type
+   use named_values, only: named_values_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use paper_basis, only: new_paper_basis, paper_basis_type
@@ -79,7 +79,7 @@ contains
    !> Name the parameters of a basis, and what its terms are.
    subroutine describe_basis(basis, visitor)
       class(basis_type), intent(inout) :: basis
-      type(described_values_type), intent(inout) :: visitor
+      type(named_values_type), intent(inout) :: visitor
       character(len=:), allocatable :: name
       integer :: directional(basis%n_terms), polynomial(basis%n_terms)
       real(wp), allocatable :: values(:)
@@ -90,7 +90,7 @@ contains
       call basis%exchange(visitor)
       call visitor%integer('n_terms', basis%n_terms)
       call visitor%real('least_noise', basis%least_noise)
-      call visitor%document%put('logarithmic', basis%logarithmic)
+      call visitor%put('logarithmic', basis%logarithmic)
       call basis%term_degrees(directional, polynomial)
       values = directional
       call visitor%reals('directional_degrees', values)

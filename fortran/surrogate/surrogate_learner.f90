@@ -4,7 +4,7 @@ module surrogate_learner
    use acquisitions, only: new_acquisition
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
-   use described_values, only: described_values_type
+   use named_values, only: named_values_type
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
       & leave_groups_out, log_evidence, refresh_interval, set_precisions, spectrum_type, update_posterior
    use kinds, only: degree, wp
@@ -15,7 +15,8 @@ module surrogate_learner
    implicit none
    private
    public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, forget_last, fit_learner, &
-      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner
+      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner, &
+      & learner_values
 
    type :: learner_type
       class(basis_type), allocatable :: basis
@@ -306,25 +307,38 @@ contains
    !> Name the numbers of a learner; its arrays are not listed but given if wanted.
    subroutine describe_learner(learner, visitor)
       type(learner_type), intent(inout) :: learner
-      type(described_values_type), intent(inout) :: visitor
+      type(named_values_type), intent(inout) :: visitor
+
+      associate (regression => learner%design%regression)
+         call visitor%put('alpha', regression%alpha)
+         call visitor%put('beta', regression%beta)
+         call visitor%put('log_evidence', learner%log_evidence)
+         call visitor%put('fall', regression%fall)
+      end associate
+   end subroutine describe_learner
+
+   !> Values of the coefficients, 'mean' or 'prior_width' (n_terms), 'covariance' (n_terms squared), or of the candidates, 'variances'.
+   subroutine learner_values(learner, name, values)
+      type(learner_type), intent(inout) :: learner
+      character(len=*), intent(in) :: name
+      real(wp), allocatable, intent(out) :: values(:)
       real(wp), allocatable :: covariance(:, :)
 
       associate (regression => learner%design%regression)
-         call visitor%real('alpha', regression%alpha)
-         call visitor%real('beta', regression%beta)
-         call visitor%real('log_evidence', learner%log_evidence)
-         call visitor%real('fall', regression%fall)
-         if (visitor%wants('prior_width')) call visitor%reals('prior_width', regression%prior_width)
-         if (visitor%wants('mean')) visitor%values = coefficient_mean(regression)
-         if (visitor%wants('variances')) then
+         select case (name)
+         case ('prior_width')
+            values = regression%prior_width
+         case ('mean')
+            values = coefficient_mean(regression)
+         case ('variances')
             call absorb_choices(learner%design)
-            visitor%values = learner%design%variance
-         else if (visitor%wants('covariance')) then
+            values = learner%design%variance
+         case default
             call absorb_choices(learner%design)
             allocate (covariance(regression%n_terms, regression%n_terms))
             call coefficient_covariance(regression, covariance)
-            visitor%values = reshape(covariance, [size(covariance)])
-         end if
+            values = reshape(covariance, [size(covariance)])
+         end select
       end associate
-   end subroutine describe_learner
+   end subroutine learner_values
 end module surrogate_learner

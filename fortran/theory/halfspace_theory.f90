@@ -7,11 +7,11 @@ module halfspace_theory
    use barnett_lothe, only: inverse_barnett, lanes, tolerance
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type, raise
-   use kinds, only: pi, wp
+   use kinds, only: degree, pi, wp
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus
+   public :: halfspace_type, halfspace_modulus, halfspace_moduli
 
    !> What the theory says of one crystal under the indenter.
    type :: halfspace_type
@@ -66,6 +66,35 @@ contains
       call raise(error, 'the surface Green''s function of a nearly unstable crystal did not converge on ' &
          & //to_text(finest)//' directions')
    end subroutine halfspace_modulus
+
+   !> The moduli of many crystals on `threads` threads; the error is that of the first that has one.
+   subroutine halfspace_moduli(stiffness, euler_deg, threads, modulus, circular, error)
+      !> GPa (6, 6, n), Bunge-Euler angles in degrees (3, n).
+      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
+      integer, intent(in) :: threads
+      !> Exact, and of a circular contact, GPa (n).
+      real(wp), intent(out) :: modulus(:), circular(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(halfspace_type) :: result
+      type(error_type), allocatable :: own
+      integer :: i, first
+
+      first = size(modulus) + 1
+      !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(result, own)
+      do i = 1, size(modulus)
+         call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, own)
+         modulus(i) = result%modulus
+         circular(i) = result%modulus_circular
+         if (.not. allocated(own)) cycle
+         !$omp critical (halfspace_moduli_error)
+         if (i < first) then
+            first = i
+            call raise(error, 'crystal '//to_text(i)//': '//own%message, own%status)
+         end if
+         !$omp end critical (halfspace_moduli_error)
+      end do
+      !$omp end parallel do
+   end subroutine halfspace_moduli
 
    !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, and the cosine and sine of 2 theta, in the directions after the first
    !> `done` up to the `n`-th; theta is counted from sample x in the surface.

@@ -1,10 +1,10 @@
-"""The one door to the compiled core: its procedures, with status integers turned into exceptions."""
+"""The one door to the compiled core: operations on named values, whose errors become exceptions."""
 
-import json
 import os
 import platform
+import struct
 import warnings
-from collections.abc import Callable
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -45,58 +45,11 @@ __all__ = [
     "MachineError",
     "NativeObject",
     "call",
-    "check",
-    "document",
-    "native",
     "warn_of",
 ]
 
-
-class Core:
-    """The f2py module, with texts and paths in UTF-8 both ways: by itself f2py takes ASCII alone, and gives bytes.
-
-    A name of a file that is not UTF-8 comes back as Python itself has it (surrogateescape).
-    """
-
-    def __init__(self, module):
-        self._module = module
-
-    def __getattr__(self, name: str):
-        found = getattr(self._module, name)
-        if not callable(found):
-            return found
-        procedure = _with_texts(found)
-        setattr(self, name, procedure)
-        return procedure
-
-
-def _with_texts(procedure: Callable) -> Callable:
-    """The same procedure, which takes and gives texts."""
-
-    def called(*arguments):
-        found = procedure(*map(_as_bytes, arguments))
-        return tuple(map(_as_text, found)) if isinstance(found, tuple) else _as_text(found)
-
-    called.__doc__ = procedure.__doc__
-    return called
-
-
-def _as_bytes(value):
-    """A text or a path as the core has it."""
-    if isinstance(value, os.PathLike):
-        value = os.fspath(value)
-    return value.encode("utf-8", "surrogateescape") if isinstance(value, str) else value
-
-
-def _as_text(value):
-    """Bytes of the core, padded with blanks, or an array of characters, as a text."""
-    if isinstance(value, np.ndarray) and value.dtype.kind == "S":
-        return value.tobytes().decode("utf-8", "surrogateescape")
-    return value.rstrip().decode("utf-8", "surrogateescape") if isinstance(value, bytes) else value
-
-
-#: The compiled core.
-native = Core(import_module(_MODULE, __package__))
+#: The compiled core: an operation on named values, and what it gave, as bytes.
+native = import_module(_MODULE, __package__)
 
 
 class BayesindentError(RuntimeError):
@@ -121,26 +74,57 @@ def warn_of(document: dict) -> None:
         warnings.warn(line, BayesindentWarning, stacklevel=3)
 
 
-def check(status: int, message: str) -> None:
-    """Raise the exception that a status and a message of the core stand for; return on status 0."""
+#: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.
+HEADER = struct.Struct("<cBxxiq4q")
+
+
+def encode(values: Mapping) -> bytes:
+    """Named values as the core takes them: texts and paths, logicals, integers, reals, and arrays of reals. What is None is left out."""
+    pieces = []
+    for name, value in values.items():
+        shape: tuple[int, ...] = ()
+        if value is None:
+            continue
+        if isinstance(value, str | os.PathLike):
+            # A name of a file that is not UTF-8 is what Python has of it.
+            kind, content = b"t", os.fspath(value).encode("utf-8", "surrogateescape")
+        elif isinstance(value, bool | np.bool_ | int | np.integer):
+            kind, content = b"i", int(value).to_bytes(8, "little", signed=True)
+        else:
+            array = np.asarray(value, dtype=float)
+            # The axes are reversed there.
+            kind, content, shape = b"r", array.tobytes(), array.shape[::-1]
+        label = name.encode()
+        header = HEADER.pack(kind, len(shape), len(label), len(content), *shape, *[0] * (4 - len(shape)))
+        pieces += [header, label, bytes(-len(label) % 8), content, bytes(-len(content) % 8)]
+    return b"".join(pieces)
+
+
+def decode(content: np.ndarray) -> dict:
+    """Named values of the core; arrays are views of `content`, bytes, with the axes reversed."""
+    found, at = {}, 0
+    while at < len(content):
+        kind, rank, length, size, *shape = HEADER.unpack_from(content, at)
+        start = at + HEADER.size + length + -length % 8
+        name = content[at + HEADER.size : at + HEADER.size + length].tobytes().decode()
+        value, axes = content[start : start + size], shape[:rank][::-1]
+        at = start + size + -size % 8
+        if kind in b"tl":
+            text = value.tobytes().decode("utf-8", "surrogateescape")
+            found[name] = text if kind == b"t" else text.split("\0")[:-1]
+        else:
+            array = value.view(float if kind == b"r" else np.int64).reshape(axes)
+            found[name] = array if rank else bool(array) if kind == b"b" else array.item()
+    return found
+
+
+def call(operation: str, handle: int = 0, /, **values) -> dict:
+    """What an operation of the core gives for named values: 'KIND.VERB', of an object by its handle. Its errors become exceptions."""
+    reply, words, status = native.core_do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
+    found = decode(native.core_take(reply, words).view(np.uint8))
     if status:
-        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(message)
-
-
-def call(procedure: str, *arguments):
-    """What a procedure of the core gives back, without its status and message, which become an exception."""
-    *results, status, message = getattr(native, procedure)(*arguments)
-    check(status, message)
-    return results[0] if len(results) == 1 else results
-
-
-def document(handle: int, kind: str) -> dict:
-    """Numbers and texts of an object of the core, arrays by their lengths; or, without a handle, what 'settings' there are."""
-    room = 1 << 16
-    text, length = call("object_document", handle, kind, room)
-    if length > room:
-        text, _ = call("object_document", handle, kind, length)
-    return json.loads(text)
+        raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(found["message"])
+    return found
 
 
 class NativeObject:
@@ -156,12 +140,16 @@ class NativeObject:
     _frozen = False
 
     def _hold(self, handle: int, *, frozen: bool = True) -> None:
-        self._handle, self._frozen = int(handle), frozen
+        self._handle, self._frozen = handle, frozen
 
     @property
     def handle(self) -> int:
         """The number that the core knows the object by."""
         return self.__dict__.get("_handle", 0)
+
+    def _call(self, verb: str, /, **values) -> dict:
+        """What an operation on the object gives."""
+        return call(f"{self.kind}.{verb}", self._handle, **values)
 
     def __setattr__(self, name: str, value) -> None:
         if self._frozen:
@@ -174,17 +162,7 @@ class NativeObject:
     def __del__(self):
         handle = self.__dict__.pop("_handle", 0)
         if handle:
-            native.object_release(handle)
-
-    def _document(self) -> dict:
-        """Numbers and texts of the core's object; arrays by their lengths."""
-        return document(self._handle, self.kind)
-
-    def _array(self, label: str, length: int) -> np.ndarray:
-        """An array (length,) of the core's object, which cannot be written to."""
-        values = call("object_values", self._handle, self.kind, label, length)
-        values.flags.writeable = False
-        return values
+            native.core_release(handle)
 
     def __reduce__(self):
         raise TypeError(f"a {type(self).__name__} lives in this process alone: it cannot be copied or pickled; make a new one")

@@ -169,7 +169,7 @@ def time_cholesky(terms, y, data, refits: int, learner: Learner) -> tuple[float,
     left = np.setdiff1d(np.arange(terms.shape[1]), data)
     differences = [np.abs(learner.values("mean") - mean).max() / np.abs(mean).max()]
     if len(left):
-        differences.append(np.abs(learner.variances(terms.shape[1])[left] / variance[left] - 1).max())
+        differences.append(np.abs(learner.variances()[left] / variance[left] - 1).max())
     return seconds, max(differences)
 
 

@@ -83,7 +83,7 @@ def test_a_lock_ends_with_its_process(small):
         [
             sys.executable,
             "-c",
-            "import bayesindent.core as c, time; c.call('command_take_folder', b'out', 0, 0); print(1, flush=True); time.sleep(60)",
+            "import bayesindent.core as c, time; c.call('file.take_folder', folder='out', patience=0, resumes=False); print(1, flush=True); time.sleep(60)",
         ],
         cwd=small,
         stdout=subprocess.PIPE,

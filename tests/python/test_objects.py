@@ -78,10 +78,10 @@ def test_public_objects_are_frozen(problem_file, name):
 
 
 def test_a_freed_handle_is_refused(problem_file):
-    from bayesindent.core import check, native
+    from bayesindent.core import call
 
     problem = bi.Problem(problem_file)
     handle = problem._handle
     del problem
     with pytest.raises(bi.BayesindentError):
-        check(*native.object_document(handle, "problem", 1)[2:])
+        call("problem.describe", handle)

@@ -209,14 +209,14 @@ def test_objects_are_frozen_and_copies_are_made_anew(surrogate):
 
 
 def test_a_handle_that_was_freed_is_an_error_in_words(surrogate):
-    from bayesindent.core import check, native
+    from bayesindent.core import call
 
     learner = Learner(surrogate.basis)
     handle = learner.handle
     del learner
     for wrong in (handle, surrogate.handle, 0, 10**12):
         with pytest.raises(bi.InputError, match="does not exist any more|stands for a surrogate, not a learner"):
-            check(*native.learner_update(wrong, 0))
+            call("learner.update", wrong, exactly=False)
 
 
 def test_what_is_no_surrogate_is_refused(tmp_path):

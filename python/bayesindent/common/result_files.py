@@ -1,11 +1,9 @@
 """Files of results: each is written beside its name and takes it when it is whole; numbers as CSV, JSON and netCDF hold them.
 
-A netCDF file ends with a checksum of all before it, which other programs pass over: what was damaged is never read as HDF5. A document (JSON)
-has one of its content as its last entry; those of the batch program have none.
+Documents (JSON) have a checksum as their last entry: the core writes and reads them.
 """
 
 import csv
-import hashlib
 import io
 import json
 import math
@@ -16,15 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core import InputError
+from ..core import InputError, call
 
 __all__ = [
-    "as_csv", "cell", "plain", "read_groups", "read_json", "read_variables", "whole_file", "write_csv", "write_groups", "write_json",
-    "write_text",
+    "as_csv", "cell", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
 ]  # fmt: skip
-
-#: What the last line of a netCDF file begins with.
-SEAL = b"\nbayesindent checksum "
 
 
 @contextmanager
@@ -51,9 +45,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, document: dict) -> None:
-    """Write a document, and with it its checksum."""
-    document = plain(document)
-    write_text(path, json.dumps(document | {"checksum": checksum(document)}, indent=1, allow_nan=False) + "\n")
+    """Write a document, which is not empty, and with it its checksum."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    call("file.write_document", path=path, document=json.dumps(plain(document), indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path: Path) -> dict:
@@ -61,19 +55,16 @@ def read_json(path: Path) -> dict:
     if not path.exists():
         return {}
     try:
-        document = json.loads(path.read_bytes())
+        document = json.loads(call("file.read_document", path=path)["text"])
         if not isinstance(document, dict):
             raise ValueError("it is no object")
-        if document.pop("checksum", None) not in (None, checksum(document)):
-            raise ValueError("it was changed since it was written")
     except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"{path}: is damaged, or is no JSON document ({error}); remove it, and run the command again") from None
+    # Earlier versions had one of another kind.
+    document.pop("checksum", None)
     return document
-
-
-def checksum(document: dict) -> str:
-    """Of what JSON can hold, however it is laid out."""
-    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence], comment: str = "") -> None:
@@ -97,32 +88,7 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
                 for facts_of_it in attributes:
                     variable.attrs.update(facts_of_it)
     with whole_file(path) as beside:
-        beside.write_bytes(content.getvalue() + seal(content.getvalue()))
-
-
-def seal(content: bytes) -> bytes:
-    """The line with which a file of this content ends."""
-    return SEAL + hashlib.sha256(content).hexdigest()[:16].encode() + b"\n"
-
-
-def read_groups(path: Path) -> io.BytesIO:
-    """The content of a file of `write_groups`, for readers of netCDF. Raises `InputError` if it is damaged, or another file."""
-    file = Path(path).read_bytes()
-    content = file[: -len(seal(b""))]
-    if file != content + seal(content):
-        raise InputError(f"{path}: is damaged, or was changed since it was written; run the command that wrote it again")
-    return io.BytesIO(content)
-
-
-def read_variables(path: Path) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
-    """Variables and facts of the groups of a file of `write_groups`, without xarray as there."""
-    import h5netcdf
-
-    with h5netcdf.File(read_groups(path), "r") as file:
-        return {
-            name: ({label: variable[...] for label, variable in group.variables.items()}, dict(group.attrs))
-            for name, group in file.groups.items()
-        }
+        beside.write_bytes(content.getvalue())
 
 
 def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:

@@ -3,8 +3,9 @@
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..core import InputError, check, native
+from ..core import InputError, call
 
 __all__ = ["anisotropy_index", "class_name", "constant_names", "constants_array", "halfspace_modulus", "log_anisotropy",
            "polycrystal_averages", "stiffness", "stiffness_rows"]  # fmt: skip
@@ -16,9 +17,8 @@ SYMMETRIC = 1e-6
 @cache
 def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
     """Name and constants of a class as the core's table has them."""
-    name, count, constants, status, message = native.crystal_class_of(symmetry)
-    check(status, message)
-    return name, tuple(constants[3 * i : 3 * i + 3] for i in range(count))
+    found = call("crystal.class", symmetry=symmetry)
+    return found["name"], tuple(found["constants"])
 
 
 def class_name(symmetry: str) -> str:
@@ -49,43 +49,41 @@ def stiffness(symmetry: str, **constants) -> np.ndarray:
     Arrays of constants broadcast. Raises `InputError` for other names.
     """
     values = constants_array(symmetry, constants)
-    matrices, status, message = native.crystal_stiffness(symmetry, values.reshape(-1, values.shape[-1]).T)
-    check(status, message)
-    return np.moveaxis(matrices, -1, 0).reshape(*values.shape[:-1], 6, 6)
+    found = call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, values.shape[-1]))
+    return found["stiffness"].reshape(*values.shape[:-1], 6, 6)
 
 
-def stiffness_rows(symmetry: str, constants) -> np.ndarray:
+def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
     """Stiffness (n, 6, 6) of rows of constants (n, k)."""
     values = np.asarray(constants, dtype=float)
     return stiffness(symmetry, **dict(zip(constant_names(symmetry), values.T, strict=True)))
 
 
-def anisotropy_index(stiffness) -> np.ndarray:
+def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
     """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
-    return _averages(stiffness)[0]
+    return _averages(stiffness)["index"]
 
 
-def log_anisotropy(stiffness) -> np.ndarray:
+def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
     """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa; NaN if unstable."""
-    return _averages(stiffness)[1]
+    return _averages(stiffness)["log_index"]
 
 
-def polycrystal_averages(stiffness) -> dict[str, np.ndarray]:
+def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
     names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
-    return dict(zip(names, np.moveaxis(_averages(stiffness)[2], -1, 0), strict=True))
+    return dict(zip(names, np.moveaxis(_averages(stiffness)["averages"], -1, 0), strict=True))
 
 
-def _averages(stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Eq. 14 (...), log-anisotropy (...) and averages (..., 4)."""
     matrices = np.asarray(stiffness, dtype=float)
-    shape = matrices.shape[:-2]
-    index, log_index, averages = native.crystal_averages(np.moveaxis(matrices.reshape(-1, 6, 6), 0, -1))
-    return index.reshape(shape), log_index.reshape(shape), averages.T.reshape(*shape, 4)
+    found = call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))
+    return {name: values.reshape(matrices.shape[:-2] + values.shape[1:]) for name, values in found.items()}
 
 
-def oriented_crystals(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in radians of what users give, checked for shape, symmetry and finite angles."""
+def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for shape, symmetry and finite angles."""
     matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
     if matrices.shape[-2:] != (6, 6):
         raise InputError(f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it from constants")
@@ -96,11 +94,11 @@ def oriented_crystals(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
     transposed = np.swapaxes(matrices, -1, -2)
     if np.any(np.abs(matrices - transposed) > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)):
         raise InputError("a stiffness is not symmetric")
-    return matrices, np.radians(angles)
+    return matrices, angles
 
 
-def crystal_columns(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:
-    """Stiffness (6, 6, n) in GPa and angles (3, n) in radians as the core takes them, and the shape to which the two broadcast."""
+def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
+    """Stiffness (n, 6, 6) in GPa and angles (n, 3) in degrees as the core takes them, and the shape to which the two broadcast."""
     matrices, angles = oriented_crystals(stiffness, euler_deg)
     try:
         shape = np.broadcast_shapes(matrices.shape[:-2], angles.shape[:-1])
@@ -108,19 +106,15 @@ def crystal_columns(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray, tuple
         raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
     if 0 in shape:
         raise InputError("there are no crystals")
-    matrices = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
-    angles = np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)
-    return np.moveaxis(matrices, 0, -1), angles.T, shape
+    return {"stiffness": np.broadcast_to(matrices, (*shape, 6, 6)), "euler_deg": np.broadcast_to(angles, (*shape, 3))}, shape
 
 
-def halfspace_modulus(stiffness, euler_deg, *, circular: bool = False, threads: int = 1) -> np.ndarray:
+def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: bool = False, threads: int = 1) -> np.ndarray:
     """Exact indentation modulus in GPa of an anisotropic half-space under a rigid frictionless sphere.
 
     `stiffness` (..., 6, 6) in GPa, crystal frame; `euler_deg` (..., 3), Bunge-Euler angles in degrees; the two broadcast.
     `circular=True` gives the Vlassak-Nix value of a circular contact instead of Willis' ellipse; `threads` share the crystals. Raises `InputError` for
     a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
     """
-    matrices, angles, shape = crystal_columns(stiffness, euler_deg)
-    modulus, vlassak_nix, status, message = native.theory_moduli(matrices, angles, threads)
-    check(status, message)
-    return (vlassak_nix if circular else modulus).reshape(shape)
+    rows, shape = crystal_rows(stiffness, euler_deg)
+    return call("crystal.theory", **rows, threads=threads)["circular" if circular else "modulus"].reshape(shape)

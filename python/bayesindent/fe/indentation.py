@@ -1,15 +1,16 @@
 """Finite element simulations of the indentation of one crystal."""
 
 import difflib
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core import BayesindentError, InputError, NativeObject, call
 from ..crystal.elasticity import oriented_crystals
+from ..engines import LocalEngine
 from ..settings.problem import Problem, schema
 
 __all__ = ["Indentation", "IndentationResult"]
@@ -18,16 +19,13 @@ __all__ = ["Indentation", "IndentationResult"]
 GROUPS = ("specimen", "indenter", "simulation")
 NOT_OURS = ("simulator", "vtu", "inp")
 
-#: Tables of a mesh: the nodes in a row.
-WIDTHS = {"brick": (8,), "material": (), "facet": (4,), "contact": (), "clamped": (), "hanging": (), "master": (4,)}
 
-
-def one_crystal(stiffness, euler_deg) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness (6, 6) in GPa and angles (3,) in radians of one crystal."""
+def one_crystal(stiffness: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndarray]:
+    """Stiffness (6, 6) in GPa and angles (3,) in degrees of one crystal, as the core takes them."""
     matrix, angles = oriented_crystals(stiffness, euler_deg)
     if matrix.ndim != 2 or angles.ndim != 1:
         raise InputError(f"one crystal at a time: (6, 6) and (3,), not {matrix.shape} and {angles.shape}; run_many takes more")
-    return matrix, angles
+    return {"stiffness": matrix, "euler_deg": angles}
 
 
 @dataclass(frozen=True)
@@ -103,20 +101,12 @@ class Indentation(NativeObject):
         return self
 
     def _set_up(self, problem: Problem) -> None:
-        self._hold(call("simulation_new", problem.handle, self.kind), frozen=False)
-        self._problem, self._facts = problem, self._document()
+        self._hold(call("indentation.new_model", problem=problem.handle)["handle"], frozen=False)
         #: The variables of all groups: `settings.indenter.shape`.
-        self.settings = problem.settings
-        #: Name of the brick element.
-        self.element = self._facts["element"]
-        names = ("elements", "depths", "meshes", "nodes", "bricks", "infinite_elements", "contact_nodes", "unknowns", "materials")
-        (self.elements, self.depths, self.meshes, self.nodes, self.bricks, self.infinite_elements, self.contact_nodes,
-         self.unknowns, self.materials) = (self._facts[name] for name in names)  # fmt: skip
-        #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
-        costs = ("factor_entries", "factor_operations", "workspace_bytes")
-        self.factor_entries, self.factor_operations, self.workspace_bytes = (self._facts[name] for name in costs)
-        #: The last point: depth, and contact radius on an isotropic half-space.
-        self.depth_max_um, self.contact_radius_max_um = (self._facts[name] for name in ("depth_max_um", "contact_radius_max_um"))
+        self._problem, self.settings = problem, problem.settings
+        # Of the core: element, elements, depths, meshes, nodes, .., the last point (depth, and contact radius on an isotropic half-space), entries of
+        # the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
+        self.__dict__.update(self._call("describe"))
         self._frozen = True
 
     def __repr__(self) -> str:
@@ -127,33 +117,16 @@ class Indentation(NativeObject):
     def __reduce__(self):
         return self._made_of
 
-    def run(self, stiffness, euler_deg) -> IndentationResult:
+    def run(self, stiffness: ArrayLike, euler_deg: ArrayLike) -> IndentationResult:
         """Indent one crystal: stiffness (6, 6) in GPa, crystal frame; Bunge-Euler angles (3,) in degrees.
 
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
-        matrix, angles = one_crystal(stiffness, euler_deg)
-        curve, moduli, diagnostics = call("indentation_run", self.handle, self.depths, matrix, angles)
-        depth, force, radius, by_depth = np.ascontiguousarray(curve.T)
-        return IndentationResult(
-            indentation_modulus_gpa=float(moduli[0]),
-            depth_um=depth,
-            force_mn=force,
-            modulus_by_depth_gpa=by_depth,
-            elements=int(diagnostics[4]),
-            seconds=float(diagnostics[0]),
-            modulus_slope_gpa=float(moduli[1]),
-            modulus_last_gpa=float(moduli[2]),
-            modulus_of_mesh_gpa=moduli[3 : 3 + self.meshes],
-            contact_radius_um=radius,
-            seconds_factor=float(diagnostics[1]),
-            contact_residual=float(diagnostics[2]),
-            equilibrium_residual=float(diagnostics[3]),
-            warning=resolution(self._problem, matrix[None])[1],
-        )
+        crystal = one_crystal(stiffness, euler_deg)
+        return IndentationResult(**self._call("run", **crystal), warning=resolution(self._problem, crystal["stiffness"])[1])
 
     def run_many(
-        self, stiffness, euler_deg, workers: int = 0, *, errors: str = "raise", done: Callable[[int], None] | None = None
+        self, stiffness: ArrayLike, euler_deg: ArrayLike, workers: int = 0, *, errors: str = "raise", done: Callable[[int], None] | None = None
     ) -> list[IndentationResult | BayesindentError]:
         """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores).
 
@@ -167,43 +140,41 @@ class Indentation(NativeObject):
         if len(matrices) != len(angles):
             raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
 
-        def one(item):
-            result: IndentationResult | BayesindentError
+        results: dict[int, IndentationResult | BayesindentError] = {}
+
+        def attempt(item):
             try:
-                result = self.run(*item)
+                return self.run(*item)
             except BayesindentError as error:
                 if errors == "raise":
                     raise
-                result = error
+                return error
+
+        def collect(number: int, result) -> None:
+            results[number] = result
             if done is not None:
                 done(1)
-            return result
 
-        with ThreadPoolExecutor(execution.workers or len(os.sched_getaffinity(0))) as pool:
-            return list(pool.map(one, zip(matrices, angles, strict=True)))
+        LocalEngine(execution.workers).map(attempt, list(zip(matrices, angles, strict=True)), collect)
+        return [results[number] for number in range(len(matrices))]
 
-    def largest_error(self, stiffness) -> np.ndarray:
+    def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
-        return resolution(self._problem, np.asarray(stiffness, dtype=float))[0]
+        return resolution(self._problem, stiffness)[0]
 
     def mesh_arrays(self) -> MeshArrays:
         """The finest mesh."""
-        arrays = {name: self._array(name, self._facts[name]) for name in ("x", "gap", *WIDTHS)}
-        tables = {name: arrays[name].astype(np.intc).reshape(-1, *width) - 1 for name, width in WIDTHS.items()}
-        masters = self._array("masters", self._facts["masters"])
-        tables["master"][np.arange(4) >= masters[:, None]] = -1
-        return MeshArrays(x=arrays["x"].reshape(-1, 3), gap=arrays["gap"], **tables)
+        return MeshArrays(**self._call("mesh"))
 
-    def fields(self, stiffness, euler_deg, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
+    def fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the finest mesh.
 
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
-        number = step + 1 if step >= 0 else self.depths + 1 + step
-        u, stress = call("indentation_field", self.handle, number, self.nodes, self.bricks, *one_crystal(stiffness, euler_deg))
-        return u.T, stress.T
+        found = self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
+        return found["displacement_um"], found["stress_gpa"]
 
-    def write_vtu(self, path, stiffness, euler_deg, step: int = -1) -> None:
+    def write_vtu(self, path: str | PathLike, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> None:
         """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz, xy, yz, xz) and mises of cells."""
         import meshio
 
@@ -218,19 +189,17 @@ class Indentation(NativeObject):
             cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
         ).write(path, file_format="vtu")
 
-    def deck(self, stiffness, euler_deg, title: str = "indentation", depth_um=None) -> str:
+    def deck(self, stiffness: ArrayLike, euler_deg: ArrayLike, title: str = "indentation", depth_um: ArrayLike | None = None) -> str:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).
 
         `depth_um`: the depths (n,) of a curve that is known; without them the simulation finds those that fit this crystal.
         """
         from ..fe.deck import write_deck
 
-        matrix, angles = one_crystal(stiffness, euler_deg)
-        rotated, infinite = call("indentation_stiffness", self.handle, self.materials, self.infinite_elements, matrix, angles)
+        found = self._call("stiffness", **one_crystal(stiffness, euler_deg))
         depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
         return write_deck(
-            self.mesh_arrays(), np.moveaxis(rotated, -1, 0), np.moveaxis(infinite, -1, 0), depths, self.element.upper(), title,
-            self.settings.specimen.geometry,
+            self.mesh_arrays(), found["materials"], found["infinite"], depths, self.element.upper(), title, self.settings.specimen.geometry
         )  # fmt: skip
 
 
@@ -249,12 +218,7 @@ def by_group(settings: dict) -> dict:
     return sorted_out
 
 
-def moduli_by_depth(problem: Problem, depth_um, force_mn) -> list[float]:
-    """The modulus (GPa) of each point of a curve alone, (n,) in um and mN, under the indenter of a problem."""
-    return (np.asarray(force_mn) / call("simulation_unit_force", problem.handle, np.asarray(depth_um))).tolist()
-
-
-def resolution(problem: Problem, stiffness: np.ndarray) -> tuple[np.ndarray, str]:
+def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:
     """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
-    largest, warning = call("simulation_resolution", problem.handle, np.moveaxis(stiffness, 0, -1))
-    return largest, warning
+    found = problem._call("mesh_error", stiffness=stiffness)
+    return found["largest"], found["warning"]

@@ -1,10 +1,13 @@
 """Step 2: the constants behind measured moduli. The densities, the chains and what is said of them are the core's."""
 
 import json
+from os import PathLike
 
 import numpy as np
 
 from ..core import warn_of
+from ..crystal.elasticity import constant_names
+from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
 from .quantities import quantity_names
@@ -12,7 +15,7 @@ from .quantities import quantity_names
 __all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "summary"]
 
 
-def extract(measurements, *, surrogate="halfspace", **settings):
+def extract(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", **settings):
     """Sample the constants behind measured moduli; an ArviZ InferenceData whose `posterior` holds one variable a constant.
 
     `measurements`: a CSV file or a table (see `measurements_of`). `surrogate`: a `Surrogate`, or what `Surrogate.load` takes; 'halfspace'
@@ -27,25 +30,20 @@ def extract(measurements, *, surrogate="halfspace", **settings):
     """
     surrogate = loaded(surrogate)
     found = Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION)
-    warn_of(found.document("extract"))
-    return inference_data(found)
+    warn_of(found.document)
+    return inference_data(groups_of(found.values))
 
 
-def loaded(surrogate):
+def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
     """A surrogate, or the one of a name."""
-    if hasattr(surrogate, "handle"):
-        return surrogate
-    from ..surrogate.surrogate import Surrogate
-
-    return Surrogate.load(surrogate)
+    return surrogate if isinstance(surrogate, Surrogate) else Surrogate.load(surrogate)
 
 
-def inference_data(found: Posterior):
-    """What Step 2 found, for ArviZ."""
+def inference_data(groups: dict[str, tuple[dict, dict]]):
+    """Groups of variables and facts, for ArviZ."""
     import xarray as xr
 
-    groups: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups_of(found).items()}
-    return arviz_data(groups)
+    return arviz_data({name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()})
 
 
 def arviz_data(groups: dict):
@@ -56,61 +54,48 @@ def arviz_data(groups: dict):
     return az.InferenceData(**groups) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(groups)
 
 
-def groups_of(found: Posterior) -> dict[str, tuple[dict, dict]]:
+def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
-    and facts. `fortran/inference/model_checks.f90` says what a likelihood and a prediction are."""
-    settings, measured, names = found.problem.settings, found.problem.measurements, found.names
-    draws, before, quantities = (found.values(label) for label in ("found_draws", "prior_draws", "quantities"))
-    document = found.document("extract")
-    each = ("chain", "draw")
-
-    gpa = {"units": "GPa"}
+    and facts. `found`: by the names of fortran/pipeline/extraction_values.f90; fortran/inference/model_checks.f90 says what a likelihood
+    and a prediction are."""
+    document = json.loads(found["document"])
+    names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])
+    draws, before, quantities = (found[name] for name in ("draws", "prior_draws", "quantities"))
+    each, per_grain, gpa = ("chain", "draw"), ("chain", "draw", "grain"), {"units": "GPa"}
 
     def counted(like: np.ndarray, stride: int = 1) -> dict:
-        _, samples, chains = like.shape
+        chains, samples = like.shape[:2]
         return {"chain": (("chain",), np.arange(chains)), "draw": (("draw",), np.arange(0, samples, stride))}
 
-    some = counted(draws, int(found.values("stride")[0]))
-    units = quantity_names(found.symmetry)
-    derived = {name: (each, quantities[q].T, {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
-    per_grain = (*each, "grain")
+    some = counted(draws, found["stride"])
+    derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
     predictions = {
-        "modulus": (per_grain, found.values("predicted").T, gpa),
-        "calibration_factor": ((*each, "group"), found.values("factor").T, {"units": "1"}),
+        "modulus": (per_grain, found["predicted"], gpa),
+        "calibration_factor": ((*each, "group"), found["factor"], {"units": "1"}),
     }
-    likelihood = {"modulus": (per_grain, found.values("log_likelihood").T, {"units": "log(1/GPa)"})}
-    replicated = {"modulus": (per_grain, found.values("replicated").T, gpa)}
-    before_data = {"constants": (each, found.values("log_prior").T, {"long_name": "log prior density of all constants, up to a constant"})}
+    likelihood = {"modulus": (per_grain, found["log_likelihood"], {"units": "log(1/GPa)"})}
+    replicated = {"modulus": (per_grain, found["replicated"], gpa)}
+    before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
     conditions = {
-        "euler_deg": (("grain", "angle"), measured.euler_deg, {"units": "degree"}),
-        "sd": (("grain",), np.ones(len(measured)) if measured.sd_gpa is None else measured.sd_gpa, gpa),
+        "euler_deg": (("grain", "angle"), found["euler_deg"], {"units": "degree"}),
+        "sd": (("grain",), np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0), gpa),
     }
-    bounds = zip(found.values("lower").tolist(), found.values("upper").tolist())
-    facts = {
-        "symmetry": found.symmetry,
-        "summary": json.dumps(document),
-        "settings": found.problem.resolved,
-        "acceptance": found.values("found_acceptance"),
-        "map": found.values("most_probable"),
-        "bounds": json.dumps(dict(zip(names, bounds))),
-        "anisotropy_cap": found.values("anisotropy_cap")[0],
-        "share_inside": found.values("share_inside")[0],
-        "modulus_kind": settings.measurements.modulus_kind,
-        "title": settings.problem.title or "",
-    }
+    bounds = zip(found["lower"].tolist(), found["upper"].tolist())
+    facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
+    facts |= {"summary": found["document"], "settings": found["resolved"], "map": found["most_probable"], "bounds": json.dumps(dict(zip(names, bounds)))}
     return {
         "posterior": (
-            counted(draws) | {name: (each, draws[j].T, {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
+            counted(draws) | {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
             facts,
         ),
-        "prior": (counted(before) | {name: (each, before[j].T, gpa) for j, name in enumerate(names)}, {}),
-        "sample_stats": (counted(draws) | {"lp": (each, found.values("found_log_density").T)}, {}),
+        "prior": (counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)}, {}),
+        "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),
         "predictions": (some | predictions, {}),
         "posterior_predictive": (some | replicated, {}),
         "log_likelihood": (some | likelihood, {}),
         "log_prior": (some | before_data, {}),
-        "observed_data": ({"modulus": (("grain",), measured.modulus_gpa, gpa)}, {}),
+        "observed_data": ({"modulus": (("grain",), found["modulus_gpa"], gpa)}, {}),
         "constant_data": (conditions, {}),
     }
 

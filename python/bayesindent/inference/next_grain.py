@@ -1,8 +1,11 @@
 """Which grain to measure next: what one more modulus, over all orientations, is expected to add to a posterior."""
 
+from os import PathLike
+
 import numpy as np
 
 from ..core import warn_of
+from ..surrogate.surrogate import Surrogate
 from .extract import extract, loaded
 from .measurements import problem_of
 from .posterior import Posterior
@@ -10,7 +13,7 @@ from .posterior import Posterior
 __all__ = ["next_grain"]
 
 
-def next_grain(measurements, *, surrogate="halfspace", result=None, **settings) -> dict:
+def next_grain(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", result=None, **settings) -> dict:
     """Orientations worth measuring next, ranked, each given those above it.
 
     `measurements`, `surrogate` and `settings` are those of `extract`, whose `result` may be given, and the variables of `&next`: `target`: 'all' (gain: information on

@@ -3,20 +3,20 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..core import check, native
+from ..core import call
 
 __all__ = ["quantities", "quantity_names"]
 
 
 def quantity_names(symmetry: str) -> dict[str, str]:
     """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
-    names, status, message = native.quantity_list(symmetry)
-    check(status, message)
-    return dict(line.split("\x1f") for line in names.split("\n"))
+    found = call("crystal.quantities", symmetry=symmetry)
+    return dict(zip(found["names"], found["units"], strict=True))
 
 
-def quantities(symmetry: str, constants, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def quantities(symmetry: str, constants: ArrayLike, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Quantities of stable crystals of a `symmetry`, constants (..., k) in GPa; each an array (...).
 
     `names`: any of the vocabulary of `&knowledge`, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
@@ -25,7 +25,6 @@ def quantities(symmetry: str, constants, names: Sequence[str] | None = None) -> 
     """
     values = np.asarray(constants, dtype=float)
     names = list(quantity_names(symmetry) if names is None else names)
-    flat = np.asfortranarray(values.reshape(-1, values.shape[-1]).T)
-    found, status, message = native.quantity_values(symmetry, "\n".join(names), len(names), flat)
-    check(status, message)
-    return {name: row.reshape(values.shape[:-1]) for name, row in zip(names, found, strict=True)}
+    n = values.shape[-1]
+    found = call("crystal.quantities", symmetry=symmetry, names="\n".join(names), n_constants=n, constants=values.reshape(-1, n))
+    return {name: row.reshape(values.shape[:-1]) for name, row in zip(names, found["values"].T, strict=True)}

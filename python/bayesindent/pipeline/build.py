@@ -1,29 +1,24 @@
-"""The loop of Step 1: the core chooses and learns, an engine simulates; see docs/surrogate.md.
+"""Step 1 for the library: a surrogate by simulations of a user's own, and simulations that are made elsewhere."""
 
-All results go through campaign.sqlite, so that an interrupted build goes on where it was, and a larger budget continues it.
-"""
-
+import json
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import BayesindentError, InputError, MachineError, NativeObject, call, warn_of
-from ..crystal.elasticity import constant_names
-from ..pipeline.inputs_identity import keep_document, write_resolved
-from ..pipeline.simulator import Simulator, engine_of, simulate_all
-from ..settings.problem import Problem
-from ..surrogate.basis import Basis
-from ..surrogate.lookup import check_replaceable
+from ..core import BayesindentError, InputError, MachineError, call, warn_of
+from ..settings.problem import Points, Problem
+from ..surrogate.lookup import places
 from ..surrogate.surrogate import Surrogate
+from .stage import Job, Stage, run_stage
 
-__all__ = ["Build", "build", "build_surrogate"]
+__all__ = ["ask", "build", "build_surrogate", "tell"]
 
 
-def build_surrogate(problem, output, *, simulate: Callable | None = None) -> Surrogate:
+def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *, simulate: Callable | None = None) -> Surrogate:
     """Step 1: the surrogate that `problem`, a namelist file or a `Problem`, asks for. Simulations are kept in the folder `output`; call it again to go on.
 
     `simulate(stiffness, euler_deg)`, stiffness (6, 6) in GPa in crystal axes and Bunge-Euler angles (3,) in degrees, gives an indentation
@@ -36,99 +31,47 @@ def build_surrogate(problem, output, *, simulate: Callable | None = None) -> Sur
         raise InputError(
             f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given where it is 'import', and only there"
         )
-    output = Path(output)
-    document = build(problem, output, simulate=None if simulate is None else Given(simulate))
-    write_resolved(output, problem.resolved)
-    keep_document(problem, "build", output, document)
-    warn_of(document)
-    return Surrogate.load(output / problem.settings.surrogate.file)
+    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)))
+    return Surrogate.load(Path(output) / problem.settings.surrogate.file)
+
+
+def build(
+    problem: Problem, output: str | PathLike, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None
+) -> dict:
+    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
+    return run_stage(problem, "build", Path(output), progress, simulate)
 
 
 class Given:
-    """A function of the user's as a `Simulator`."""
+    """A function of the user's in place of simulations."""
 
     def __init__(self, function: Callable):
         self.function = function
 
-    def __call__(self, stiffness, euler_deg) -> dict:
-        """What `Campaign.add` stores."""
+    def __call__(self, job: Job) -> dict:
+        """What became of a job, see `Stage.take`."""
         begun = time.perf_counter()
         try:
-            modulus = float(self.function(stiffness, euler_deg))
+            modulus = float(self.function(job.stiffness, job.euler_deg))
         except (InputError, MachineError):
             raise
         except BayesindentError as error:
             return {"seconds": time.perf_counter() - begun, "message": str(error)}
+        seconds = time.perf_counter() - begun
         if not (np.isfinite(modulus) and modulus > 0):
-            return {"seconds": time.perf_counter() - begun, "message": f"the modulus is {modulus}"}
-        return {"modulus_gpa": modulus, "seconds": time.perf_counter() - begun}
+            return {"seconds": seconds, "message": f"the modulus is {modulus}"}
+        return {"modulus_gpa": modulus, "seconds": seconds}
 
 
-def build(problem, output, progress: Progress | None = None, simulate: Callable | None = None) -> dict:
-    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
-    progress = progress or Progress()
-    design, engine = problem.settings.design, None
-    steps = Build(problem, output)
-    wanted, learnt, _ = steps.advance()
-    with progress.bar("simulations", max(0, design.budget + design.validation - learnt)) as advance, ExitStack() as opened:
-        while wanted:
-            if engine is None:
-                simulate, engine = simulate or Simulator(problem), opened.enter_context(engine_of(problem))
-            steps.perform(simulate, engine, advance, wanted)
-            wanted = steps.advance()[0]
-    return steps.conclude()
+def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
+    """The next `count` crystals before the moduli of the first are known: the document of `build --ask`, whose points are rows by the names of
+    columns."""
+    found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
+    header = [*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"]
+    return {"points": [dict(zip(header, row, strict=True)) for row in found["rows"].tolist()], "warnings": found["warnings"]}
 
 
-class Build(NativeObject):
-    """One build in an output folder: what is simulated next, and what was learnt."""
-
-    kind = "build"
-
-    def __init__(self, problem, output):
-        check_replaceable(problem, output)
-        self.problem, self.output = problem, str(output)
-        Path(output).mkdir(parents=True, exist_ok=True)
-        self._hold(call("build_new", problem.handle, self.output))
-
-    def advance(self) -> tuple[int, int, bool]:
-        """Learn what was stored and choose: how many simulations are wanted, how many were learnt, whether this is for validation."""
-        wanted, learnt, validating = call("build_advance", self.handle)
-        return int(wanted), int(learnt), bool(validating)
-
-    def wanted(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """The n crystals (n, 6, 6) in GPa that are wanted and their angles (n, 3) in degrees."""
-        stiffness, euler_deg = call("build_wanted", self.handle, n)
-        return np.moveaxis(stiffness, -1, 0), euler_deg.T
-
-    def store(self, number: int, result: dict) -> None:
-        """Keep what `Simulator` gives of simulation `number`, from 0."""
-        points = len(result.get("depth_um", ()))
-        # The core takes no empty arrays.
-        curve = np.column_stack([result["depth_um"], result["force_mn"]]) if points else np.zeros((1, 2))
-        numbers = [result.get(name, 0.0) for name in ("modulus_gpa", "seconds", "elements")]
-        call("build_store", self.handle, number, [*numbers, points], curve, result.get("message", ""))
-
-    def perform(self, simulate: Callable, engine, advance: Callable[[int], None], n: int) -> None:
-        """Have the n simulations that are wanted made by an engine; each is stored as soon as it is done."""
-
-        def store(k: int, result: dict) -> None:
-            self.store(k, result)
-            advance(int("modulus_gpa" in result))
-
-        simulate_all(simulate, list(zip(*self.wanted(n), strict=True)), engine, store)
-
-    def ask(self, count: int) -> list[dict]:
-        """The next crystals before the moduli of the first are known: rows by the names of columns."""
-        symmetry = Basis(self.problem).symmetry
-        constants, euler_deg = call("build_ask", self.handle, len(constant_names(symmetry)), count)
-        header = [*constant_names(symmetry), "phi1_deg", "Phi_deg", "phi2_deg"]
-        return [dict(zip(header, row, strict=True)) for row in np.vstack([constants, euler_deg]).T.tolist()]
-
-    def warnings(self) -> list[str]:
-        """What is to be said of the build so far."""
-        return self._document()["warnings"]
-
-    def conclude(self) -> dict:
-        """Write the surrogate, and say how good it is: the document of `build`."""
-        call("build_conclude", self.handle, self.output)
-        return self._document()
+def tell(problem: Problem, output: str | PathLike, points: Points, name: str = "the table") -> dict:
+    """Import results that were computed elsewhere: a table with modulus_gpa, which errors call `name`."""
+    where = {"problem": problem.handle, "points": points.handle, **places(output, "")}
+    return json.loads(call("campaign.import", **where, name=name)["document"])

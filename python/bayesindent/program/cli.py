@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..common.result_files import plain
-from ..core import BayesindentError, InputError, native
+from ..core import BayesindentError, InputError, call
 from ..settings.problem import schema
 from ..version import __version__
 from .commands import COMMANDS
@@ -47,7 +47,7 @@ examples:
   bayesindent run inputs/quickstart.nml           everything the file asks for, with a report; rerun it to go on
   bayesindent run inputs/quickstart.nml --check   only say whether the file is right
   bayesindent theory inputs/zinc.nml --json       exact half-space moduli of the crystals in a file
-  bayesindent predict --surrogate cubic --points points.csv
+  bayesindent predict --surrogate block --points points.csv --symmetry cubic
   bayesindent build FILE.nml --ask 20 > points.csv   the next 20 crystals, to be simulated elsewhere
   bayesindent build FILE.nml --tell results.csv      and their moduli back
 
@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.raiseExceptions = False
     # The tools of a source tree have processes of their own, which end as they see fit.
     if arguments.command.has_document:
-        native.command_watch_signals()
+        call("file.watch_signals")
     try:
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
@@ -97,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # On a full disk it has lines that it cannot keep.
             with suppress(OSError):
                 handler.close()
-        native.command_end()
+        call("file.end_command")
 
 
 class Parser(argparse.ArgumentParser):

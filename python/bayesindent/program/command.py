@@ -5,12 +5,14 @@ import logging
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ..common.progress import Progress
 from ..core import call
-from ..pipeline.inputs_identity import inputs_of, keep_document, update_manifest, write_resolved
+from ..pipeline.stage import run_stage
 from ..settings.problem import Problem, schema, stages
+from ..surrogate.lookup import places
 from ..version import __version__
 
 __all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "take_folder"]
@@ -25,8 +27,8 @@ PATIENCE_S = 60
 class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
 
-    A command that reads a namelist has a stage, (problem, output, progress) -> document, which stands in for the action; its help
-    explains `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
+    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output, progress) -> document; its help explains
+    `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
     `then(arguments, document)` says what to do next.
     """
 
@@ -72,8 +74,8 @@ def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     log.setLevel(logging.INFO)
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
     log.info("kernels of BLAS: %s", os.environ.get("OPENBLAS_CORETYPE", "its own choice"))
-    write_resolved(output, problem.resolved)
-    update_manifest(output, problem.path, inputs_of(problem, arguments.command.groups, output))
+    groups = " ".join(arguments.command.groups)
+    call("file.begin_results", problem=problem.handle, groups=groups, **places(output, problem.folder))
     return problem, output
 
 
@@ -84,7 +86,7 @@ def report_of(arguments: argparse.Namespace, document: dict) -> str:
 
 def take_folder(output: Path, patience_s: int = PATIENCE_S, resumes: bool = False) -> None:
     """Have an output folder, which is made, to the end of the command; refuse if another process has it for longer."""
-    call("command_take_folder", output, patience_s, int(resumes))
+    call("file.take_folder", folder=output, patience=patience_s, resumes=resumes)
 
 
 def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
@@ -92,12 +94,11 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
     return arguments.output or Path("runs") / source.stem
 
 
-def perform(command: Command, problem, output: Path, progress: Progress) -> dict:
+def perform(command: Command, problem: Problem, output: Path, progress: Progress) -> dict:
     """Perform a command's stage; its document is kept in the output folder for reports."""
-    assert command.stage is not None, command.name
     log.info("%s begins", command.name)
-    document = command.stage(problem, output, progress)
-    keep_document(problem, command.name, output, document)
+    stage = command.stage or partial(run_stage, name=command.name)
+    document = stage(problem, output=output, progress=progress)
     log.info("%s ends", command.name)
     return document
 

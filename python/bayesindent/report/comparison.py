@@ -47,7 +47,7 @@ class Run:
         if not self.document:
             raise InputError(f"{folder}: there is no posterior in it; 'bayesindent extract FILE.nml --output {folder}' makes one")
         if not results.posterior:
-            raise InputError(f"{folder}: has no posterior.nc that belongs to its summary.json; 'bayesindent extract' writes both")
+            raise InputError(f"{folder}: has no posterior.bin that belongs to its summary.json; 'bayesindent extract' writes both")
         self.title, self.symmetry, self.synthetic, self.kind = results.title, results.symmetry, results.synthetic, results.kind
         self.samples = results.samples
         self.groups = {name: variables for name, (variables, _) in results.posterior.items()}

@@ -4,15 +4,14 @@ import json
 from functools import cached_property
 from pathlib import Path
 
-import f90nml
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..common.result_files import read_json, read_variables
-from ..core import InputError
+from ..common.result_files import read_json
+from ..core import InputError, call
 from ..crystal.elasticity import constant_names
-from ..pipeline.inputs_identity import DOCUMENTS, belongs, read_manifest, read_resolved, surrogate_input
-from ..pipeline.moduli import as_measured
-from ..settings.problem import Problem
+from ..inference.extract import groups_of
+from ..pipeline.results_folder import DOCUMENTS, belongs, read_manifest, read_posterior, read_resolved, surrogate_digest
 from ..surrogate.surrogate import Surrogate
 
 __all__ = ["Results"]
@@ -24,11 +23,11 @@ class Results:
     def __init__(self, folder: Path):
         self.folder = folder
         self.manifest = read_manifest(folder)
-        self.resolved = read_resolved(folder, self.manifest)
-        self.namelist = f90nml.reads(self.resolved) if self.resolved else {}
+        self.resolved = read_resolved(folder)
+        self._settings = call("settings.values", path=folder / "resolved.nml", content=self.resolved) if self.resolved else {}
         if name := self.group("surrogate").get("file"):
             # A build that was killed may have left a new surrogate beside the documents of the last one.
-            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_input(name, folder, self.namelist_folder)
+            self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
         found = {stage: read_json(folder / file) for stage, file in DOCUMENTS.items()}
         #: Stages whose documents are of other inputs.
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
@@ -47,7 +46,9 @@ class Results:
 
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
-        return self.namelist.get(name, {})
+        if not self._settings.get(f"{name}.given"):
+            return {}
+        return {label.partition(".")[2]: value for label, value in self._settings.items() if label.startswith(f"{name}.")}
 
     @property
     def warnings(self) -> list[str]:
@@ -76,11 +77,11 @@ class Results:
     @cached_property
     def posterior(self) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
         """Variables and facts of the groups of the posterior that the document of `extract` is about; nothing where there is none."""
-        file = self.folder / "posterior.nc"
-        if not self.documents["extract"] or not file.exists():
+        found = read_posterior(self.folder) if self.documents["extract"] else {}
+        if not found or json.loads(f"{{{found['inputs']}}}") != self.documents["extract"]["inputs"]:
             return {}
-        groups = read_variables(file)
-        return groups if json.loads(groups["posterior"][1]["inputs"]) == self.documents["extract"]["inputs"] else {}
+        groups = groups_of(found)
+        return {name: ({label: values for label, (_, values, *_) in variables.items()}, facts) for name, (variables, facts) in groups.items()}
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
@@ -97,12 +98,11 @@ class Results:
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
         return table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
 
-    def as_measured(self, modulus) -> np.ndarray:
+    def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""
-        stated = {name: value for name, value in self.group("measurements").items() if name != "file"}
-        return as_measured(
-            Problem.from_keywords("report", problem={"symmetry": self.symmetry}, measurements=stated).settings.measurements, modulus
-        )
+        group = {"modulus_kind": "indentation_modulus"} | self.group("measurements")
+        numbers = {name: group.get(name, 0.0) for name in ("indenter_modulus_gpa", "indenter_nu", "sample_nu")}
+        return call("crystal.moduli_of_kind", kind=group["modulus_kind"], moduli=modulus, **numbers)["values"].reshape(np.shape(modulus))
 
     @cached_property
     def surrogate(self) -> Surrogate | None:

@@ -1,18 +1,17 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import csv
-import math
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, make_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property
 from io import StringIO
+from itertools import starmap
 from pathlib import Path
 
-import f90nml
 import numpy as np
 
-from ..core import InputError, NativeObject, call, document
+from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
@@ -56,17 +55,19 @@ class Points:
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
         self._problem, self._table = problem, table
-        self._classes = facts[f"{table}_classes"]
-        self._n = facts[f"{table}_modulus_gpa"]
-        self.modulus_kind = facts.get(f"{table}_modulus_kind")
-        self.names = facts.get(f"{table}_names")
+        self._classes, self._n = facts[f"{table}.classes"], facts[f"{table}.n"]
+        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("modulus_kind", "names"))
 
     def __len__(self) -> int:
         return self._n
 
-    def _numbers(self, name: str, *shape: int) -> np.ndarray:
-        values = call("object_values", self._problem.handle, "problem", f"{self._table}_{name}", self._n * math.prod(shape))
-        return values.reshape(self._n, *shape)
+    @property
+    def handle(self) -> int:
+        """The number that the core knows the problem of the table by."""
+        return self._problem.handle
+
+    def _numbers(self, name: str) -> np.ndarray:
+        return self._problem._call("column", table=self._table, column=name)["values"]
 
     def _given(self, name: str) -> np.ndarray | None:
         values = self._numbers(name)
@@ -77,7 +78,7 @@ class Points:
         """The crystal class of each row."""
         if not self._classes:
             return self._n * [None]
-        return [self._classes[number - 1] for number in self._numbers("class").astype(int).tolist()]
+        return [self._classes[number - 1] for number in self._numbers("class").tolist()]
 
     @cached_property
     def constants(self) -> list[dict]:
@@ -85,18 +86,18 @@ class Points:
         if not self._classes:
             return self._n * [{}]
         names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
-        rows = zip(self.symmetry, self._numbers("constants", 21).tolist(), strict=True)
+        rows = zip(self.symmetry, self._numbers("constants").tolist(), strict=True)
         return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
 
     @cached_property
     def stiffness(self) -> np.ndarray | None:
         """Crystal frame, GPa."""
-        return self._numbers("stiffness", 6, 6) if self._classes else None
+        return self._numbers("stiffness") if self._classes else None
 
     @cached_property
     def euler_deg(self) -> np.ndarray:
         """Bunge-Euler angles, degrees."""
-        return self._numbers("euler_deg", 3)
+        return self._numbers("euler_deg")
 
     @cached_property
     def modulus_gpa(self) -> np.ndarray | None:
@@ -110,7 +111,7 @@ class Points:
 
     @cached_property
     def _cells(self) -> list[list[str]]:
-        return list(document(self._problem.handle, self._table))
+        return _rows(self._problem._call("cells", table=self._table), "cells")
 
     @property
     def columns(self) -> list[str]:
@@ -124,17 +125,16 @@ class Points:
 
     def constants_array(self) -> np.ndarray:
         """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
-        return self._numbers("constants", 21)[:, : len(constant_names(self.symmetry[0]))]
+        return self._numbers("constants")[:, : len(constant_names(self.symmetry[0]))]
 
-    def predicted_by(self, surrogate, threads: int) -> tuple[np.ndarray, ...]:
+    def predicted_by(self, surrogate: NativeObject, threads: int) -> tuple[np.ndarray, ...]:
         """Of a surrogate: mean and sd (n,) in GPa, whether it covers each crystal (n,), and the scale (n,) in GPa of those that it does not."""
-        mean, sd, covered, scale = call("surrogate_predict_points", surrogate.handle, self._problem.handle, self._n, threads)
+        mean, sd, covered, scale = surrogate._call("predict_table", problem=self._problem.handle, threads=threads)["values"]
         return mean, sd, covered.astype(bool), scale
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
-        values = np.column_stack(list(columns.values()))
-        call("problem_write_crystals", self._problem.handle, path, ",".join(columns), values)
+        self._problem._call("write_crystals", path=path, names=",".join(columns), values=np.stack(list(columns.values())))
 
 
 class Problem(NativeObject):
@@ -150,7 +150,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
         self._made_of: tuple = (path, command)
-        self._fill(call("problem_new", path, command, ""), Path(path))
+        self._fill(call("problem.read", path=path, command=command), Path(path))
 
     @classmethod
     def from_keywords(
@@ -161,50 +161,55 @@ class Problem(NativeObject):
         The messages are those of a file with these values. What is None is left out. `measurements_table`: columns of equal length by name, as
         a file of measurements has them. `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
         """
-        self = cls.__new__(cls)
-        self._made_of = (origin, measurements_table, stiffness_page, groups)
         text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
-        self._fill(call("problem_new", origin, "", text), Path(origin), measurements_table, stiffness_page)
+        self = cls.parse(origin, text, measurements_table, stiffness_page)
+        object.__setattr__(self, "_made_of", (origin, measurements_table, stiffness_page, groups))
         return self
 
-    def _fill(self, handle: int, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
-        self._hold(handle, frozen=False)
+    @classmethod
+    def parse(cls, origin: str, text: str, measurements_table: Mapping | None = None, stiffness_page: str = "") -> "Problem":
+        """The problem of a namelist's text; messages begin with the origin."""
+        self = cls.__new__(cls)
+        self._made_of = ()
+        self._fill(call("problem.parse", path=origin, content=text), Path(origin), measurements_table, stiffness_page)
+        return self
+
+    def _fill(self, made: dict, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
+        self._hold(made["handle"], frozen=False)
         if stiffness_page:
-            call("problem_set_table", handle, "stiffness", stiffness_page)
+            self._set_table("stiffness", stiffness_page)
         if measurements_table is not None:
-            call("problem_set_table", handle, "measurements", _page(measurements_table))
-        facts = self._document()
+            self._set_table("measurements", _page(measurements_table))
+        facts = self._call("describe")
         if "spreadsheet" in facts:
-            settings = _settings(facts["values"], [])
-            place = f"{path}: &measurements file: {settings.measurements.file}: "
-            page = spreadsheet_page(place, Path(facts["spreadsheet"]), settings.measurements.sheet)
-            call("problem_set_table", handle, "measurements", page)
-            facts = self._document()
+            place = f"{path}: &measurements file: {facts['measurements.file']}: "
+            self._set_table("measurements", spreadsheet_page(place, Path(facts["spreadsheet"]), facts["measurements.sheet"]))
+            facts = self._call("describe")
         if "indents_um" in facts:
+            # Not above: it needs scipy, which is slow to import.
             from .orientation_maps import page_of as page_of_map
 
-            settings = _settings(facts["values"], [])
-            place = f"{path}: &measurements ebsd: {settings.measurements.ebsd}: "
-            x, y = self._array("indents_um", facts["indents_um"]).reshape(2, -1)
-            page, told = page_of_map(place, Path(facts["map"]), x.copy(), y.copy(), facts["indents_columns"], settings.problem.symmetry)
-            call("problem_set_table", handle, "ebsd", page)
+            place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
+            x, y = facts["indents_um"]
+            page, told = page_of_map(place, Path(facts["map"]), x, y, facts["indents_columns"], facts.get("problem.symmetry"))
+            self._set_table("ebsd", page)
             if told:
-                call("problem_set_table", handle, "warning", told)
-            facts = self._document()
-        self.path = path
-        self.folder = path.parent
-        self.resolved = facts["resolved"]
-        self.warnings = facts["warnings"]
-        self.stages = facts["stages"].split()
-        self.settings = _settings(facts["values"], facts["groups"].split())
+                self._set_table("warning", told)
+            facts = self._call("describe")
+        self.path, self.folder = path, path.parent
+        self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
+        self.settings = _settings(facts)
         #: Pairs of degree and bandlimit of &surrogate scan.
-        self.scan = [(int(degree), int(bandlimit)) for degree, bandlimit in facts["scan"]]
-        #: Identity of the physics, under which a campaign keeps simulations.
+        self.scan = [tuple(pair) for pair in facts["scan"].tolist()]
+        #: Identity of the physics, under which a campaign keeps simulations: JSON.
         self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
-        self.stiffness = facts.get("stiffness")
-        self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}_classes" in facts}
+        self.stiffness = _rows(facts, "stiffness") if "stiffness" in facts else None
+        self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
         self._frozen = True
+
+    def _set_table(self, table: str, page: str) -> None:
+        self._call("set_table", table=table, page=page)
 
     @property
     def crystals(self):
@@ -275,8 +280,8 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
     holder = Problem.__new__(Problem)
-    holder._hold(call("problem_of_table", path, symmetry))
-    return Points(holder, "crystals", holder._document())
+    holder._hold(call("problem.table", path=path, symmetry=symmetry)["handle"])
+    return Points(holder, "crystals", holder._call("describe"))
 
 
 def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points:
@@ -286,15 +291,31 @@ def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points
 
 
 @cache
+def _listed() -> dict:
+    return call("settings.list")
+
+
+@cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
-    return tuple(Variable(*row) for row in document(0, "settings")["schema"])
+    return tuple(starmap(Variable, batched(_listed()["schema"], len(fields(Variable)))))
 
 
 @cache
 def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
-    return tuple(Stage(row[0], tuple(row[1].split()), *row[2:]) for row in document(0, "settings")["stages"])
+    rows = batched(_listed()["stages"], len(fields(Stage)))
+    return tuple(Stage(name, tuple(groups.split()), *more) for name, groups, *more in rows)
+
+
+def batched(values: list, n: int) -> Iterator[list]:
+    """Rows of n values."""
+    return (values[i : i + n] for i in range(0, len(values), n))
+
+
+def _rows(found: dict, name: str) -> list[list[str]]:
+    """The rows of a table's cells."""
+    return list(batched(found[name], found[f"{name}.columns"]))
 
 
 @cache
@@ -303,26 +324,21 @@ def _types() -> dict[str, type]:
     names: dict[str, list[str]] = {}
     for variable in schema():
         names.setdefault(variable.group, ["given"]).append(variable.name)
-    types = {group: make_dataclass(f"{group}_settings", fields, frozen=True, eq=False) for group, fields in names.items()}
+    types = {group: make_dataclass(f"{group}_settings", names_, frozen=True, eq=False) for group, names_ in names.items()}
     return types | {"": make_dataclass("settings", names, frozen=True, eq=False)}
 
 
-def _frozen(values: list) -> np.ndarray:
-    array = np.array(values, dtype=float)
-    array.flags.writeable = False
-    return array
-
-
-def _settings(namelist: str, given: list[str]):
+def _settings(values: dict):
     """The values of all groups, as frozen objects in a frozen object."""
-    values, types = f90nml.reads(namelist), _types()
-    groups = {group: {"given": group in given} for group in types if group}
-    for variable in schema():
-        value = values[variable.group].get(variable.name)
-        if value is not None and variable.shape != "one":
-            value = value if isinstance(value, list) else [value]
-            value = _frozen(value) if variable.kind == "real" else tuple(value)
-        elif value is not None and variable.kind == "real":
-            value = float(value)
-        groups[variable.group][variable.name] = value
-    return types[""](**{group: types[group](**members) for group, members in groups.items()})
+    types = _types()
+    groups = {}
+    for group, its_type in types.items():
+        if group:
+            members = {field.name: values.get(f"{group}.{field.name}") for field in fields(its_type)}
+            for name, value in members.items():
+                if isinstance(value, np.ndarray):
+                    value.flags.writeable = False
+                elif isinstance(value, list):
+                    members[name] = tuple(value)
+            groups[group] = its_type(**members)
+    return types[""](**groups)

@@ -1,12 +1,13 @@
 """What a surrogate is linear in; the core's basis under a handle."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..core import InputError, NativeObject, check, native
+from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from ..settings.problem import Problem
 
-__all__ = ["Basis", "columns"]
+__all__ = ["Basis"]
 
 
 class Basis(NativeObject):
@@ -24,17 +25,13 @@ class Basis(NativeObject):
     _problem: Problem | None
 
     def __init__(self, problem: Problem):
-        handle, status, message = native.basis_new(problem.handle)
-        check(status, message)
-        self._describe(handle, problem)
+        self._describe(call("basis.new", problem=problem.handle)["handle"], problem)
 
     @classmethod
-    def of(cls, surrogate: int) -> "Basis":
-        """The basis of the surrogate of a handle."""
+    def of(cls, surrogate: NativeObject) -> "Basis":
+        """The basis of a surrogate."""
         self = cls.__new__(cls)
-        handle, status, message = native.surrogate_basis(surrogate)
-        check(status, message)
-        self._describe(handle, None)
+        self._describe(surrogate._call("basis")["handle"], None)
         return self
 
     @classmethod
@@ -44,10 +41,8 @@ class Basis(NativeObject):
 
     def _describe(self, handle: int, problem: Problem | None) -> None:
         self._hold(handle)
-        facts = self._document()
-        arrays = ("c_min", "c_max", "poisson", "stiffness", "directional_degrees", "polynomial_degrees")
-        values = {name: self._array(name, facts.get(name, 0)) for name in arrays}
-        self.__dict__.update({"_problem": problem} | {name: value for name, value in facts.items() if name not in arrays} | values)
+        arrays = dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0))
+        self.__dict__.update({"_problem": problem} | arrays | self._call("describe"))
 
     def __reduce__(self):
         if self._problem is None:
@@ -56,44 +51,39 @@ class Basis(NativeObject):
 
     def crystals(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""
-        constants, euler_deg, status, message = native.basis_crystals(self._handle, seed, len(constant_names(self.symmetry)), n)
-        check(status, message)
-        return constants.T.copy(), euler_deg.T.copy()
+        found = self._call("crystals", count=n, seed=seed)
+        return found["constants"], found["euler_deg"]
 
-    def terms(self, constants, euler_deg) -> tuple[np.ndarray, np.ndarray]:
+    def terms(self, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Terms (n_terms, n) and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
-        terms, scale, status, message = native.basis_terms(self._handle, self.n_terms, *columns(constants, euler_deg, self.symmetry))
-        check(status, message)
-        return terms, scale
+        found = self._call("terms", **self.rows(constants, euler_deg))
+        return found["terms"].T, found["scale"]
 
-    def to_y(self, modulus_gpa, scale) -> np.ndarray:
+    def to_y(self, modulus_gpa: ArrayLike, scale: ArrayLike) -> np.ndarray:
         """The quantity that is linear in the coefficients: M/scale, or its logarithm."""
         y = np.asarray(modulus_gpa, dtype=float) / scale
         return np.log(y) if self.logarithmic else y
 
-    def to_modulus(self, y, scale) -> np.ndarray:
+    def to_modulus(self, y: ArrayLike, scale: ArrayLike) -> np.ndarray:
         """The modulus (GPa) of a y."""
         return scale * (np.exp(y) if self.logarithmic else np.asarray(y))
 
-    def coverage(self, stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate covers it; and the
-        scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
-        reach, covered, scale, status, message = native.basis_coverage(self._handle, np.moveaxis(np.asarray(stiffness, dtype=float), 0, -1))
-        check(status, message)
-        return reach, covered.astype(bool), scale
+    def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate is valid for it; and
+        the scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
+        distance, valid, scale = self._call("validity", stiffness=stiffness)["values"]
+        return distance, valid.astype(bool), scale
 
-
-def columns(constants, euler_deg, symmetry: str) -> tuple[np.ndarray, np.ndarray]:
-    """Constants (k, n) in GPa and angles (3, n) in degrees as the core takes them."""
-    k = len(constant_names(symmetry))
-    values = np.atleast_2d(np.asarray(constants, dtype=float))
-    angles = np.atleast_2d(np.asarray(euler_deg, dtype=float))
-    if values.shape[1:] != (k,) or angles.shape[1:] != (3,):
-        raise InputError(
-            f"a {symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, not {values.shape} and {angles.shape}"
-        )
-    if len(values) != len(angles):
-        raise InputError(f"there are {len(values)} crystals but {len(angles)} orientations")
-    if not (np.isfinite(values).all() and np.isfinite(angles).all()):
-        raise InputError("a constant or an angle is not finite")
-    return np.asfortranarray(values.T), np.asfortranarray(angles.T)
+    def rows(self, constants: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndarray]:
+        """Constants (n, k) in GPa and angles (n, 3) in degrees, checked."""
+        k = len(constant_names(self.symmetry))
+        values, angles = (np.atleast_2d(np.asarray(rows, dtype=float)) for rows in (constants, euler_deg))
+        if values.shape[1:] != (k,) or angles.shape[1:] != (3,):
+            raise InputError(
+                f"a {self.symmetry} crystal takes arrays (n, {k}) of constants and (n, 3) of angles, not {values.shape} and {angles.shape}"
+            )
+        if len(values) != len(angles):
+            raise InputError(f"there are {len(values)} crystals but {len(angles)} orientations")
+        if not (np.isfinite(values).all() and np.isfinite(angles).all()):
+            raise InputError("a constant or an angle is not finite")
+        return {"constants": values, "euler_deg": angles}

@@ -4,17 +4,19 @@ Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
 
 import json
+from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..core import InputError, NativeObject, check, native
-from ..crystal.elasticity import crystal_columns
+from ..core import NativeObject, call, native
+from ..crystal.elasticity import crystal_rows
 from ..surrogate.basis import Basis
 from ..surrogate.lookup import places
 
-__all__ = ["Surrogate", "surrogate_of"]
+__all__ = ["Surrogate"]
 
 
 class Surrogate(NativeObject):
@@ -29,12 +31,12 @@ class Surrogate(NativeObject):
     basis: Basis
     symmetry: str
 
-    def __init__(self, basis: Basis, coefficients, covariance, *, alpha: float, beta: float, fall: float = 1.0, provenance=None):
-        handle, status, message = native.surrogate_new(
-            basis.handle, coefficients, covariance, [alpha, beta, fall], json.dumps(provenance or {}, indent=1)
-        )
-        check(status, message)
-        self._describe(handle)
+    def __init__(
+        self, basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, alpha: float, beta: float, fall: float = 1.0,
+        provenance: dict | None = None,
+    ):  # fmt: skip
+        posterior = {"coefficients": coefficients, "covariance": covariance, "provenance": json.dumps(provenance or {}, indent=1)}
+        self._describe(basis._call("surrogate", alpha=float(alpha), beta=float(beta), fall=float(fall), **posterior)["handle"])
 
     @classmethod
     def of(cls, handle: int) -> "Surrogate":
@@ -45,40 +47,45 @@ class Surrogate(NativeObject):
 
     def _describe(self, handle: int) -> None:
         self._hold(handle)
-        facts, basis = self._document(), Basis.of(handle)
+        facts, basis = self._call("describe"), Basis.of(self)
+        for values in facts.values():
+            if isinstance(values, np.ndarray):
+                values.flags.writeable = False
         self.__dict__.update(
-            {"basis": basis, "symmetry": basis.symmetry, "provenance": json.loads(facts["provenance"])}
-            | {name: facts[name] for name in ("alpha", "beta", "fall")}
-            | {"coefficients": self._array("coefficients", basis.n_terms)}
+            {"basis": basis, "symmetry": basis.symmetry, "provenance": json.loads(facts["provenance"]), "_facts": facts}
+            | {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")}
         )
 
     @classmethod
-    def fit(cls, constants, euler_deg, modulus_gpa, *, symmetry=None, domain: dict | None = None, **settings) -> "Surrogate":
+    def fit(
+        cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
+        domain: dict | None = None, **settings,
+    ) -> "Surrogate":  # fmt: skip
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
         `symmetry` and `domain`: of &problem and the variables of &domain; `settings`: those of &surrogate. Without bounds in the domain
         the crystals are given by the constants of a triclinic one.
         """
-        from ..surrogate.learner import Learner
-
-        learner = Learner(Basis.from_keywords(symmetry, domain, **settings))
-        learner.add(constants, euler_deg, modulus_gpa, chosen=True)
-        learner.fit()
-        return learner.surrogate()
+        basis = Basis.from_keywords(symmetry, domain, **settings)
+        learner = basis._call("learner")["handle"]
+        try:
+            call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
+            call("learner.fit", learner, alpha=[0.0], beta=[0.0])
+            return cls.of(call("learner.surrogate", learner, provenance="{}")["handle"])
+        finally:
+            native.core_release(learner)
 
     @classmethod
-    def load(cls, name, *, symmetry: str = "", output="", folder="") -> "Surrogate":
+    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> "Surrogate":
         """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the file `name` that `save` wrote.
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
         """
-        handle, status, message = native.surrogate_load(str(name), symmetry, *places(output, folder))
-        check(status, message)
-        return cls.of(handle)
+        return cls.of(call("surrogate.load", name=name, symmetry=symmetry, **places(output, folder))["handle"])
 
-    def save(self, path) -> None:
+    def save(self, path: str | PathLike) -> None:
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
-        check(*native.surrogate_save(self._handle, path))
+        self._call("save", path=path)
 
     def __reduce__(self):
         with TemporaryDirectory() as folder:
@@ -86,8 +93,7 @@ class Surrogate(NativeObject):
             return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
-        facts = self._document()
-        known = f"{facts['simulated_modulus_gpa']} simulations, {self.basis.n_terms} terms" if self.basis.n_terms else "the exact theory"
+        known = f"{len(self._facts['simulated_modulus_gpa'])} simulations, {self.basis.n_terms} terms" if self.basis.n_terms else "the exact theory"
         title = self.provenance.get("title") or ""
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
 
@@ -97,30 +103,27 @@ class Surrogate(NativeObject):
         n = self.basis.n_terms
         full = np.zeros((n, n))
         # The lower triangle, column by column.
-        full.T[np.triu_indices(n)] = self._array("covariance", n * (n + 1) // 2)
+        full.T[np.triu_indices(n)] = self._facts["covariance"]
         return full + np.tril(full, -1).T
 
     @property
     def data(self) -> dict[str, np.ndarray]:
         """The simulations behind it: constants (n, k) and modulus_gpa (n,) in GPa, euler_deg (n, 3); empty if there are none."""
-        facts = self._document()
-        labels = {name: f"simulated_{name}" for name in ("constants", "euler_deg", "modulus_gpa")}
-        n = facts[labels["modulus_gpa"]]
-        arrays = {name: self._array(label, facts[label]) for name, label in labels.items()}
+        arrays = {name: self._facts[f"simulated_{name}"] for name in ("constants", "euler_deg", "modulus_gpa")}
+        n = len(arrays["modulus_gpa"])
         return {name: values if name == "modulus_gpa" else values.reshape(n, -1) for name, values in arrays.items()} if n else {}
 
-    def predict(self, stiffness, euler_deg, *, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Mean and sd (n,) in GPa of the simulated indentation modulus of crystals (n, 6, 6) in GPa at angles (n, 3) in degrees.
 
         The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside` says where the
         surrogate does not know.
         """
-        matrices, angles, shape = crystal_columns(stiffness, euler_deg)
-        modulus, sd, status, message = native.surrogate_predict(self._handle, matrices, angles, threads)
-        check(status, message)
+        rows, shape = crystal_rows(stiffness, euler_deg)
+        modulus, sd = self._call("predict", **rows, threads=threads)["values"]
         return modulus.reshape(shape), sd.reshape(shape)
 
-    def outside(self, stiffness) -> np.ndarray:
+    def outside(self, stiffness: ArrayLike) -> np.ndarray:
         """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""
         return ~self.basis.coverage(stiffness)[1]
 
@@ -146,10 +149,3 @@ def _from_text(text: str) -> Surrogate:
         return Surrogate.load(Path(folder) / "surrogate.txt")
 
 
-def surrogate_of(problem, output) -> Surrogate:
-    """The surrogate that a problem names: in the output folder, beside the namelist, or one that comes with the package."""
-    name, symmetry = problem.settings.surrogate.file, problem.settings.problem.symmetry or ""
-    try:
-        return Surrogate.load(name, symmetry=symmetry, output=output, folder=problem.folder)
-    except InputError as error:
-        raise InputError(f"{problem.path}: &surrogate file: {error}") from None

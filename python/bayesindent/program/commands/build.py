@@ -5,8 +5,7 @@ from pathlib import Path
 
 from ...common.progress import Progress
 from ...common.result_files import as_csv
-from ...pipeline.build import build
-from ...pipeline.import_export import ask, tell
+from ...pipeline.build import ask, tell
 from ...settings.problem import read_crystals
 from ...surrogate.basis import Basis
 from ..command import PATIENCE_S, namelist_command, perform, prepare, with_warnings
@@ -56,4 +55,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
 
 
-COMMAND = namelist_command("build", stage=build, action=action, arguments=add_arguments, show=show, resumes=True, then=then)
+COMMAND = namelist_command("build", action=action, arguments=add_arguments, show=show, resumes=True, then=then)

@@ -1,13 +1,26 @@
 """`extract`: Step 2."""
 
 import argparse
+from pathlib import Path
 
-from ...pipeline.step_2 import extract_stage
+from ...common.progress import Progress
+from ...common.result_files import write_groups
+from ...inference.extract import groups_of
+from ...pipeline.results_folder import read_posterior
+from ...pipeline.stage import run_stage
 from ...report.words import best_first, number
+from ...settings.problem import Problem
 from ..command import namelist_command
 from ..console import show_table
 
 __all__ = ["COMMAND"]
+
+
+def extract(problem: Problem, output: Path, progress: Progress) -> dict:
+    """The stage, and its numbers in ArviZ' schema: posterior.nc."""
+    document = run_stage(problem, "extract", output, progress)
+    write_groups(output / "posterior.nc", groups_of(read_posterior(output)))
+    return document
 
 
 def show(document: dict) -> None:
@@ -30,4 +43,4 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
     return f"bayesindent report {arguments.results}, and bayesindent next {arguments.file} for the grain to measure next"
 
 
-COMMAND = namelist_command("extract", stage=extract_stage, show=show, resumes=True, then=then)
+COMMAND = namelist_command("extract", stage=extract, show=show, resumes=True, then=then)

@@ -2,7 +2,6 @@
 
 import argparse
 
-from ...pipeline.step_2 import next_stage
 from ..command import namelist_command
 from ..console import show_table
 
@@ -25,4 +24,4 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
     return f"measure such grains, add them to the measurements of {arguments.file}, and bayesindent run it again"
 
 
-COMMAND = namelist_command("next", stage=next_stage, show=show, resumes=True, then=then)
+COMMAND = namelist_command("next", show=show, resumes=True, then=then)

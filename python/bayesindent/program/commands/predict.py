@@ -6,7 +6,6 @@ import shutil
 import sys
 from pathlib import Path
 
-from ...pipeline.moduli import identified
 from ...settings.problem import read_crystals
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, take_folder
@@ -26,7 +25,8 @@ def predict(arguments: argparse.Namespace) -> dict:
     outside = model.outside_words(covered, scale)
     # Many rows in a document take much more memory than in a file.
     wanted = range(len(points) if arguments.json else 0)
-    results = [identified(points, i) | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i in wanted]
+    crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in wanted]
+    results = [crystal | {"modulus_gpa": mean[i], "sd_gpa": sd[i]} for i, crystal in enumerate(crystals)]
     return {"results": results, "file": str(file), "warnings": [f"{table}: {outside}"] if outside else []}
 
 

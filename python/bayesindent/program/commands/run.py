@@ -3,9 +3,9 @@
 import argparse
 
 from ...common.progress import Progress
-from ...pipeline.step_2 import check_stage
+from ...core import call
 from ...settings.problem import Problem
-from ...surrogate.lookup import check_replaceable
+from ...surrogate.lookup import places
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
 from . import report
 
@@ -28,12 +28,8 @@ def run(arguments: argparse.Namespace) -> dict:
 
 def check(problem, arguments: argparse.Namespace) -> dict:
     """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it knows the crystals of the prior."""
-    stages = problem.stages
-    if "build" in stages:
-        check_replaceable(problem, output_folder(arguments, arguments.file))
-    if "build" not in stages and {"extract", "next"} & set(stages):
-        check_stage(problem, output_folder(arguments, arguments.file))
-    return {"file": str(arguments.file), "stages": stages, "warnings": problem.warnings}
+    call("file.check_stages", problem=problem.handle, **places(output_folder(arguments, arguments.file), problem.folder))
+    return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
 
 
 def show(document: dict) -> None:

@@ -4,25 +4,24 @@ from pathlib import Path
 
 from ...common.progress import Progress
 from ...common.result_files import whole_file
-from ...pipeline.specimen_size import specimen_size
+from ...pipeline.stage import run_stage
+from ...settings.problem import Problem
 from ..command import namelist_command, report_of
 from ..console import show_table
 
 __all__ = ["COMMAND"]
 
 
-def size(problem, output: Path, progress: Progress) -> dict:
+def size(problem: Problem, output: Path, progress: Progress) -> dict:
     """Size.png and the document."""
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.figures.specimen_size import draw_bias
     from ...report.figures.style import house_style
 
-    document = specimen_size(problem, progress)
-    failed = [row for row in document["results"] if len(row["size_um"]) < max(len(other["size_um"]) for other in document["results"])]
-    warnings = [f"{len(failed)} curves lack sizes at which the contact left the refined zone of the mesh"] if failed else []
+    document = run_stage(problem, "size", output, progress)
     with house_style(), whole_file(output / "size.png") as file:
         draw_bias(document).savefig(file)
-    return document | {"figure": str(output / "size.png"), "warnings": warnings}
+    return document | {"figure": str(output / "size.png")}
 
 
 def show(document: dict) -> None:

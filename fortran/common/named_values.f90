@@ -1,0 +1,345 @@
+!> Named values as bytes: the one form in which data leave the core and enter it, and in which chains are stored.
+!>
+!> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
+!> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
+!> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with the axes
+!> reversed.
+module named_values
+   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: i8, wp
+   use labelled_values, only: labelled_values_type
+   use warning_lists, only: warning_type
+   implicit none
+   private
+   public :: named_values_type, named_values_reader_type
+
+   integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
+
+   !> Values that are written one after the other.
+   type, extends(labelled_values_type) :: named_values_type
+      !> What was written, in its first `filled` bytes.
+      character(kind=c_char, len=:), allocatable :: bytes
+      integer(i8) :: filled = 0
+   contains
+      procedure :: text => visit_text
+      procedure :: lines => visit_text
+      procedure :: integer => visit_integer
+      procedure :: real => visit_real
+      procedure :: reals => visit_reals
+      procedure, private :: put_text
+      procedure, private :: put_texts
+      procedure, private :: put_integer
+      procedure, private :: put_logical
+      procedure, private :: put_real
+      generic :: put => put_text, put_texts, put_integer, put_logical, put_real
+      procedure :: put_array
+      procedure :: put_integers
+   end type named_values_type
+
+   !> Values in bytes that somebody else keeps; they are found by their names. What is asked for and is not there is an error, and empty.
+   type :: named_values_reader_type
+      character(kind=c_char), pointer :: bytes(:) => null()
+      type(error_type), allocatable :: error
+   contains
+      procedure :: look_at
+      procedure :: has
+      procedure :: text => text_of
+      procedure :: integer => integer_of
+      procedure :: logical => logical_of
+      procedure :: real => real_of
+      procedure :: reals => reals_of
+      procedure :: columns => columns_of
+      procedure :: matrices => matrices_of
+   end type named_values_reader_type
+
+contains
+
+   !> Append a value of `n_bytes` at an address.
+   subroutine append(self, name, kind, axes, n_bytes, address)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character, intent(in) :: kind
+      !> Sizes of the axes of an array.
+      integer, intent(in) :: axes(:)
+      integer(i8), intent(in) :: n_bytes
+      type(c_ptr), intent(in) :: address
+      character(kind=c_char, len=:), allocatable :: larger
+      character(kind=c_char), pointer :: content(:)
+      integer(i8) :: shape(most_axes), start, i
+
+      start = self%filled + header_bytes + padded(len(name, i8))
+      if (.not. allocated(self%bytes)) allocate (character(len=4096) :: self%bytes)
+      if (start + padded(n_bytes) > len(self%bytes, i8)) then
+         allocate (character(len=start + padded(n_bytes) + len(self%bytes, i8)) :: larger)
+         larger(:self%filled) = self%bytes(:self%filled)
+         call move_alloc(larger, self%bytes)
+      end if
+      shape = 0
+      shape(:size(axes)) = axes
+      associate (header => self%bytes(self%filled + 1:self%filled + header_bytes))
+         header = kind//achar(size(axes))//repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
+            & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
+      end associate
+      self%bytes(self%filled + header_bytes + 1:start) = name//repeat(achar(0), int(padded(len(name, i8)) - len(name)))
+      self%bytes(start + 1:start + padded(n_bytes)) = ''
+      call c_f_pointer(address, content, [n_bytes])
+      do i = 1, n_bytes
+         self%bytes(start + i:start + i) = content(i)
+      end do
+      self%filled = start + padded(n_bytes)
+   end subroutine append
+
+   !> The next multiple of eight.
+   pure integer(i8) function padded(n)
+      integer(i8), intent(in) :: n
+
+      padded = unit_bytes*((n + unit_bytes - 1)/unit_bytes)
+   end function padded
+
+   subroutine put_text(self, name, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character(len=*), intent(in), target :: value
+
+      call append(self, name, 't', [integer ::], len(value, i8), c_loc(value))
+   end subroutine put_text
+
+   !> Texts of a list.
+   subroutine put_texts(self, name, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      type(warning_type), intent(in) :: value(:)
+      character(len=:), allocatable, target :: joined
+      integer :: i, at
+
+      allocate (character(len=sum([(len(value(i)%text) + 1, i=1, size(value))])) :: joined)
+      at = 0
+      do i = 1, size(value)
+         joined(at + 1:at + len(value(i)%text) + 1) = value(i)%text//achar(0)
+         at = at + len(value(i)%text) + 1
+      end do
+      call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
+   end subroutine put_texts
+
+   subroutine put_integer(self, name, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: value
+
+      call put_bits(self, name, 'i', int(value, i8))
+   end subroutine put_integer
+
+   !> Integers of an array of any shape.
+   subroutine put_integers(self, name, values, shape)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: shape(:), values(product(shape))
+      integer(i8), target :: bits(size(values))
+
+      bits = values
+      call append(self, name, 'i', shape, size(bits)*8_i8, c_loc(bits))
+   end subroutine put_integers
+
+   subroutine put_logical(self, name, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      logical, intent(in) :: value
+
+      call put_bits(self, name, 'b', merge(1_i8, 0_i8, value))
+   end subroutine put_logical
+
+   subroutine put_bits(self, name, kind, bits)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character, intent(in) :: kind
+      integer(i8), intent(in), target :: bits
+
+      call append(self, name, kind, [integer ::], 8_i8, c_loc(bits))
+   end subroutine put_bits
+
+   subroutine put_real(self, name, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), intent(in), target :: value
+
+      call append(self, name, 'r', [integer ::], 8_i8, c_loc(value))
+   end subroutine put_real
+
+   !> Reals of an array of any shape.
+   subroutine put_array(self, name, values, shape)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: shape(:)
+      real(wp), intent(in), target :: values(product(shape))
+
+      call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
+   end subroutine put_array
+
+   subroutine visit_text(self, label, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: label
+      character(len=:), allocatable, intent(inout) :: value
+
+      call self%put(label, value)
+   end subroutine visit_text
+
+   subroutine visit_integer(self, label, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: label
+      integer, intent(inout) :: value
+
+      call self%put(label, value)
+   end subroutine visit_integer
+
+   subroutine visit_real(self, label, value)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: label
+      real(wp), intent(inout) :: value
+
+      call self%put(label, value)
+   end subroutine visit_real
+
+   subroutine visit_reals(self, label, values)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: label
+      real(wp), allocatable, intent(inout) :: values(:)
+
+      call self%put_array(label, values, shape(values))
+   end subroutine visit_reals
+
+   !> Read from the bytes of a text, which stays where it is.
+   subroutine look_at(self, content)
+      class(named_values_reader_type), intent(inout) :: self
+      character(kind=c_char, len=*), intent(in), target :: content
+
+      call c_f_pointer(c_loc(content), self%bytes, [len(content)])
+   end subroutine look_at
+
+   !> The bytes of the value of a name, not associated if it is not there, and its kind.
+   subroutine find(self, name, kind, content)
+      class(named_values_reader_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+      character, intent(out) :: kind
+      character(kind=c_char), pointer, intent(out) :: content(:)
+      integer(i8) :: at, start, n_bytes
+      integer :: length, i
+
+      kind = ' '
+      content => null()
+      at = 0
+      do while (at + header_bytes <= size(self%bytes, kind=i8))
+         length = transfer(self%bytes(at + 5:at + 8), length)
+         n_bytes = transfer(self%bytes(at + 9:at + 16), n_bytes)
+         start = at + header_bytes + padded(int(length, i8))
+         if (length == len(name)) then
+            if (all([(self%bytes(at + header_bytes + i) == name(i:i), i=1, length)])) then
+               kind = self%bytes(at + 1)
+               content => self%bytes(start + 1:start + n_bytes)
+               return
+            end if
+         end if
+         at = start + padded(n_bytes)
+      end do
+   end subroutine find
+
+   logical function has(self, name)
+      class(named_values_reader_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+      character(kind=c_char), pointer :: content(:)
+      character :: kind
+
+      call find(self, name, kind, content)
+      has = associated(content)
+   end function has
+
+   integer(i8) function integer_of(self, name) result(value)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character(kind=c_char), pointer :: content(:)
+      character :: kind
+
+      call find(self, name, kind, content)
+      value = 0
+      if (kind == 'i' .or. kind == 'b') then
+         value = transfer(content, value)
+      else
+         call raise(self%error, 'the integer '''//name//''' is missing', exit_bad_input)
+      end if
+   end function integer_of
+
+   logical function logical_of(self, name) result(value)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+
+      value = self%integer(name) /= 0
+   end function logical_of
+
+   real(wp) function real_of(self, name) result(value)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), pointer :: values(:)
+
+      values => self%reals(name)
+      value = 0.0_wp
+      if (size(values) > 0) value = values(1)
+   end function real_of
+
+   function text_of(self, name) result(value)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: value
+      character(kind=c_char), pointer :: content(:)
+      character :: kind
+      integer :: i
+
+      call find(self, name, kind, content)
+      if (kind /= 't') then
+         call raise(self%error, 'the text '''//name//''' is missing', exit_bad_input)
+         value = ''
+         return
+      end if
+      allocate (character(len=size(content)) :: value)
+      do i = 1, len(value)
+         value(i:i) = content(i)
+      end do
+   end function text_of
+
+   !> The reals of an array of any shape, in Fortran's order, where they are.
+   function reals_of(self, name) result(values)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), pointer :: values(:)
+      character(kind=c_char), pointer :: content(:)
+      character :: kind
+
+      call find(self, name, kind, content)
+      if (kind == 'r') then
+         call c_f_pointer(c_loc(content), values, [size(content)/8])
+      else
+         call raise(self%error, 'the numbers '''//name//''' are missing', exit_bad_input)
+         allocate (values(0))
+      end if
+   end function reals_of
+
+   !> The same as columns of n reals each.
+   function columns_of(self, name, n) result(columns)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: n
+      real(wp), pointer :: values(:), columns(:, :)
+
+      values => self%reals(name)
+      columns(1:n, 1:size(values)/n) => values
+   end function columns_of
+
+   !> The same as matrices (6, 6, n).
+   function matrices_of(self, name) result(matrices)
+      class(named_values_reader_type), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), pointer :: values(:), matrices(:, :, :)
+
+      values => self%reals(name)
+      matrices(1:6, 1:6, 1:size(values)/36) => values
+   end function matrices_of
+end module named_values

@@ -1,0 +1,181 @@
+!> A stage: what one command does with a problem in an output folder, for both programs:
+!>
+!>     call stage%open(problem, places, error)        ! checks, and what is there already
+!>     do
+!>        call stage%want(error)                      ! stage%jobs: the simulations to be made now
+!>        if (size(stage%jobs) == 0) exit
+!>        (simulate each, in any order, and give what became of it to stage%take)
+!>     end do
+!>     call stage%close(document, error)              ! files, and the document
+!>
+!> What became of a simulation is stored by `take`. What the machine could not do (memory) is no result: it is wanted once more, alone, and
+!> is an error if that fails too.
+module abstract_stage
+   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use kinds, only: wp
+   use problem, only: problem_type
+   use settings_groups, only: settings_type
+   use simulate, only: outcome_type, outcome_waiting
+   use stage_documents, only: keep_document
+   use surrogate_lookup, only: places_type
+   use warning_lists, only: warning_type
+   implicit none
+   private
+   public :: stage_type, job_type
+
+   !> A simulation that is wanted.
+   type :: job_type
+      !> Stiffness in crystal axes, GPa; Bunge-Euler angles, degrees.
+      real(wp) :: stiffness(6, 6) = 0.0_wp, euler_deg(3) = 0.0_wp
+      !> Which of the stage's `physics`; its number in the batch that the stage chose.
+      integer :: physics = 1, number = 0
+   end type job_type
+
+   type, abstract :: stage_type
+      !> Of the command, and of the file of its document.
+      character(len=:), allocatable :: name, document_file
+      !> The groups of the namelist that its results follow from, and those of a posterior.
+      character(len=:), allocatable :: groups, groups_of_posterior
+      type(problem_type), pointer :: problem => null()
+      !> Folder of the results, without a slash at its end; and where surrogates are looked for.
+      character(len=:), allocatable :: output
+      type(places_type) :: places
+      type(warning_type), allocatable :: warnings(:)
+      !> The specimens, indenters and simulations that are wanted.
+      type(settings_type), allocatable :: physics(:)
+      !> What is to be simulated now.
+      type(job_type), allocatable :: jobs(:)
+      !> Simulations that were made in this run, and that are still expected.
+      integer :: n_new = 0, n_expected = 0
+      !> One line on what was done.
+      character(len=:), allocatable :: done
+      !> The batch that was chosen, and the state of each.
+      type(job_type), allocatable :: batch(:)
+      integer, allocatable, private :: state(:)
+   contains
+      procedure, non_overridable :: open
+      procedure, non_overridable :: want
+      procedure, non_overridable :: take
+      procedure, non_overridable :: close
+      !> Look at what is there, and refuse what cannot be.
+      procedure :: begin
+      !> Learn from what was simulated, and choose what comes next; none: all is done.
+      procedure :: choose
+      !> Keep what became of a simulation of the batch.
+      procedure :: keep
+      !> Write the files, and the document: JSON, an object with the warnings.
+      procedure(write_document), deferred :: finish
+   end type stage_type
+
+   abstract interface
+      subroutine write_document(self, document, error)
+         import :: error_type, stage_type
+         class(stage_type), intent(inout) :: self
+         character(len=:), allocatable, intent(out) :: document
+         type(error_type), allocatable, intent(out) :: error
+      end subroutine write_document
+   end interface
+
+   !> A job is to be made, to be made once more, or made.
+   integer, parameter :: waiting = 0, again = 1, made = 2
+
+contains
+
+   !> Begin in an output folder.
+   subroutine open(self, problem, places, error)
+      class(stage_type), intent(inout) :: self
+      type(problem_type), intent(in), target :: problem
+      !> The folder of the results among them.
+      type(places_type), intent(in) :: places
+      type(error_type), allocatable, intent(out) :: error
+
+      self%problem => problem
+      self%output = places%output(:len(places%output) - 1)
+      self%places = places
+      self%physics = [problem%settings]
+      self%done = ''
+      allocate (self%warnings(0), self%jobs(0), self%batch(0), self%state(0))
+      call self%begin(error)
+   end subroutine open
+
+   !> Let `jobs` be what is to be simulated now.
+   subroutine want(self, error)
+      class(stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      if (all(self%state == made)) then
+         call self%choose(self%batch, error)
+         if (allocated(error)) return
+         self%batch%number = [(i, i=1, size(self%batch))]
+         self%state = spread(waiting, 1, size(self%batch))
+      end if
+      if (any(self%state == waiting) .or. size(self%state) == 0) then
+         self%jobs = pack(self%batch, self%state == waiting)
+      else
+         self%jobs = [self%batch(findloc(self%state, again, 1))]
+      end if
+   end subroutine want
+
+   !> What became of the job of this number. One thread at a time.
+   subroutine take(self, number, outcome, error)
+      class(stage_type), intent(inout) :: self
+      integer, intent(in) :: number
+      !> Waiting: the machine could not do it, for the reason in its message.
+      type(outcome_type), intent(in) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+
+      if (number < 1 .or. number > size(self%state)) then
+         call raise(error, 'no such simulation is wanted', exit_bad_input)
+      else if (outcome%status /= outcome_waiting) then
+         self%state(number) = made
+         self%n_new = self%n_new + 1
+         call self%keep(number, outcome, error)
+      else if (self%state(number) == again) then
+         call raise(error, outcome%message, machine_failure)
+      else
+         self%state(number) = again
+      end if
+   end subroutine take
+
+   subroutine begin(self, error)
+      class(stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => error)
+      end associate
+   end subroutine begin
+
+   !> Nothing is to be simulated.
+   subroutine choose(self, batch, error)
+      class(stage_type), intent(inout) :: self
+      type(job_type), allocatable, intent(inout) :: batch(:)
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => error)
+      end associate
+      batch = [job_type ::]
+   end subroutine choose
+
+   subroutine keep(self, number, outcome, error)
+      class(stage_type), intent(inout) :: self
+      !> In the batch.
+      integer, intent(in) :: number
+      type(outcome_type), intent(in) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => number, unused_too => outcome, nor_this => error)
+      end associate
+   end subroutine keep
+
+   !> Write the results, and keep the document in the folder.
+   subroutine close(self, document, error)
+      class(stage_type), intent(inout) :: self
+      !> JSON.
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%finish(document, error)
+      if (.not. allocated(error)) call keep_document(self%problem, self%groups, self%places, self%document_file, document, error)
+   end subroutine close
+end module abstract_stage

@@ -1,0 +1,111 @@
+!> What is written of crystals that were simulated, or given to the theory: tables, and their rows in a document.
+module crystal_tables
+   use campaign, only: row_type
+   use errors, only: error_type
+   use files, only: new_file_type
+   use indenters, only: indenter_type, new_indenter
+   use json, only: json_type
+   use kinds, only: wp
+   use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
+   use numbers, only: short_text
+   use point_tables, only: points_type
+   use problem, only: problem_type
+   use simulate, only: outcome_done
+   use table_writer, only: write_table
+   use text, only: split_list, to_text
+   implicit none
+   private
+   public :: write_moduli, write_curves, begin_crystal, put_outcome
+
+   character, parameter :: newline = achar(10)
+
+contains
+
+   !> The table of the crystals as it was given, with every kind of modulus, GPa; nothing where there is none.
+   subroutine write_moduli(problem, path, modulus, error)
+      type(problem_type), intent(in) :: problem
+      character(len=*), intent(in) :: path
+      !> Indentation moduli, GPa; NaN: none.
+      real(wp), intent(in) :: modulus(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: kinds(:), names
+      type(modulus_map_type) :: map
+      real(wp) :: moduli(size(modulus), 3), slope(size(modulus))
+      integer :: j
+
+      allocate (kinds, source=split_list(modulus_kind_names))
+      names = ''
+      associate (measured => problem%settings%measurements)
+         do j = 1, size(kinds)
+            call new_modulus_map(trim(kinds(j)), measured%indenter_modulus_gpa, measured%indenter_nu, measured%sample_nu, &
+               & map, error)
+            if (allocated(error)) return
+            names = names//','//trim(kinds(j))//'_gpa'
+            moduli(:, j) = modulus
+            slope = 1.0_wp
+            call map%apply(moduli(:, j), slope)
+         end do
+      end associate
+      call write_table(problem%crystals%table, path, names, moduli, error)
+   end subroutine write_moduli
+
+   !> Force (mN) over depth (um) of every crystal, by its row from 1, with the modulus of each depth alone (GPa).
+   subroutine write_curves(problem, path, rows, error)
+      type(problem_type), intent(in) :: problem
+      character(len=*), intent(in) :: path
+      type(row_type), intent(in) :: rows(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(new_file_type) :: file
+      type(indenter_type) :: indenter
+      integer :: i, j
+
+      call new_indenter(problem%settings%indenter, indenter, error)
+      if (allocated(error)) return
+      call file%begin(path)
+      call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
+      do i = 1, size(rows)
+         do j = 1, size(rows(i)%outcome%depth)
+            associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
+               call file%add(to_text(i)//','//short_text(depth)//','//short_text(force)//',' &
+                  & //short_text(force/indenter%unit_force(depth))//newline)
+            end associate
+         end do
+      end do
+      call file%finish(error)
+   end subroutine write_curves
+
+   !> Begin the object of a crystal: its constants by name, GPa, and its angles, degrees.
+   subroutine begin_crystal(page, points, row)
+      type(json_type), intent(inout) :: page
+      type(points_type), intent(in) :: points
+      integer, intent(in) :: row
+      integer :: j
+
+      call page%begin_object()
+      call page%begin_object('constants')
+      associate (class => points%classes(points%class(row)))
+         do j = 1, class%n_constants
+            call page%put(class%constants(j), points%constants(j, row))
+         end do
+      end associate
+      call page%end_object()
+      call page%put('euler_deg', points%euler_deg(:, row))
+   end subroutine begin_crystal
+
+   !> What became of its simulation.
+   subroutine put_outcome(page, row, indenter)
+      type(json_type), intent(inout) :: page
+      type(row_type), intent(in) :: row
+      type(indenter_type), intent(in) :: indenter
+
+      associate (outcome => row%outcome)
+         call page%put_if(outcome%status == outcome_done, 'indentation_modulus_gpa', outcome%modulus)
+         if (outcome%elements > 0) call page%put('elements', outcome%elements)
+         if (outcome%elements == 0) call page%put_null('elements')
+         call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
+         call page%put('depth_um', outcome%depth)
+         call page%put('force_mn', outcome%force)
+         call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
+      end associate
+   end subroutine put_outcome
+end module crystal_tables

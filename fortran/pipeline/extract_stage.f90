@@ -1,0 +1,102 @@
+!> `extract`: Step 2, the constants behind the measured moduli.
+module extract_stage
+   use abstract_stage, only: stage_type
+   use constants_posterior, only: posterior_type
+   use errors, only: error_type
+   use extraction, only: extract, extraction_type
+   use extraction_document, only: write_extraction
+   use files, only: new_file_type
+   use kept_chains, only: chain_prefix
+   use namelist_file, only: place
+   use numbers, only: number_text
+   use posterior_file, only: save_posterior
+   use prior_words, only: describe_prior
+   use problem_posterior, only: new_problem_posterior
+   use running_command, only: remove_files
+   use stage_documents, only: inputs_of
+   use surrogate_lookup, only: load_named_surrogate
+   use surrogate_model, only: surrogate_type
+   use text, only: join, to_text
+   use warning_lists, only: warning_type
+   implicit none
+   private
+   public :: extract_stage_type, load_stage_surrogate
+
+   type, extends(stage_type) :: extract_stage_type
+      type(surrogate_type) :: surrogate
+      !> The prior that was in effect, in a few lines.
+      type(warning_type), allocatable :: prior(:)
+   contains
+      procedure :: begin
+      procedure :: finish
+   end type extract_stage_type
+
+contains
+
+   !> The surrogate that &surrogate names, for crystals of the problem's class.
+   subroutine load_stage_surrogate(stage, surrogate, error)
+      class(stage_type), intent(in) :: stage
+      type(surrogate_type), intent(out) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: class
+
+      class = ''
+      if (allocated(stage%problem%class%name)) class = stage%problem%class%name
+      call load_named_surrogate(stage%problem%settings%surrogate%file, class, stage%places, surrogate, error)
+      if (allocated(error)) error%message = place(stage%problem%path, 'surrogate', 'file')//error%message
+   end subroutine load_stage_surrogate
+
+   !> Refuse what would be refused before the first sample.
+   subroutine begin(self, error)
+      class(extract_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type) :: posterior
+
+      call load_stage_surrogate(self, self%surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., posterior, error)
+   end subroutine begin
+
+   !> posterior.bin with all numbers, posterior.csv with the draws, and the document.
+   subroutine finish(self, document, error)
+      class(extract_stage_type), intent(inout) :: self
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(extraction_type) :: found
+
+      self%problem%kept_in = self%output
+      call extract(self%problem, self%surrogate, found, error)
+      if (allocated(error)) return
+      document = write_extraction(self%problem, found)
+      call save_posterior(self%problem, found, document, self%output, inputs_of(self%problem, self%groups, self%places), error)
+      if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
+      if (allocated(error)) return
+      call remove_files(self%output, chain_prefix)
+      call describe_prior(found, self%prior)
+      self%done = to_text(size(found%chains%draws, 3))//' chains of '//to_text(size(found%chains%draws, 2))//' samples: ' &
+         & //self%output//'/posterior.csv'
+   end subroutine finish
+
+   !> Every draw, a line each.
+   subroutine write_draws(found, path, error)
+      type(extraction_type), intent(in) :: found
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      character, parameter :: newline = achar(10)
+      type(new_file_type) :: file
+      character(len=:), allocatable :: line
+      integer :: i, j, chain
+
+      call file%begin(path)
+      call file%add('chain,draw,'//join(found%names, ',')//',log_density'//newline)
+      do chain = 1, size(found%chains%draws, 3)
+         do i = 1, size(found%chains%draws, 2)
+            line = to_text(chain)//','//to_text(i)
+            do j = 1, size(found%names)
+               line = line//','//number_text(found%chains%draws(j, i, chain))
+            end do
+            call file%add(line//','//number_text(found%chains%log_density(i, chain))//newline)
+         end do
+      end do
+      call file%finish(error)
+   end subroutine write_draws
+end module extract_stage

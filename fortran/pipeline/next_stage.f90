@@ -1,0 +1,59 @@
+!> `next`: the grains worth measuring next.
+module next_stage
+   use abstract_stage, only: stage_type
+   use constants_posterior, only: posterior_type
+   use errors, only: error_type
+   use extract_stage, only: load_stage_surrogate
+   use extraction, only: extract, extraction_type
+   use kept_chains, only: chain_prefix
+   use kinds, only: wp
+   use next_grains, only: next_document
+   use posterior_file, only: stored_draws
+   use problem_posterior, only: new_problem_posterior
+   use running_command, only: remove_files
+   use stage_documents, only: inputs_of
+   use surrogate_model, only: surrogate_type
+   implicit none
+   private
+   public :: next_stage_type
+
+   type, extends(stage_type) :: next_stage_type
+      type(surrogate_type) :: surrogate
+      type(posterior_type) :: posterior
+   contains
+      procedure :: begin
+      procedure :: finish
+   end type next_stage_type
+
+contains
+
+   subroutine begin(self, error)
+      class(next_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call load_stage_surrogate(self, self%surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., self%posterior, error)
+   end subroutine begin
+
+   !> The document, from the draws that `extract` left in the folder, or from new ones.
+   subroutine finish(self, document, error)
+      class(next_stage_type), intent(inout) :: self
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(extraction_type) :: found
+      real(wp), allocatable :: draws(:, :)
+
+      call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, self%places), self%posterior%dimension, &
+         & draws)
+      if (.not. allocated(draws)) then
+         self%problem%kept_in = self%output
+         call extract(self%problem, self%surrogate, found, error)
+         if (allocated(error)) return
+         draws = reshape(found%chains%draws, [size(found%chains%draws, 1), size(found%chains%draws)/size(found%chains%draws, 1)])
+         self%posterior = found%posterior
+         call remove_files(self%output, chain_prefix)
+      end if
+      call next_document(self%problem, self%posterior, draws, document, error)
+      self%done = self%output//'/next.json'
+   end subroutine finish
+end module next_stage

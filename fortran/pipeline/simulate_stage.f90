@@ -1,0 +1,171 @@
+!> `simulate`: every crystal of &crystals, kept in the campaign of the output folder as soon as it is simulated.
+module simulate_stage
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use abstract_stage, only: job_type, stage_type
+   use campaign, only: campaign_name, campaign_type, row_type
+   use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
+   use errors, only: error_type, raise
+   use indenters, only: indenter_type, new_indenter
+   use json, only: json_type
+   use kinds, only: wp
+   use namelist_file, only: place
+   use physics_identity, only: identity_text
+   use point_index, only: number_equal
+   use row_buffer, only: row_buffer_type
+   use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting, simulation_error
+   use text, only: to_text
+   use warning_lists, only: warn
+   implicit none
+   private
+   public :: simulate_stage_type
+
+   type, extends(stage_type) :: simulate_stage_type
+      private
+      type(campaign_type) :: campaign
+      type(row_buffer_type) :: buffer
+      !> Of each crystal, and which row has the same crystal in the same orientation first.
+      type(row_type), allocatable :: rows(:)
+      integer, allocatable :: first(:)
+      !> The rows of the batch.
+      integer, allocatable :: chosen(:)
+   contains
+      procedure :: begin
+      procedure :: choose
+      procedure :: keep
+      procedure :: finish
+   end type simulate_stage_type
+
+contains
+
+   !> What the campaign has.
+   subroutine begin(self, error)
+      class(simulate_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(row_type) :: stored
+      logical :: found
+      integer :: i, position
+
+      associate (points => self%problem%crystals)
+         allocate (self%rows(points%n))
+         call self%campaign%open(self%output//'/'//campaign_name, identity_text(self%problem%settings), error)
+         if (.not. allocated(error)) call self%campaign%next_position(position, error)
+         if (allocated(error)) return
+         do i = 1, points%n
+            associate (row => self%rows(i), class => points%classes(points%class(i)))
+               row%symmetry = class%name
+               row%constants = points%constants(:class%n_constants, i)
+               row%euler_deg = points%euler_deg(:, i)
+               call self%campaign%find(row%symmetry, row%constants, row%euler_deg, stored, found, error)
+               if (allocated(error)) return
+               if (found) row = stored
+            end associate
+         end do
+      end associate
+      self%first = first_of_equals(self%rows)
+      self%chosen = pack([(i, i=1, size(self%rows))], self%rows%outcome%status == outcome_waiting .and. self%first == [(i, i=1, &
+         & size(self%rows))])
+      do i = 1, size(self%chosen)
+         self%rows(self%chosen(i))%position = position + i - 1
+      end do
+      self%n_expected = size(self%chosen)
+   end subroutine begin
+
+   !> All that is missing, once.
+   subroutine choose(self, batch, error)
+      class(simulate_stage_type), intent(inout) :: self
+      type(job_type), allocatable, intent(inout) :: batch(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      if (size(batch) > 0) then
+         call self%buffer%flush(self%campaign, error)
+         batch = [job_type ::]
+      else
+         batch = [(job_type(self%problem%crystals%stiffness(:, :, self%chosen(i)), self%rows(self%chosen(i))%euler_deg), &
+            & i=1, size(self%chosen))]
+      end if
+   end subroutine choose
+
+   subroutine keep(self, number, outcome, error)
+      class(simulate_stage_type), intent(inout) :: self
+      !> In the batch.
+      integer, intent(in) :: number
+      type(outcome_type), intent(in) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (row => self%rows(self%chosen(number)))
+         row%outcome = outcome
+         call self%buffer%add(self%campaign, row, error)
+      end associate
+   end subroutine keep
+
+   !> moduli.csv, curves.csv, and the document.
+   subroutine finish(self, document, error)
+      class(simulate_stage_type), intent(inout) :: self
+      !> JSON.
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(json_type) :: page
+      type(indenter_type) :: indenter
+      character(len=:), allocatable :: warning
+      real(wp) :: largest(size(self%rows)), modulus(size(self%rows))
+      integer :: i, failed
+
+      call self%buffer%flush(self%campaign, error)
+      if (allocated(error)) return
+      call self%campaign%close()
+      associate (rows => self%rows, problem => self%problem)
+         do i = 1, size(rows)
+            if (self%first(i) /= i) rows(i) = rows(self%first(i))
+         end do
+         modulus = merge(rows%outcome%modulus, ieee_value(1.0_wp, ieee_quiet_nan), rows%outcome%status == outcome_done)
+         call write_moduli(problem, self%output//'/moduli.csv', modulus, error)
+         if (.not. allocated(error)) call write_curves(problem, self%output//'/curves.csv', rows, error)
+         if (.not. allocated(error)) call new_indenter(problem%settings%indenter, indenter, error)
+         if (allocated(error)) return
+         failed = count(rows%outcome%status == outcome_failed)
+         if (failed == size(rows)) then
+            call raise(error, 'every simulation failed: crystal 1 could not be simulated: '//rows(1)%outcome%message)
+            return
+         end if
+         call page%begin_object()
+         call page%begin_array('results')
+         do i = 1, size(rows)
+            call begin_crystal(page, problem%crystals, i)
+            call put_outcome(page, rows(i), indenter)
+            call page%end_object()
+            if (rows(i)%outcome%status == outcome_failed) call warn(self%warnings, 'crystal '//to_text(i) &
+               & //' could not be simulated: '//rows(i)%outcome%message)
+         end do
+         call page%end_array()
+         call page%put('new_simulations', self%n_new)
+         call page%put('failed', failed)
+         call simulation_error(problem%settings, problem%crystals%stiffness, largest, warning)
+         if (len(warning) > 0) call warn(self%warnings, place(problem%path, 'simulation', '')//warning)
+         call page%put('warnings', self%warnings)
+         call page%end_object()
+         document = page%text()
+         self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, '//to_text(failed)//' failed: '//self%output &
+            & //'/moduli.csv'
+      end associate
+   end subroutine finish
+
+   !> The first row with the same crystal, by class and constants, in the same orientation, for each.
+   function first_of_equals(rows) result(first)
+      type(row_type), intent(in) :: rows(:)
+      integer, allocatable :: first(:)
+      real(wp), allocatable :: points(:, :)
+      integer :: i, j, most
+
+      most = maxval([(size(rows(i)%constants), i=1, size(rows))])
+      allocate (points(len(rows%symmetry) + 3 + most, size(rows)), source=0.0_wp)
+      do i = 1, size(rows)
+         associate (row => rows(i))
+            points(:len(row%symmetry), i) = [(iachar(row%symmetry(j:j)), j=1, len(row%symmetry))]
+            points(len(row%symmetry) + 1:len(row%symmetry) + 3, i) = row%euler_deg
+            points(len(row%symmetry) + 4:len(row%symmetry) + 3 + size(row%constants), i) = row%constants
+         end associate
+      end do
+      first = number_equal(points)
+   end function first_of_equals
+end module simulate_stage

@@ -1,0 +1,239 @@
+!> `size`: how thick a film, or how large a grain, must be for its modulus to be that of a half-space.
+!>
+!> The crystals of &crystals are simulated in specimens of growing size, in the surroundings of &specimen and in softer and stiffer ones.
+module size_stage
+   use abstract_stage, only: job_type, stage_type
+   use crystal_elasticity, only: averages_type, polycrystal_averages
+   use crystal_tables, only: begin_crystal
+   use errors, only: error_type, exit_bad_input, raise
+   use indenters, only: indenter_type, new_indenter
+   use json, only: json_type
+   use kinds, only: wp
+   use namelist_file, only: place
+   use settings_groups, only: specimen_settings_type
+   use simulate, only: outcome_done, outcome_type
+   use text, only: to_text
+   use warning_lists, only: warn
+   implicit none
+   private
+   public :: size_stage_type
+
+   !> The bias of the modulus that is small enough.
+   real(wp), parameter :: limit = 0.01_wp
+   !> The sizes, in contact radii: thickness of a film, radius of a grain.
+   integer, parameter :: n_sizes = 7
+   real(wp), parameter :: film_sizes(n_sizes) = [1.0_wp, 2.0_wp, 4.0_wp, 8.0_wp, 16.0_wp, 32.0_wp, 64.0_wp]
+   real(wp), parameter :: grain_sizes(n_sizes) = [3.0_wp, 5.0_wp, 8.0_wp, 13.0_wp, 20.0_wp, 40.0_wp, 80.0_wp]
+   !> The surroundings that are compared, Young's modulus over what is stated.
+   character(len=9), parameter :: names(3) = [character(len=9) :: 'softer', 'as stated', 'stiffer']
+   real(wp), parameter :: factors(3) = [0.5_wp, 1.0_wp, 2.0_wp]
+
+   !> A crystal in some surroundings.
+   type :: case_type
+      integer :: crystal = 0
+      character(len=9) :: name = 'rigid'
+      !> Of what is around, GPa; 0 where it is not stated.
+      real(wp) :: young = 0.0_wp
+   end type case_type
+
+   type, extends(stage_type) :: size_stage_type
+      private
+      real(wp) :: contact_radius = 0.0_wp, sizes(n_sizes) = 0.0_wp
+      type(case_type), allocatable :: cases(:)
+      !> Indentation moduli, GPa, 0 where there is none: of the half-space of each crystal, then of each size of each case.
+      real(wp), allocatable :: moduli(:)
+   contains
+      procedure :: begin
+      procedure :: choose
+      procedure :: keep
+      procedure :: finish
+   end type size_stage_type
+
+contains
+
+   !> What is to be simulated.
+   subroutine begin(self, error)
+      class(size_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(indenter_type) :: indenter
+      integer :: i, k, ways
+      logical :: rigid
+
+      associate (stated => self%problem%settings%specimen, points => self%problem%crystals)
+         if (stated%geometry /= 'film' .and. stated%geometry /= 'grain') then
+            call raise(error, place(self%problem%path, 'specimen', 'geometry')//'a '''//stated%geometry//''' has no neighbours; ' &
+               & //'allowed: film, grain', exit_bad_input)
+            return
+         end if
+         call new_indenter(self%problem%settings%indenter, indenter, error)
+         if (allocated(error)) return
+         self%contact_radius = indenter%contact_radius
+         self%sizes = self%contact_radius*merge(film_sizes, grain_sizes, stated%geometry == 'film')
+         rigid = stated%geometry == 'film' .and. stated%substrate == 'rigid'
+         ways = merge(1, size(factors), rigid)
+         allocate (self%cases(points%n*ways), self%physics(1 + points%n*ways*n_sizes))
+         self%physics = self%problem%settings
+         self%physics(1)%specimen%geometry = 'halfspace'
+         do i = 1, size(self%cases)
+            associate (one => self%cases(i), specimens => self%physics(2 + (i - 1)*n_sizes:1 + i*n_sizes)%specimen)
+               one%crystal = 1 + (i - 1)/ways
+               if (.not. rigid) one%name = names(1 + mod(i - 1, ways))
+               do k = 1, n_sizes
+                  if (.not. rigid) call surround(specimens(k), points%stiffness(:, :, one%crystal), factors(1 + mod(i - 1, ways)))
+                  call set_size(specimens(k), stated, self%sizes(k))
+               end do
+               one%young = young_around(specimens(1))
+            end associate
+         end do
+         self%n_expected = points%n + size(self%cases)*n_sizes
+         allocate (self%moduli(self%n_expected), source=0.0_wp)
+      end associate
+   end subroutine begin
+
+   !> Young's modulus of what is around, GPa; 0 where it is not stated.
+   pure real(wp) function young_around(specimen) result(young)
+      type(specimen_settings_type), intent(in) :: specimen
+
+      young = 0.0_wp
+      if (specimen%geometry == 'film') then
+         if (specimen%substrate == 'isotropic') young = specimen%substrate_young_gpa
+      else if (specimen%matrix == 'isotropic') then
+         young = specimen%matrix_young_gpa
+      end if
+   end function young_around
+
+   !> Let a specimen be so large, um; a cylinder keeps its proportions.
+   subroutine set_size(specimen, stated, size)
+      type(specimen_settings_type), intent(inout) :: specimen
+      type(specimen_settings_type), intent(in) :: stated
+      real(wp), intent(in) :: size
+
+      if (specimen%geometry == 'film') specimen%thickness_um = size
+      if (specimen%geometry == 'film') return
+      specimen%grain_radius_um = size
+      if (allocated(stated%grain_depth_um)) specimen%grain_depth_um = size*stated%grain_depth_um/stated%grain_radius_um
+   end subroutine set_size
+
+   !> Let what is around a crystal have `factor` times the Young's modulus that is stated.
+   subroutine surround(specimen, stiffness, factor)
+      type(specimen_settings_type), intent(inout) :: specimen
+      !> Of the crystal, GPa.
+      real(wp), intent(in) :: stiffness(6, 6), factor
+      type(averages_type) :: averages
+      real(wp) :: bulk, shear
+
+      if (specimen%geometry == 'film') then
+         specimen%substrate_young_gpa = factor*specimen%substrate_young_gpa
+      else if (specimen%matrix == 'self') then
+         ! As it is stated it stays the average.
+         if (.not. abs(factor - 1.0_wp) > 0.0_wp) return
+         averages = polycrystal_averages(stiffness)
+         bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
+         shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+         specimen%matrix = 'isotropic'
+         specimen%matrix_young_gpa = factor*9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+         specimen%matrix_nu = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+      else
+         specimen%matrix_young_gpa = factor*specimen%matrix_young_gpa
+      end if
+   end subroutine surround
+
+   !> All at once.
+   subroutine choose(self, batch, error)
+      class(size_stage_type), intent(inout) :: self
+      type(job_type), allocatable, intent(inout) :: batch(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i, k
+
+      associate (points => self%problem%crystals, unused => error)
+         if (size(batch) > 0) then
+            batch = [job_type ::]
+            return
+         end if
+         batch = [(job_type(points%stiffness(:, :, i), points%euler_deg(:, i), 1), i=1, points%n)]
+         do i = 1, size(self%cases)
+            batch = [batch, (job_type(points%stiffness(:, :, self%cases(i)%crystal), points%euler_deg(:, self%cases(i)%crystal), &
+               & 1 + (i - 1)*n_sizes + k), k=1, n_sizes)]
+         end do
+      end associate
+   end subroutine choose
+
+   subroutine keep(self, number, outcome, error)
+      class(size_stage_type), intent(inout) :: self
+      integer, intent(in) :: number
+      type(outcome_type), intent(in) :: outcome
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => error)
+      end associate
+      if (outcome%status == outcome_done) self%moduli(number) = outcome%modulus
+   end subroutine keep
+
+   !> The document: of each case the bias against the half-space by the size, and from what size on it is within the limit.
+   subroutine finish(self, document, error)
+      class(size_stage_type), intent(inout) :: self
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(json_type) :: page
+      real(wp) :: bias(n_sizes), smallest
+      logical :: known(n_sizes)
+      integer :: i, lacking
+
+      associate (unused => error)
+      end associate
+      lacking = 0
+      call page%begin_object()
+      call page%put('variable', trim(merge('thickness_um   ', 'grain_radius_um', &
+         & self%problem%settings%specimen%geometry == 'film')))
+      call page%put('contact_radius_um', self%contact_radius)
+      call page%put('limit', limit)
+      call page%begin_array('results')
+      do i = 1, size(self%cases)
+         associate (one => self%cases(i), moduli => self%moduli(self%problem%crystals%n + (i - 1)*n_sizes + 1: &
+            & self%problem%crystals%n + i*n_sizes), ideal => self%moduli(self%cases(i)%crystal))
+            known = moduli > 0.0_wp .and. ideal > 0.0_wp
+            bias = 0.0_wp
+            where (known) bias = moduli/ideal - 1.0_wp
+            if (.not. all(known)) lacking = lacking + 1
+            smallest = smallest_size(pack(self%sizes, known), pack(bias, known))
+            call begin_crystal(page, self%problem%crystals, one%crystal)
+            call page%put('surroundings', trim(one%name))
+            call page%put_if(one%young > 0.0_wp, 'young_gpa', one%young)
+            call page%put_if(ideal > 0.0_wp, 'halfspace_gpa', ideal)
+            call page%put('size_um', pack(self%sizes, known))
+            call page%put('bias', pack(bias, known))
+            call page%put_if(any(known), 'smallest_um', smallest)
+            call page%end_object()
+         end associate
+      end do
+      call page%end_array()
+      if (lacking > 0) call warn(self%warnings, to_text(lacking)//' curves lack sizes at which the contact left the refined zone ' &
+         & //'of the mesh')
+      call page%put('warnings', self%warnings)
+      call page%end_object()
+      document = page%text()
+      self%done = to_text(size(self%cases))//' cases: '//self%output//'/size.json'
+   end subroutine finish
+
+   !> From where on the bias stays within the limit, um: on a power law between the last size that is beyond and the next, else the least
+   !> size; beyond the largest the bias falls with the size.
+   pure real(wp) function smallest_size(sizes, bias) result(smallest)
+      !> um, growing.
+      real(wp), intent(in) :: sizes(:), bias(:)
+      integer :: i, n
+
+      n = size(sizes)
+      smallest = 0.0_wp
+      if (n == 0) return
+      do i = n, 1, -1
+         if (abs(bias(i)) > limit) exit
+      end do
+      if (i == 0) then
+         smallest = sizes(1)
+      else if (i == n) then
+         smallest = sizes(n)*abs(bias(n))/limit
+      else
+         smallest = sizes(i)*(sizes(i + 1)/sizes(i))**(log(abs(bias(i))/limit)/log(abs(bias(i))/max(abs(bias(i + 1)), 1.0e-9_wp)))
+      end if
+   end function smallest_size
+end module size_stage

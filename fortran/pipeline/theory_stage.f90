@@ -1,0 +1,52 @@
+!> `theory`: the exact half-space theory of the crystals of &crystals.
+module theory_stage
+   use abstract_stage, only: stage_type
+   use crystal_tables, only: begin_crystal, write_moduli
+   use errors, only: error_type
+   use halfspace_theory, only: halfspace_moduli
+   use json, only: json_type
+   use kinds, only: wp
+   use parallelism, only: thread_count
+   use text, only: to_text
+   implicit none
+   private
+   public :: theory_stage_type
+
+   type, extends(stage_type) :: theory_stage_type
+   contains
+      procedure :: finish
+   end type theory_stage_type
+
+contains
+
+   !> theory.csv, and the document.
+   subroutine finish(self, document, error)
+      class(theory_stage_type), intent(inout) :: self
+      !> JSON.
+      character(len=:), allocatable, intent(out) :: document
+      type(error_type), allocatable, intent(out) :: error
+      type(json_type) :: page
+      real(wp), allocatable :: modulus(:), circular(:)
+      integer :: i
+
+      associate (points => self%problem%crystals)
+         allocate (modulus(points%n), circular(points%n))
+         call halfspace_moduli(points%stiffness, points%euler_deg, thread_count(self%problem%settings%execution%workers), modulus, &
+            & circular, error)
+         if (.not. allocated(error)) call write_moduli(self%problem, self%output//'/theory.csv', modulus, error)
+         if (allocated(error)) return
+         call page%begin_object()
+         call page%begin_array('results')
+         do i = 1, points%n
+            call begin_crystal(page, points, i)
+            call page%put('indentation_modulus_gpa', modulus(i))
+            call page%end_object()
+         end do
+         call page%end_array()
+         call page%put('warnings', self%warnings)
+         call page%end_object()
+         document = page%text()
+         self%done = to_text(points%n)//' crystals: '//self%output//'/theory.csv'
+      end associate
+   end subroutine finish
+end module theory_stage

@@ -1,0 +1,96 @@
+!> The simulations of a stage on the threads of this process.
+module simulation_loop
+   use, intrinsic :: iso_fortran_env, only: error_unit
+   use abstract_stage, only: stage_type
+   use errors, only: error_type, machine_failure
+   use kinds, only: degree, i8
+   use namelist_file, only: place
+   use parallelism, only: thread_count
+   use simulate, only: new_simulator, outcome_type, simulator_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: simulate_all
+
+   type :: held_simulator_type
+      class(simulator_type), allocatable :: simulator
+      !> Jobs that still need it.
+      integer :: left = 0
+   end type held_simulator_type
+
+   !> Seconds between two lines of progress.
+   integer, parameter :: interval = 5
+
+contains
+
+   !> Have all simulations made that a stage wants. An error starts no more; what is under way is still taken.
+   subroutine simulate_all(stage, error)
+      class(stage_type), intent(inout) :: stage
+      type(error_type), allocatable, intent(out) :: error
+      type(held_simulator_type), allocatable :: held(:)
+      integer(i8) :: last_line
+      logical :: stopped
+      integer :: i
+
+      call system_clock(last_line)
+      allocate (held(size(stage%physics)))
+      do
+         call stage%want(error)
+         if (allocated(error) .or. size(stage%jobs) == 0) return
+         stopped = .false.
+         do i = 1, size(held)
+            held(i)%left = count(stage%jobs%physics == i)
+         end do
+         !$omp parallel do num_threads(thread_count(stage%problem%settings%execution%workers)) schedule(dynamic, 1)
+         do i = 1, size(stage%jobs)
+            call simulate_one(i)
+         end do
+         !$omp end parallel do
+         if (allocated(error)) return
+      end do
+
+   contains
+
+      subroutine simulate_one(i)
+         integer, intent(in) :: i
+         type(outcome_type) :: outcome
+         type(error_type), allocatable :: own
+         integer(i8) :: now, rate
+         logical :: enough
+
+         !$omp atomic read
+         enough = stopped
+         if (enough) return
+         associate (job => stage%jobs(i), needed => held(stage%jobs(i)%physics))
+            !$omp critical (simulation_loop_simulators)
+            if (.not. allocated(needed%simulator)) call new_simulator(stage%physics(job%physics), needed%simulator, own)
+            !$omp end critical (simulation_loop_simulators)
+            if (allocated(own)) then
+               own%message = place(stage%problem%path, 'simulation', '')//own%message
+            else
+               call needed%simulator%run(job%stiffness, job%euler_deg*degree, outcome, own)
+            end if
+            !$omp critical (simulation_loop_outcomes)
+            if (allocated(own)) then
+               if (own%status == machine_failure) then
+                  outcome%message = own%message
+                  deallocate (own)
+               end if
+            end if
+            if (.not. allocated(own)) call stage%take(job%number, outcome, own)
+            if (allocated(own) .and. .not. allocated(error)) error = own
+            needed%left = needed%left - 1
+            ! Of many physics each has few jobs; of one there are more to come.
+            if (needed%left == 0 .and. size(held) > 1 .and. allocated(needed%simulator)) deallocate (needed%simulator)
+            call system_clock(now, rate)
+            if (now - last_line > interval*rate) then
+               last_line = now
+               write (error_unit, '(5a)') stage%name, ': ', to_text(stage%n_new), ' simulations of ', to_text(stage%n_expected)
+            end if
+            !$omp end critical (simulation_loop_outcomes)
+         end associate
+         !$omp atomic write
+         stopped = allocated(error)
+      end subroutine simulate_one
+   end subroutine simulate_all
+end module simulation_loop

@@ -1,0 +1,108 @@
+"""Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs of SLURM."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from itertools import islice
+from typing import Any
+
+from ..core import InputError, MachineError
+
+__all__ = ["DaskEngine"]
+
+#: How long a scheduler may take to answer, s.
+PATIENCE_S = 10
+
+
+class DaskEngine:
+    """`workers` processes with one thread each (0: as many as there are cores, or one job of SLURM), or all that a scheduler has.
+
+    `scheduler` is 'local', 'slurm' (as Dask's own `jobqueue.yaml` says) or an address such as 'tcp://head:8786'. Raises `InputError` where
+    the packages are missing and `MachineError` where no scheduler answers. A worker that dies loses nothing but its time: what it was
+    doing is done by another.
+    """
+
+    def __init__(self, workers: int = 0, scheduler: str = "local"):
+        try:
+            self._client, self._cluster = _connect(workers, scheduler)
+        except ModuleNotFoundError as error:
+            raise InputError(f"&execution engine: 'dask' needs the package {error.name}: pip install 'bayesindent[dask]'") from None
+        except (OSError, TimeoutError) as error:
+            raise MachineError(f"&execution scheduler: no scheduler answers at {scheduler}: {error}") from None
+
+    def __enter__(self) -> "DaskEngine":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._client.close()
+        if self._cluster is not None:
+            self._cluster.close()
+
+    @property
+    def workers(self) -> int:
+        """Threads of all workers that are there now, one at least."""
+        return max(1, sum(self._client.nthreads().values()))
+
+    def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
+        """Call job(item) of all items, and collect(number, result) in this thread for each as it is done.
+
+        Each worker makes the job from its pickle once, and no item waits at one of them while another is idle. An exception, or an
+        interrupt, starts no more; what is done is still collected.
+        """
+        import cloudpickle
+        from distributed import as_completed
+        from distributed.scheduler import KilledWorker
+
+        pickled = cloudpickle.dumps(job)
+        waiting, completed = iter(enumerate(items)), as_completed([], loop=self._client.loop)
+        under_way: dict[Any, int] = {}
+
+        def start(count: int) -> None:
+            for number, item in islice(waiting, max(0, count)):
+                future = self._client.submit(_run, pickled, item, pure=False)
+                under_way[future] = number
+                completed.add(future)
+
+        start(self.workers)
+        try:
+            for future in completed:
+                if future.status == "finished":
+                    # Its worker does not wait for what is done with the result.
+                    start(1)
+                result, number = future.result(), under_way.pop(future)
+                collect(number, result)
+                start(self.workers - len(under_way))
+        except KilledWorker as error:
+            raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
+        finally:
+            done = [(future, number) for future, number in under_way.items() if future.status == "finished"]
+            self._client.cancel([future for future in under_way if future.status != "finished"])
+            for future, number in done:
+                collect(number, future.result())
+
+
+@lru_cache(maxsize=1)
+def _job(pickled: bytes) -> Callable:
+    import cloudpickle
+
+    return cloudpickle.loads(pickled)
+
+
+def _run(pickled: bytes, item):
+    return _job(pickled)(item)
+
+
+def _connect(workers: int, scheduler: str):
+    """A client, and the cluster that is its own, if it has one."""
+    from distributed import Client, LocalCluster
+
+    cluster: Any
+    if scheduler == "local":
+        cluster = LocalCluster(n_workers=workers or None, threads_per_worker=1, dashboard_address=None, silence_logs=50)
+    elif scheduler == "slurm":
+        from dask_jobqueue import SLURMCluster
+
+        cluster = SLURMCluster()
+        cluster.scale(workers or 1)
+    else:
+        return Client(scheduler, timeout=PATIENCE_S, set_as_default=False), None
+    return Client(cluster, set_as_default=False), cluster

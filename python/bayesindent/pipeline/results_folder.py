@@ -1,0 +1,49 @@
+"""What a folder of results says of itself: its manifest, the resolved namelist, documents and the numbers of Step 2. The core writes and
+verifies them."""
+
+from pathlib import Path
+
+from ..common.result_files import read_json
+from ..core import InputError, call
+from ..settings.problem import stages
+from ..surrogate.lookup import places
+
+__all__ = ["DOCUMENTS", "belongs", "read_manifest", "read_posterior", "read_resolved", "surrogate_digest"]
+
+#: The file of each stage's document.
+DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
+
+
+def read_manifest(folder: Path) -> dict:
+    """The namelist and the inputs last used in a folder."""
+    return read_json(folder / "inputs.json")
+
+
+def read_resolved(folder: Path) -> str:
+    """The namelist of the results, '' where there is none. Raises `InputError` if it is not the one that the manifest is about."""
+    try:
+        return call("file.read_resolved", folder=folder)["text"].encode("utf-8", "surrogateescape").decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{folder / 'resolved.nml'}: is damaged ({error}); run again") from None
+
+
+def read_posterior(folder: Path) -> dict:
+    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_values.f90; nothing where there are none."""
+    if not (folder / "posterior.bin").exists():
+        return {}
+    return call("file.read_posterior", folder=folder)
+
+
+def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:
+    """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a build."""
+    try:
+        path = call("file.find_surrogate", name=name, **places(folder, namelist_folder))["text"]
+    except InputError:
+        return {}
+    return {"surrogate_file": call("file.digest", path=path)["text"]}
+
+
+def belongs(document: dict, manifest: dict) -> bool:
+    """Whether a document was made from the present inputs."""
+    made_from, present = document.get("inputs", {}), manifest.get("inputs", {})
+    return bool(made_from) and all(present.get(name, value) == value for name, value in made_from.items())

@@ -1,0 +1,123 @@
+"""A stage of a problem: the core says what is to be simulated and keeps what became of it, an engine simulates; see docs/architecture.md."""
+
+import json
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
+
+import numpy as np
+
+from ..common.progress import Progress
+from ..core import MachineError, NativeObject, call
+from ..engines import ENGINES
+from ..settings.problem import Problem
+from ..surrogate.lookup import places
+
+__all__ = ["Job", "Simulations", "Simulator", "Stage", "run_stage"]
+
+
+class Job(NamedTuple):
+    """A simulation that is wanted: the groups of a namelist that say what it is, a crystal (6, 6) in GPa, and angles (3,) in degrees."""
+
+    physics: str
+    stiffness: np.ndarray
+    euler_deg: np.ndarray
+
+
+class Simulator(NativeObject):
+    """What the groups &specimen, &indenter and &simulation of a namelist's text ask for. Threads may share it."""
+
+    kind = "simulator"
+
+    def __init__(self, origin: str, physics: str):
+        # The messages begin with the origin.
+        self._made_of = (origin, physics)
+        problem = Problem.parse(origin, physics)
+        self._hold(call("simulator.new", problem=problem.handle)["handle"])
+
+    def __call__(self, stiffness: np.ndarray, euler_deg: np.ndarray) -> dict:
+        """What became of a crystal: modulus_gpa, seconds, elements, depth_um and force_mn, or the message why it failed."""
+        return self._call("run", stiffness=stiffness, euler_deg=euler_deg)
+
+
+class Simulations:
+    """Simulations by the simulators that jobs ask for, each made once. Threads share them; processes make their own."""
+
+    def __init__(self, origin: str):
+        self.origin, self._made, self._lock = origin, {}, Lock()
+
+    def __reduce__(self):
+        return Simulations, (self.origin,)
+
+    def __call__(self, job: Job) -> dict:
+        with self._lock:
+            if job.physics not in self._made:
+                # Of many specimens each is simulated a few times.
+                while len(self._made) >= 8:
+                    del self._made[next(iter(self._made))]
+                self._made[job.physics] = Simulator(self.origin, job.physics)
+            simulator = self._made[job.physics]
+        return simulator(job.stiffness, job.euler_deg)
+
+
+def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
+    """What became of a job, for `Stage.take`; what the machine could not do is no result."""
+    try:
+        return simulate(job)
+    except MachineError as error:
+        return {"machine": True, "message": str(error)}
+
+
+class Stage(NativeObject):
+    """A stage by its name, in a folder of results; see fortran/pipeline/abstract_stage.f90."""
+
+    kind = "stage"
+
+    def __init__(self, problem: Problem, name: str, output: Path | str):
+        Path(output).mkdir(parents=True, exist_ok=True)
+        self.problem = problem
+        opened = call("stage.open", problem=problem.handle, name=name, **places(output, problem.folder))
+        #: Simulations that are still to be made, as far as is known.
+        self.expected = opened["expected"]
+        self._hold(opened["handle"])
+
+    def wanted(self) -> tuple[list[int], list[Job]]:
+        """The simulations to be made now, by their numbers; none: all is done."""
+        found = self._call("want")
+        jobs = zip(found["physics_number"].tolist(), found["stiffness"], found["euler_deg"], strict=True)
+        return found["number"].tolist(), [Job(found["physics"][k], *crystal) for k, *crystal in jobs]
+
+    def take(self, number: int, outcome: dict) -> None:
+        """Keep what became of a simulation: it is stored on return, or soon if it took no time."""
+        self._call("take", number=number, **outcome)
+
+    def close(self) -> dict:
+        """Write the results; the document."""
+        return json.loads(self._call("close")["document"])
+
+
+def run_stage(
+    problem: Problem, name: str, output: Path | str, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None
+) -> dict:
+    """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
+    stage, progress = Stage(problem, name, output), progress or Progress()
+    execution, engine = problem.settings.execution, None
+    with progress.bar("simulations", stage.expected) as advance, ExitStack() as opened:
+        while (wanted := stage.wanted())[0]:
+            numbers, jobs = wanted
+            engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
+            simulate = simulate or Simulations(str(problem.path))
+
+            def take(k: int, outcome: dict, numbers=numbers) -> None:
+                stage.take(numbers[k], outcome)
+                advance(int("modulus_gpa" in outcome))
+
+            engine.map(partial(attempt, simulate), jobs, take)
+    # Sampling has no steps that can be counted.
+    with progress.bar(name, 0 if stage.expected else 1) as advance:
+        document = stage.close()
+        advance(1)
+    return document
