@@ -1,8 +1,10 @@
 """What the stages left in a folder, as far as it belongs to the present inputs."""
 
 import json
+from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import f90nml
 import numpy as np
@@ -15,7 +17,20 @@ from ..pipeline.moduli import as_measured
 from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
 
-__all__ = ["Results"]
+__all__ = ["NothingToShow", "Results", "present"]
+
+T = TypeVar("T", bound=Sized)
+
+
+class NothingToShow(Exception):
+    """The results have nothing of what a figure or a section shows."""
+
+
+def present(part: T | None) -> T:
+    """A part of the results. Raises `NothingToShow` if it is not there, or empty."""
+    if part is None or not len(part):
+        raise NothingToShow
+    return part
 
 
 class Results:
@@ -55,9 +70,18 @@ class Results:
         return list(dict.fromkeys(line for document in self.documents.values() for line in document.get("warnings", [])))
 
     @property
+    def predicted(self) -> list[dict]:
+        """The grains, as measured and as the posterior predicts them."""
+        return self.documents["extract"].get("predicted", [])
+
+    def identifiability(self, kind: str) -> list[dict]:
+        """What the document of `extract` says of each 'combination' of the constants, 'quantity', or piece of 'knowledge'."""
+        return [row for row in self.documents["extract"].get("identifiability", []) if row["kind"] == kind]
+
+    @property
     def simulations(self) -> list[dict]:
         """Simulated crystals that did not fail."""
-        return [row for row in self.documents["simulate"].get("results", []) if row["indentation_modulus_gpa"] and row["depth_um"]]
+        return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]
 
     @property
     def theory_moduli(self) -> np.ndarray | None:
@@ -65,8 +89,7 @@ class Results:
         simulated, theory = (self.documents[stage].get("results", []) for stage in ("simulate", "theory"))
         if not self.simulations or len(simulated) != len(theory):
             return None
-        done = [row["indentation_modulus_gpa"] is not None and bool(row["depth_um"]) for row in simulated]
-        return np.array([row["indentation_modulus_gpa"] for row in theory])[done]
+        return np.array([exact["indentation_modulus_gpa"] for row, exact in zip(simulated, theory) if succeeded(row)])
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -87,22 +110,16 @@ class Results:
         """Chains (chain, draw) of each constant; nothing where there is no posterior."""
         return {name: self.posterior["posterior"][0][name] for name in self.constants} if self.posterior else {}
 
-    @cached_property
-    def prior_samples(self) -> dict[str, np.ndarray]:
-        """Draws of each constant without the data; nothing where there is no posterior."""
-        return {name: self.posterior["prior"][0][name].ravel() for name in self.constants} if self.posterior else {}
-
     def draws(self, count: int) -> np.ndarray:
         """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
         return table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
 
-    def as_measured(self, modulus) -> np.ndarray:
+    def as_measured(self, modulus: np.ndarray) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""
         stated = {name: value for name, value in self.group("measurements").items() if name != "file"}
-        return as_measured(
-            Problem.from_keywords("report", problem={"symmetry": self.symmetry}, measurements=stated).settings.measurements, modulus
-        )
+        problem = Problem.from_keywords("report", problem={"symmetry": self.symmetry}, measurements=stated)
+        return as_measured(problem.settings.measurements, modulus)
 
     @cached_property
     def surrogate(self) -> Surrogate | None:
@@ -115,3 +132,8 @@ class Results:
             return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder)
         except InputError:
             return None
+
+
+def succeeded(simulation: dict) -> bool:
+    """Whether a simulation gave a modulus and a curve."""
+    return bool(simulation["indentation_modulus_gpa"] and simulation["depth_um"])

@@ -3,7 +3,7 @@
 import argparse
 
 from ...pipeline.step_2 import extract_stage
-from ...report.words import best_first, number
+from ...report.formatting import best_first, number
 from ..command import namelist_command
 from ..console import show_table
 

@@ -11,6 +11,7 @@ __all__ = ["COMMAND", "make"]
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
+    # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 
     if not folder.is_dir():
