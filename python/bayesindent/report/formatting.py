@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from markupsafe import Markup, escape
 
 __all__ = [
-    "best_first", "enumeration", "latex", "number", "numbers", "orientation", "product_html", "product_label", "products_as_html",
+    "best_first", "enumeration", "latex", "number", "numbers", "orientation", "percent", "product_html", "product_label", "products_as_html",
     "quantities_label", "quantity_format", "quantity_label", "quantity_name", "subscript",
 ]  # fmt: skip
 
@@ -24,6 +24,11 @@ MODULI = {"bulk": "bulk modulus", "shear": "shear modulus", "young": "Young's mo
 def number(value: float | None, digits: int = 1) -> str:
     """A number as text; a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def percent(value: float | None, digits: int = 0) -> str:
+    """A share in per cent as text; a dash where there is none."""
+    return number(value and 100 * value, digits)
 
 
 def numbers(item: Mapping, **digits: int) -> list[str]:

@@ -1,6 +1,7 @@
 """The author's pack: what a paper takes from a run, in files that journals take."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..version import __version__
 from .formatting import best_first, enumeration, latex, number, numbers, orientation, quantity_format, quantity_name
 from .methods import methods
 from .results import Results
-from .sections import Table, identifiability_cells
+from .sections import identifiability_cells
 from .templates import render
 
 __all__ = ["write_paper"]
@@ -23,6 +24,15 @@ MPA = 1000.0
 
 #: What the solvers call an anisotropic material.
 SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
 
 
 def write_paper(results: Results) -> Path:

@@ -1,13 +1,12 @@
 """The report: one HTML page that needs nothing beside it, made from whatever a folder of results holds."""
 
-from contextlib import suppress
 from pathlib import Path
 
 from ..common.result_files import write_text
 from .drawing import draw_figures
 from .paper import write_paper
-from .results import NothingToShow, Results
-from .sections import SECTIONS, constants_table
+from .results import Results
+from .sections import LEAST_SHIFT, MOST_ROWS, report_rows
 from .summary import findings, inputs_summary
 from .templates import render
 
@@ -24,12 +23,7 @@ def write_report(folder: Path, output: Path | None = None, kind_of_files: str = 
     if paper:
         write_paper(results)
     figures = draw_figures(results, kind_of_files, paper)
-    sections = []
-    for name, section in SECTIONS.items():
-        with suppress(NothingToShow):
-            sections.append((section(results), figures.get(name, [])))
-    constants = constants_table(results) if results.documents["extract"] else None
-    texts = {"inputs": inputs_summary(results), "findings": findings(results), "constants": constants}
+    texts = {"inputs": inputs_summary(results), "findings": findings(results), "rows": report_rows(results)}
     file = (output or folder) / "report.html"
-    write_text(file, render("report.html.j2", results=results, sections=sections, **texts))
+    write_text(file, render("report.html.j2", results=results, figures=figures, least_shift=LEAST_SHIFT, most_rows=MOST_ROWS, **texts))
     return file
