@@ -41,6 +41,8 @@ class Results:
         self.manifest = read_manifest(folder)
         self.resolved = read_resolved(folder, self.manifest)
         self.namelist = f90nml.reads(self.resolved) if self.resolved else {}
+        #: The folder of the namelist that was last used here.
+        self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
         if name := self.group("surrogate").get("file"):
             # A build that was killed may have left a new surrogate beside the documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_input(name, folder, self.namelist_folder)
@@ -54,11 +56,6 @@ class Results:
         self.synthetic = bool(problem.get("synthetic", False))
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
         self.kind = self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
-
-    @property
-    def namelist_folder(self) -> Path:
-        """The folder of the namelist that was last used here."""
-        return Path(self.manifest.get("namelist", ".")).parent
 
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
@@ -90,11 +87,6 @@ class Results:
         if not self.simulations or len(simulated) != len(theory):
             return None
         return np.array([exact["indentation_modulus_gpa"] for row, exact in zip(simulated, theory) if succeeded(row)])
-
-    @property
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of the prior in GPa, by constant."""
-        return json.loads(self.posterior["posterior"][1]["bounds"]) if self.posterior else {}
 
     @cached_property
     def posterior(self) -> dict[str, tuple[dict[str, np.ndarray], dict]]:

@@ -20,7 +20,7 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     return {"file": page, "warnings": []} | ({"paper": str(folder / "paper")} if paper else {})
 
 
-def action(arguments: argparse.Namespace) -> dict:
+def report(arguments: argparse.Namespace) -> dict:
     """The report of a folder that no other process is writing to."""
     output = arguments.output or arguments.folder
     if arguments.folder.is_dir():
@@ -45,7 +45,7 @@ def show(document: dict) -> None:
 COMMAND = Command(
     "report",
     "report.html from what a folder holds",
-    action=action,
+    action=report,
     arguments=add_arguments,
     show=show,
     then=lambda arguments, document: (

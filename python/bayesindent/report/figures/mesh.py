@@ -36,8 +36,8 @@ def mesh(results: Results) -> Picture:
     right.plot(*nodes[arrays.contact][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
     circle = np.linspace(0, 2 * np.pi, 200)
     right.plot(contact_radius_um * np.cos(circle), contact_radius_um * np.sin(circle), color=BLUE, label="contact at the last depth")
-    reach = 1.6 * max(contact_radius_um, np.abs(nodes[arrays.contact][:, :2]).max())
-    limits = {"xlim": (-reach, reach), "ylim": (-reach, reach), "aspect": "equal"}
+    extent = 1.6 * max(contact_radius_um, np.abs(nodes[arrays.contact][:, :2]).max())
+    limits = {"xlim": (-extent, extent), "ylim": (-extent, extent), "aspect": "equal"}
     right.set(**limits, xlabel="x (µm)", ylabel="y (µm)", title="the surface under the indenter")
     right.grid(False)
     figure.legend(loc="outside lower right", ncols=2)

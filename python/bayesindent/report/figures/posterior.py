@@ -1,5 +1,7 @@
 """The posterior of the constants."""
 
+import json
+
 import numpy as np
 
 from ..formatting import product_label, quantity_name, subscript
@@ -15,6 +17,7 @@ POINTS, LINE_POINTS = 3000, 1500
 def marginals(results: Results) -> Picture:
     """Marginal distribution of each constant, with mean, sd, most probable value, and the bounds of the prior where near."""
     samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
+    bounds = json.loads(results.posterior["posterior"][1]["bounds"])
     figure, grid = grid_of_constants(samples, 2.5)
     for name, axes in grid.items():
         mean, sd, best = samples[name].mean(), samples[name].std(), parameters[name]["map"]
@@ -23,7 +26,7 @@ def marginals(results: Results) -> Picture:
         if best is not None:
             axes.axvline(best, color=RED, ls="--", label="most probable")
         low, high = axes.get_xlim()
-        for bound in results.bounds.get(name, ()):
+        for bound in bounds.get(name, ()):
             if low - 0.1 * (high - low) <= bound <= high + 0.1 * (high - low):
                 axes.axvline(bound, color=BLACK, lw=2.5, label="bound of the prior")
         density_axes(axes, name, title=f"{mean:.1f} ± {sd:.1f} GPa")

@@ -56,14 +56,14 @@ def draw(figure: Figure, axes: Any, surface: np.ndarray, values: np.ndarray, lab
         *np.moveaxis(surface, -1, 0), rcount=surface.shape[0], ccount=surface.shape[1], facecolors=mpl.colormaps["cividis"](norm(centre)),
         shade=False, edgecolor=(0, 0, 0, 0.3), linewidth=0.15, rasterized=True,
     )  # fmt: skip
-    reach = np.abs(surface).max()
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-reach, reach))
+    extent = np.abs(surface).max()
+    axes.set(xlim=(-extent, extent), ylim=(-extent, extent), zlim=(-extent, extent))
     axes.set_box_aspect((1, 1, 1), zoom=1.1)
     axes.view_init(elev=24, azim=35)
     axes.set_axis_off()
     half = len(surface) // 2
     for place, name in zip((surface[half, 0], surface[half, half], surface[0, 0]), "xyz"):
-        end = 1.3 * reach * place / np.linalg.norm(place)
+        end = 1.3 * extent * place / np.linalg.norm(place)
         axes.plot(*np.stack([place, end]).T, color="0.35", lw=0.8)
         axes.text(*(1.1 * end), name, ha="center", va="center")
     figure.colorbar(mpl.cm.ScalarMappable(norm, "cividis"), ax=axes, label=label, shrink=0.75, pad=0.0)
