@@ -14,7 +14,7 @@ from bayesindent.program.command import perform
 from bayesindent.program.commands.build import COMMAND as BUILD
 from bayesindent.program.commands.extract import COMMAND as EXTRACT
 from bayesindent.report.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, SKY, house_style, new_figure, stamp_synthetic
-from bayesindent.report.words import subscript
+from bayesindent.report.formatting import subscript
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 

@@ -83,8 +83,8 @@ def test_objects_say_what_they_are():
 
 
 def test_the_report_is_a_function_and_a_package(tmp_path):
-    import bayesindent.report.words
+    import bayesindent.report.formatting
 
-    assert bayesindent.report.words.number(1.25, 1) == "1.2"
+    assert bayesindent.report.formatting.number(1.25, 1) == "1.2"
     assert bi.report(tmp_path) == tmp_path / "report.html"
     assert (tmp_path / "report.html").exists()

@@ -11,7 +11,7 @@ from step_2_cases import KIND, table_of
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.inference.posterior import PRIOR, Posterior
-from bayesindent.report.words import best_first
+from bayesindent.report.formatting import best_first
 from conftest import SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"

@@ -12,8 +12,9 @@ import bayesindent as bi
 from bayesindent.inference.quantities import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
-from bayesindent.report.sections import SECTIONS, sensitivity_row
-from bayesindent.report.words import quantity_in_words, with_powers
+from bayesindent.report.formatting import products_as_html, quantity_name
+from bayesindent.report.sections import sensitivity_row
+from bayesindent.report.templates import read_data
 from conftest import SOURCE
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
@@ -126,16 +127,18 @@ def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
     assert cells.split("<td>")[3] == "–</td>"
 
 
-def test_quantities_in_words():
+def test_names_of_quantities():
     names = {"young[110]": "Young's modulus along [110]", "polycrystal_poisson": "Poisson's ratio of the polycrystal"}
     names |= {"bulk_modulus": "bulk modulus", "anisotropy_index": "anisotropy index", "C11": "C11"}
-    assert {name: quantity_in_words(name) for name in names} == names
+    assert {name: quantity_name(name) for name in names} == names
     for symmetry in ("cubic", "triclinic"):
-        assert all("_" not in quantity_in_words(name) for name in quantity_names(symmetry))
+        assert all("_" not in quantity_name(name) for name in quantity_names(symmetry))
 
 
 def test_every_figure_has_a_section_and_a_name_of_its_own():
-    assert {section for section, _ in FIGURES} <= set(SECTIONS)
+    shown = re.findall(r'{{ pictures\("(\w+)"\)', read_data("report.html.j2"))
+    assert {section for section, _ in FIGURES} == set(shown)
+    assert len(set(shown)) == len(shown)
     names = [function.__name__ for _, function in FIGURES]
     assert len(set(names)) == len(names)
 
@@ -191,5 +194,5 @@ def test_an_empty_folder_has_a_report(tmp_path, capsys):
 
 def test_powers_in_a_text():
     factor = '<span class="whole"><i>C</i><sub>{}</sub>{}</span>'.format
-    said = with_powers("the data decided C11^1.00 C44^-0.30, <b> C12; x^2.00")
+    said = products_as_html("the data decided C11^1.00 C44^-0.30, <b> C12; x^2.00")
     assert said == f"the data decided {factor(11, '')} {factor(44, '<sup>−0.30</sup>')}, &lt;b&gt; C12; x^2.00"

@@ -1,8 +1,13 @@
 """The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN, GPa."""
 
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from .indentation import MeshArrays
 
 __all__ = ["write_deck"]
 
@@ -18,7 +23,9 @@ PARTS = {"film": ("the film", "the substrate"), "grain": ("the grain", "the matr
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
-def write_deck(mesh, stiffness, infinite, depths, element: str, title: str, geometry: str) -> str:
+def write_deck(
+    mesh: "MeshArrays", stiffness: np.ndarray, infinite: np.ndarray, depths: Iterable[float], element: str, title: str, geometry: str
+) -> str:
     """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
 
     The header says what each material is, which depends on the geometry of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
@@ -29,7 +36,7 @@ def write_deck(mesh, stiffness, infinite, depths, element: str, title: str, geom
     used = MATERIALS[: 1 + mesh.material.max()]
     lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
     for name, part, matrix in zip(used, PARTS.get(geometry, ("the specimen",)), stiffness, strict=False):
-        lines += [f"** Material {name}: {part}, {in_words(matrix)}"]
+        lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]
     lines += ["*NODE, NSET=ALL"]
@@ -56,10 +63,10 @@ def write_deck(mesh, stiffness, infinite, depths, element: str, title: str, geom
     return "\n".join(lines) + "\n"
 
 
-def in_words(stiffness) -> str:
-    """What a stiffness (6, 6), GPa, is in short."""
+def description(stiffness: np.ndarray) -> str:
+    """A stiffness (6, 6), GPa, in short."""
     lame, shear = stiffness[0, 1], stiffness[3, 3]
-    isotropic = np.diag([2 * shear] * 3 + [shear] * 3)
+    isotropic = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0]) * shear
     isotropic[:3, :3] += lame
     if not np.allclose(stiffness, isotropic, rtol=0, atol=1e-6 * shear):
         return "anisotropic"
@@ -67,14 +74,14 @@ def in_words(stiffness) -> str:
     return f"E = {2 * shear * (1 + nu):.6g} GPa and nu = {nu:.4g} in all directions"
 
 
-def elastic_constants(stiffness) -> list[str]:
+def elastic_constants(stiffness: np.ndarray) -> list[str]:
     """The 21 constants column by column of the upper triangle, eight a line."""
-    order = np.asarray(stiffness)[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
+    order = stiffness[np.ix_(ABAQUS_ORDER, ABAQUS_ORDER)]
     values = [f"{order[i, j]:.10g}" for j in range(6) for i in range(j + 1)]
     return [", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "") for i in range(0, len(values), 8)]
 
 
-def gaps(mesh, indenter: int, offset: int) -> list[str]:
+def gaps(mesh: "MeshArrays", indenter: int, offset: int) -> list[str]:
     """A unilateral gap under each contact node; those of one clearance share a card."""
     same = defaultdict(list)
     for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap, strict=True)):
@@ -98,23 +105,21 @@ def never_yielding(node: int, offset: float, element: int) -> list[str]:
     return [*lines, "*SOLID SECTION, ELSET=CUBE, MATERIAL=CUBE", "*BOUNDARY", "CUBE, 1, 3"]
 
 
-def springs(facet, infinite, offset: int) -> list[str]:
+def springs(facet: np.ndarray, infinite: np.ndarray, offset: int) -> Iterator[str]:
     """Springs whose stiffness matrix is that of the infinite elements: between pairs of displacements, and to ground."""
-    pairs: dict[tuple[int, int], float] = defaultdict(float)
-    ground: dict[int, float] = defaultdict(float)
+    pairs: dict[tuple[int, ...], float] = defaultdict(float)
+    ground: dict[tuple[int, ...], float] = defaultdict(float)
     for nodes, matrix in zip(facet, infinite, strict=True):
-        freedom = (3 * nodes[:, None] + np.arange(3)).ravel()
-        for i in range(12):
-            ground[freedom[i]] += matrix[i].sum()
+        freedom = (3 * nodes[:, None] + np.arange(3)).ravel().tolist()
+        for i, end in enumerate(freedom):
+            ground[(end,)] += matrix[i].sum()
             for j in range(i):
-                pairs[tuple(sorted((freedom[i], freedom[j])))] -= matrix[i, j]
-    lines = []
+                pairs[tuple(sorted((end, freedom[j])))] -= matrix[i, j]
     number = offset
     for name, kind, items in (("G", "SPRING1", ground), ("S", "SPRING2", pairs)):
-        for i, (key, value) in enumerate(items.items()):
+        for i, (ends, value) in enumerate(items.items()):
             number += 1
-            ends = key if isinstance(key, tuple) else (key,)
-            lines += [f"*ELEMENT, TYPE={kind}, ELSET={name}{i}", f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)]
+            yield f"*ELEMENT, TYPE={kind}, ELSET={name}{i}"
+            yield f"{number}, " + ", ".join(str(end // 3 + 1) for end in ends)
             # CalculiX takes a number without a decimal point for another degree of freedom.
-            lines += [f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12e}"]
-    return lines
+            yield from (f"*SPRING, ELSET={name}{i}", ", ".join(str(end % 3 + 1) for end in ends), f"{value:.12e}")

@@ -22,17 +22,6 @@ COMPRESSIBILITIES = ("compressibility[100]", "compressibility[001]")
 #: Relative sd of these quantities: what handbooks differ by, of the largest of them.
 SPREAD = 0.03
 
-#: Groups of the file, and the variables that are set in it; the others stand there as comments with their defaults.
-GROUPS = {
-    "problem": ("symmetry", "title"),
-    "surrogate": ("file",),
-    "measurements": ("file", "modulus_kind"),
-    "prior": (),
-    "knowledge": (),
-    "sampler": (),
-    "next": ("count",),
-}
-
 #: Variables of &surrogate that only `build` reads.
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
 
@@ -59,10 +48,10 @@ class Metal:
     def known(self) -> dict[str, tuple[float, float]]:
         """Mean and sd of what high pressure tells: bulk modulus in GPa, or compressibilities in 1/TPa."""
         values = np.array([self.constants[name] for name in constant_names(self.symmetry)])
-        found = {name: float(value) for name, value in quantities(self.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)).items()}
-        along = [found[name] for name in COMPRESSIBILITIES]
-        means = {name: found[name] for name in (("bulk_modulus",) if isclose(*along, rel_tol=1e-9) else COMPRESSIBILITIES)}
-        return {name: (mean, SPREAD * max(means.values())) for name, mean in means.items()}
+        means = {name: float(value) for name, value in quantities(self.symmetry, values, ("bulk_modulus", *COMPRESSIBILITIES)).items()}
+        isotropic = isclose(*(means[name] for name in COMPRESSIBILITIES), rel_tol=1e-9)
+        known = ("bulk_modulus",) if isotropic else COMPRESSIBILITIES
+        return {name: (means[name], SPREAD * max(means[other] for other in known)) for name in known}
 
 
 @cache
@@ -93,21 +82,23 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
     if known and stated not in (known.structure, known.symmetry):
         raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
     word = structures.get(stated, stated)
-    values = {
-        "symmetry": quoted(word),
-        "title": quoted(known.name.capitalize() if known else ""),
-        "surrogate file": quoted("halfspace"),
-        "measurements file": quoted(table),
-        "modulus_kind": quoted("effective_modulus"),
-        "count": "3",
-    }
     constants = ", ".join(constant_names(word))
     lines = [
         f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",
         f"! Fill in {table}, look through this file, and run it: bayesindent run THIS_FILE",
         "! What starts with ! is a comment: take the ! away where you want another value than the default.",
     ]
-    for group, chosen in GROUPS.items():
+    # The variables that are set; the others of these groups stand in the file as comments with their defaults.
+    groups: dict[str, dict[str, str]] = {
+        "problem": {"symmetry": word, "title": known.name.capitalize() if known else ""},
+        "surrogate": {"file": "halfspace"},
+        "measurements": {"file": table, "modulus_kind": "effective_modulus"},
+        "prior": {},
+        "knowledge": {},
+        "sampler": {},
+        "next": {"count": "3"},
+    }
+    for group, values in groups.items():
         variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
         lines += ["", f"! {variables[0].group_meaning}"]
         if group == "prior":
@@ -115,11 +106,9 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
         lines += [f"&{group}"]
         if group == "knowledge" and known:
             lines += knowledge(known)
+            variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]
         for variable in variables:
-            if variable.name in chosen:
-                lines += explained(variable, values.get(variable.name) or values[f"{group} {variable.name}"], "")
-            elif not (group == "knowledge" and known and variable.name in ("quantity", "mean", "sd")):
-                lines += explained(variable, quoted(variable.default) if is_text(variable) else variable.default, "! ")
+            lines += explained(variable, values.get(variable.name))
         lines += ["/"]
     return "\n".join(lines) + "\n", TABLE
 
@@ -137,20 +126,19 @@ def knowledge(metal: Metal) -> list[str]:
     ]
 
 
-def is_text(variable: Variable) -> bool:
-    """Whether its value stands in quotes."""
-    return variable.kind in ("text", "choice", "file") and variable.default not in ("*", "unset")
-
-
 def quoted(text: str) -> str:
     """A text of a namelist."""
     return "'" + text.replace("'", "''") + "'"
 
 
-def explained(variable: Variable, value: str, mark: str) -> list[str]:
-    """The line of a variable under its meaning."""
+def explained(variable: Variable, value: str | None) -> list[str]:
+    """The line of a variable under its meaning: its value, or its default in a comment."""
     allowed = f"; {variable.allowed}" if variable.allowed and variable.kind != "logical" and len(variable.allowed) < 120 else ""
     unit = f", {variable.unit}" if variable.unit else ""
-    words = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
-    stated = value if value not in ("unset", "*", "") else ".."
-    return [*(f"  ! {line}" for line in words), f"  {mark}{variable.name} = {stated}"]
+    meaning = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
+    stated = variable.default if value is None else value
+    if variable.kind in ("text", "choice", "file") and stated not in ("*", "unset"):
+        stated = quoted(stated)
+    elif stated in ("unset", "*", ""):
+        stated = ".."
+    return [*(f"  ! {line}" for line in meaning), f"  {'! ' if value is None else ''}{variable.name} = {stated}"]

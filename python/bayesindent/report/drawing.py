@@ -6,16 +6,19 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Sequence
-from multiprocessing import Pipe
+from contextlib import suppress
+from multiprocessing import Pipe, get_context
+from typing import TypeVar
 
 from ..common.result_files import whole_file, write_csv
 from .figure_data import figure_table
 from .figures import FIGURES
 from .figures.style import Picture, house_style, stamp_synthetic, text_size
-from .results import Results
+from .results import NothingToShow, Results
 
 __all__ = ["draw_figures"]
 
+T = TypeVar("T")
 
 #: Kinds of files of figures that papers take, and dots per inch of what is no line.
 FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
@@ -28,72 +31,77 @@ UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
 def draw_figures(results: Results, kind_of_files: str, paper: bool = False) -> dict[str, list[dict]]:
-    """Of each section the figures that the results can make: PNG in base 64 and their words.
+    """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
     As files too, of one kind in the folder `figures`, and for a paper in `paper/figures` with the numbers behind each as CSV.
     """
+    paper_folder = results.folder / "paper" / "figures"
     files = [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []
-    files += [(results.folder / "paper" / "figures", kind, dots) for kind, dots in FOR_PAPERS.items() if paper]
+    files += [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items() if paper]
+    pictures: dict[str, Picture] = {}
     with house_style():
-        made = [(section, function.__name__, function(results)) for section, function in FIGURES]
-        pictures = [(name, picture) for _, name, picture in made if picture is not None]
+        for _, function in FIGURES:
+            with suppress(NothingToShow):
+                pictures[function.__name__] = function(results)
 
-        def draw(item: tuple[str, Picture]) -> dict:
-            name, picture = item
+        def draw(name: str) -> dict:
+            picture = pictures[name]
             if results.synthetic:
                 stamp_synthetic(picture.figure)
             for folder, kind, dots in files:
                 with whole_file(folder / f"{name}.{kind}") as file:
                     picture.figure.savefig(file, dpi=dots, metadata=UNDATED.get(kind))
             if paper:
-                write_csv(results.folder / "paper" / "figures" / f"{name}.csv", *figure_table(picture), picture.caption)
+                write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
             buffer = io.BytesIO()
             picture.figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 3})
             width, height = (72 * inches for inches in picture.figure.get_size_inches())
             return {
-                "name": name, "data": base64.b64encode(buffer.getvalue()).decode(), "alt": picture.alt, "caption": picture.caption,
+                "data": base64.b64encode(buffer.getvalue()).decode(), "alt": picture.alt, "caption": picture.caption,
                 "width": width, "height": height, "text": text_size(picture.figure),
             }  # fmt: skip
 
-        drawn = {figure["name"]: figure for figure in halved(draw, pictures)}
-    for folder, kind, _ in [*files, *([(results.folder / "paper" / "figures", "csv", 0)] if paper else [])]:
-        for _, name, picture in made:
-            if picture is None:
-                # Of other inputs.
-                (folder / f"{name}.{kind}").unlink(missing_ok=True)
-    return {section: [drawn[name] for other, name, _ in made if other == section and name in drawn] for section, _ in FIGURES}
+        drawn = dict(zip(pictures, halved(draw, list(pictures))))
+    sections: dict[str, list[dict]] = {}
+    for section, function in FIGURES:
+        if function.__name__ in drawn:
+            sections.setdefault(section, []).append(drawn[function.__name__])
+            continue
+        # Files of other inputs.
+        for folder, kind in [(folder, kind) for folder, kind, _ in files] + [(paper_folder, "csv")] * paper:
+            (folder / f"{function.__name__}.{kind}").unlink(missing_ok=True)
+    return sections
 
 
-def halved(function: Callable, items: Sequence) -> list:
+def halved(function: Callable[[T], dict], items: Sequence[T]) -> list[dict]:
     """function(item) of all items, every second one in a forked process where there is a second core.
 
     The function must not call the core: a forked process has none of the threads of OpenMP that its parent may have started.
     """
     if len(items) < 2 or len(os.sched_getaffinity(0)) < 2 or threading.active_count() > 1:
-        return [function(item) for item in items]
+        return list(map(function, items))
     receive, send = Pipe(duplex=False)
-    child = os.fork()
-    if child == 0:
-        try:
-            receive.close()
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                if signal.getsignal(number) != signal.SIG_IGN:
-                    signal.signal(number, signal.SIG_DFL)
-            send.send([function(item) for item in items[1::2]])
-        except BaseException:
-            # The parent draws what is missing, and says what is wrong.
-            os._exit(1)
-        os._exit(0)
+
+    def draw_others() -> None:
+        receive.close()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, signal.SIG_DFL)
+        # The parent draws what is missing, and says what is wrong.
+        with suppress(Exception):
+            send.send(list(map(function, items[1::2])))
+
+    child = get_context("fork").Process(target=draw_others)
+    child.start()
     send.close()
+    results: list = [None] * len(items)
     try:
-        own = [function(item) for item in items[0::2]]
+        results[0::2] = map(function, items[0::2])
         try:
-            others = receive.recv()
+            results[1::2] = receive.recv()
         except EOFError:
-            others = [function(item) for item in items[1::2]]
+            results[1::2] = map(function, items[1::2])
     finally:
         receive.close()
-        os.waitpid(child, 0)
-    results = [None] * len(items)
-    results[0::2], results[1::2] = own, others
+        child.join()
     return results

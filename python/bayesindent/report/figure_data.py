@@ -1,6 +1,7 @@
 """The numbers behind a figure, read off the figure itself unless it brings its own: what is drawn is what the table says."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
@@ -27,7 +28,7 @@ def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
     return list(HEADER), rows
 
 
-def series_of(axes) -> Iterator[tuple[str, str, list[list[float]]]]:
+def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
     """Kind, label and points of what is drawn in the units of the axes."""
     for line in axes.lines:
         if line.get_transform() == axes.transData:

@@ -1,8 +1,10 @@
 """What the stages left in a folder, as far as it belongs to the present inputs."""
 
 import json
+from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +16,20 @@ from ..inference.extract import groups_of
 from ..pipeline.results_folder import DOCUMENTS, belongs, read_manifest, read_posterior, read_resolved, surrogate_digest
 from ..surrogate.surrogate import Surrogate
 
-__all__ = ["Results"]
+__all__ = ["NothingToShow", "Results", "present"]
+
+T = TypeVar("T", bound=Sized)
+
+
+class NothingToShow(Exception):
+    """The results have nothing of what a figure or a section shows."""
+
+
+def present(part: T | None) -> T:
+    """A part of the results. Raises `NothingToShow` if it is not there, or empty."""
+    if part is None or not len(part):
+        raise NothingToShow
+    return part
 
 
 class Results:
@@ -25,6 +40,8 @@ class Results:
         self.manifest = read_manifest(folder)
         self.resolved = read_resolved(folder)
         self._settings = call("settings.values", path=folder / "resolved.nml", content=self.resolved) if self.resolved else {}
+        #: The folder of the namelist that was last used here.
+        self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
         if name := self.group("surrogate").get("file"):
             # A build that was killed may have left a new surrogate beside the documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
@@ -39,16 +56,12 @@ class Results:
         self.title = problem.get("title") or f"Indentation of {self.symmetry or 'single'} crystals"
         self.kind = self.group("measurements").get("modulus_kind", "indentation_modulus").replace("_", " ")
 
-    @property
-    def namelist_folder(self) -> Path:
-        """The folder of the namelist that was last used here."""
-        return Path(self.manifest.get("namelist", ".")).parent
-
     def group(self, name: str) -> dict:
         """The variables of a group of the resolved namelist."""
         if not self._settings.get(f"{name}.given"):
             return {}
-        return {label.partition(".")[2]: value for label, value in self._settings.items() if label.startswith(f"{name}.")}
+        start = f"{name}."
+        return {label[len(start) :]: value for label, value in self._settings.items() if label.startswith(start) and label != f"{start}given"}
 
     @property
     def warnings(self) -> list[str]:
@@ -56,9 +69,18 @@ class Results:
         return list(dict.fromkeys(line for document in self.documents.values() for line in document.get("warnings", [])))
 
     @property
+    def predicted(self) -> list[dict]:
+        """The grains, as measured and as the posterior predicts them."""
+        return self.documents["extract"].get("predicted", [])
+
+    def identifiability(self, kind: str) -> list[dict]:
+        """What the document of `extract` says of each 'combination' of the constants, 'quantity', or piece of 'knowledge'."""
+        return [row for row in self.documents["extract"].get("identifiability", []) if row["kind"] == kind]
+
+    @property
     def simulations(self) -> list[dict]:
         """Simulated crystals that did not fail."""
-        return [row for row in self.documents["simulate"].get("results", []) if row["indentation_modulus_gpa"] and row["depth_um"]]
+        return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]
 
     @property
     def theory_moduli(self) -> np.ndarray | None:
@@ -66,13 +88,7 @@ class Results:
         simulated, theory = (self.documents[stage].get("results", []) for stage in ("simulate", "theory"))
         if not self.simulations or len(simulated) != len(theory):
             return None
-        done = [row["indentation_modulus_gpa"] is not None and bool(row["depth_um"]) for row in simulated]
-        return np.array([row["indentation_modulus_gpa"] for row in theory])[done]
-
-    @property
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of the prior in GPa, by constant."""
-        return json.loads(self.posterior["posterior"][1]["bounds"]) if self.posterior else {}
+        return np.array([exact["indentation_modulus_gpa"] for row, exact in zip(simulated, theory) if succeeded(row)])
 
     @cached_property
     def posterior(self) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
@@ -87,11 +103,6 @@ class Results:
     def samples(self) -> dict[str, np.ndarray]:
         """Chains (chain, draw) of each constant; nothing where there is no posterior."""
         return {name: self.posterior["posterior"][0][name] for name in self.constants} if self.posterior else {}
-
-    @cached_property
-    def prior_samples(self) -> dict[str, np.ndarray]:
-        """Draws of each constant without the data; nothing where there is no posterior."""
-        return {name: self.posterior["prior"][0][name].ravel() for name in self.constants} if self.posterior else {}
 
     def draws(self, count: int) -> np.ndarray:
         """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""
@@ -115,3 +126,8 @@ class Results:
             return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder)
         except InputError:
             return None
+
+
+def succeeded(simulation: dict) -> bool:
+    """Whether a simulation gave a modulus and a curve."""
+    return bool(simulation["indentation_modulus_gpa"] and simulation["depth_um"])

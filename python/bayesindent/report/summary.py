@@ -1,69 +1,56 @@
-"""What stands first in the report: what was asked, in words, and what is well known now."""
+"""What stands first in the report: the inputs, and what is well determined now."""
 
 from markupsafe import Markup
 
+from .formatting import enumeration, number, numbers, product_html, quantity_format, quantity_name
 from .results import Results
-from .words import listed, number, powers_as_html, quantity_in_words
 
-__all__ = ["DECIDED", "asked", "well_known"]
+__all__ = ["determined", "findings", "inputs_summary", "measured_ranges", "specimen", "with_count"]
 
-#: Contraction from which on the data decided: they halved the sd of the prior, as warnings count it too.
-DECIDED = 0.75
+#: Contraction from which on the measurements determined something: they halved the sd of the prior, as warnings count it too.
+DETERMINED = 0.75
 
 #: Relative sd below which a quantity is well known, and how many are named.
-WELL, MOST = 0.05, 6
+SMALL_SD, MOST = 0.05, 6
 
 
-def asked(results: Results) -> list[tuple[str, str]]:
-    """Terms and words: grains, kind of modulus, indenter, specimen, surrogate with its error, prior in effect."""
+def inputs_summary(results: Results) -> list[tuple[str, str]]:
+    """Terms and texts: grains, kind of modulus, indenter, specimen, surrogate with its error, prior in effect."""
     document, simulated = results.documents["extract"], len(results.simulations)
     if not any(results.documents.values()):
         return []
-    rows = []
-    if results.symmetry:
-        rows.append(("Crystal", f"{results.symmetry}; constants {', '.join(results.constants)}"))
+    rows = [("Crystal", results.symmetry and f"{results.symmetry}; constants {', '.join(results.constants)}")]
     if document:
-        rows += [("Grains", grains(document["predicted"])), ("Modulus", kind(results))]
+        moduli, sds = measured_ranges(results)
+        scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
+        rows += [("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"), ("Modulus", modulus_kind(results))]
     if simulated:
-        rows.append(("Simulations", f"indentation moduli of {counted(simulated, 'crystal')} by finite elements"))
-    if specimen := specimen_in_words(results):
-        rows.append(("Specimen", specimen))
-    rows.append(("Indenter", indenter(results)))
+        rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
+    rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
     if document:
-        words = [in_plain_words(line, document["prior"]["knowledge"]) for line in document["prior"]["words"]]
-        rows.append(("Surrogate", words.pop().removeprefix("surrogate: ")))
-        rows.append(("Prior in effect", "; ".join(words)))
+        lines = document["prior"]["words"]
+        for item in document["prior"]["knowledge"]:
+            lines = [line.replace(f"{item['name']} =", f"{quantity_name(item['name'])} =") for line in lines]
+        *prior, surrogate = lines
+        rows += [("Surrogate", surrogate.removeprefix("surrogate: ")), ("Prior in effect", "; ".join(prior))]
     elif build := results.documents["build"]:
         rows.append(("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}"))
-    return rows
+    return [row for row in rows if row[1]]
 
 
-def in_plain_words(line: str, knowledge: list[dict]) -> str:
-    """A line on the prior with what is known by the names that people use."""
-    for item in knowledge:
-        line = line.replace(f"{item['name']} =", f"{quantity_in_words(item['name'])} =")
-    return line
-
-
-def counted(count: int, word: str) -> str:
+def with_count(count: int, word: str) -> str:
     """Such as 'one grain' or '11 grains'."""
     return f"one {word}" if count == 1 else f"{count} {word}s"
 
 
-def grains(predicted: list[dict]) -> str:
-    """How many there are, their moduli and sds."""
-    moduli, sds = ([item[name] for item in predicted if item.get(name)] for name in ("measured", "measured_sd"))
-    words = f"{counted(len(predicted), 'grain')}, {span(moduli)} GPa"
-    return f"{words}, standard deviations {span(sds)} GPa" if sds else f"{words}; their scatter is inferred"
+def measured_ranges(results: Results) -> list[str]:
+    """The ranges of the measured moduli and of their sds in GPa, each '' where there is none."""
+    values = [[item[name] for item in results.predicted if item.get(name)] for name in ("measured", "measured_sd")]
+    ranges = [dict.fromkeys(map(number, (min(found), max(found)))) if found else {} for found in values]
+    return [" to ".join(ends) for ends in ranges]
 
 
-def span(values: list[float]) -> str:
-    """From the least to the largest."""
-    low, high = number(min(values)), number(max(values))
-    return low if low == high else f"{low} to {high}"
-
-
-def kind(results: Results) -> str:
+def modulus_kind(results: Results) -> str:
     """The kind of modulus, and what it depends on."""
     measured = results.group("measurements")
     names = {"effective modulus": ("indenter_modulus_gpa", "indenter_nu"), "sample modulus": ("sample_nu",)}
@@ -81,7 +68,7 @@ def indenter(results: Results) -> str:
     return f"rigid {shape}, {size}, up to a {last}"
 
 
-def specimen_in_words(results: Results) -> str:
+def specimen(results: Results) -> str:
     """What is indented, where a surrogate or simulations depend on it."""
     group = results.group("specimen")
     if not (results.documents["build"] or results.simulations) or not group:
@@ -95,37 +82,35 @@ def specimen_in_words(results: Results) -> str:
     }.get(group["geometry"], group["geometry"])
 
 
-def well_known(results: Results) -> list[str | Markup]:
-    """Sentences: combinations that the data decided, quantities that are well known, constants that are not."""
-    document = results.documents["extract"]
-    rows = document.get("identifiability", [])
-    if not rows:
+def determined(rows: list[dict]) -> list[dict]:
+    """The rows on identifiability that the measurements determined."""
+    return [row for row in rows if row["contraction"] >= DETERMINED]
+
+
+def findings(results: Results) -> list[str | Markup]:
+    """Sentences: combinations that the measurements determined, quantities that are well known, constants that are not."""
+    combinations, quantities = results.identifiability("combination"), [row for row in results.identifiability("quantity") if row["mean"]]
+    if not results.documents["extract"].get("identifiability"):
         return []
-    combinations = [row for row in rows if row["kind"] == "combination"]
-    decided = [row for row in combinations if row["contraction"] >= DECIDED]
-    sentences: list[str | Markup] = []
-    if decided:
-        products = Markup(", ").join(
-            Markup("{} (to {} %)").format(powers_as_html(row["exponents"]), number(100 * row["sd"])) for row in decided
-        )
-        sentences.append(
-            Markup("The measurements decided {} of {} combinations of the constants: {}.").format(len(decided), len(combinations), products)
-        )
-    else:
-        sentences.append(f"The measurements decided none of the {len(combinations)} combinations of the constants.")
-    quantities = [row for row in rows if row["kind"] == "quantity" and row["mean"]]
-    near = sorted((row for row in quantities if row["sd"] <= WELL * abs(row["mean"])), key=lambda row: row["sd"] / abs(row["mean"]))
-    for source, words in ((True, "Well known, by the measurements"), (False, "Well known, by the prior and what else was known")):
-        chosen = [row for row in near if (row["contraction"] >= DECIDED) is source][:MOST]
-        if chosen:
-            sentences.append(f"{words}: {listed([in_words(row) for row in chosen])}.")
-    open_ = [row for row in quantities if row["name"] in document["parameters"] and row["contraction"] < DECIDED]
-    if open_:
-        sentences.append(f"Left to the prior: {listed([in_words(row) for row in open_])}.")
+    sentences: list[str | Markup] = [f"The measurements decided none of the {len(combinations)} combinations of the constants."]
+    if found := determined(combinations):
+        products = [Markup("{} (to {} %)").format(product_html(row["exponents"]), number(100 * row["sd"])) for row in found]
+        start = Markup("The measurements decided {} of {} combinations of the constants: {}.")
+        sentences = [start.format(len(found), len(combinations), Markup(", ").join(products))]
+    near = sorted((row for row in quantities if row["sd"] <= SMALL_SD * abs(row["mean"])), key=lambda row: row["sd"] / abs(row["mean"]))
+    by_data = determined(near)
+    left = [row for row in quantities if row["name"] in results.documents["extract"]["parameters"] and not determined([row])]
+    for words, rows in {
+        "Well known, by the measurements": by_data[:MOST],
+        "Well known, by the prior and what else was known": [row for row in near if row not in by_data][:MOST],
+        "Left to the prior": left,
+    }.items():
+        if rows:
+            sentences.append(f"{words}: {enumeration([with_sd(row) for row in rows])}.")
     return sentences
 
 
-def in_words(row: dict) -> str:
+def with_sd(row: dict) -> str:
     """A quantity with its sd."""
-    unit, digits = ("", 3) if row["unit"] == "1" else (f" {row['unit']}", 1)
-    return f"{quantity_in_words(row['name'])} {number(row['mean'], digits)} ± {number(row['sd'], digits)}{unit}"
+    unit, digits = quantity_format(row)
+    return f"{quantity_name(row['name'])} {' ± '.join(numbers(row, mean=digits, sd=digits))} {unit}".rstrip()

@@ -1,16 +1,20 @@
 """Orientation maps (EBSD): what they say of the grain at each indent."""
 
-import csv
 import re
+from collections.abc import Sequence
 from contextlib import redirect_stdout
+from functools import reduce
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
+from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
@@ -22,12 +26,14 @@ __all__ = ["page_of"]
 BOUNDARY_DEG = 5.0
 #: Grains of fewer pixels are noise, and no neighbours.
 LEAST_PIXELS = 4
+#: The sample's axis that the indenter moves along.
+NORMAL = (0.0, 0.0, 1.0)
 
 
-def page_of(place: str, path: Path, x_um, y_um, columns, symmetry: str | None) -> tuple[str, str]:
+def page_of(place: str, path: Path, x_um: np.ndarray, y_um: np.ndarray, columns: Sequence[str], symmetry: str | None) -> tuple[str, str]:
     """A line for each indent at (x_um, y_um) of the map: Bunge's angles of the mean orientation of its grain, and, where the measurements
     have no such column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and
-    `grain_radius_um`, the distance to the nearest other grain. Then what is to be told of the phase beside the stated `symmetry`, or
+    `grain_radius_um`, the distance to the nearest other grain. Then the warning on the phase beside the stated `symmetry`, or
     nothing. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
@@ -40,19 +46,17 @@ def page_of(place: str, path: Path, x_um, y_um, columns, symmetry: str | None) -
         raise InputError(
             f"{place}row {row + 1}: ({x_um[row]:g}, {y_um[row]:g}) um is {away[row]:.3g} um from the next indexed point; the map is from ({low}) to ({high})"
         )
-    told = grid.compare_phase(grid.phase[pixel], symmetry)
-    header = ["phi1_deg", "Phi_deg", "phi2_deg", "grain", "orientation_sd_deg", "grain_radius_um"]
-    there = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
-    kept = [number for number, name in enumerate(header) if name not in there]
-    page = StringIO()
-    writer = csv.writer(page, lineterminator="\n")
-    writer.writerow(header[number] for number in kept)
-    of_grain = {grain: grid.mean_orientation(grain) for grain in set(grid.grain[pixel].tolist())}
-    for position, grain in zip(indents, grid.grain[pixel].tolist()):
-        euler, spread = of_grain[grain]
-        cells = [*euler, f"EBSD {grain}", spread, grid.distance_to_boundary(position, grain)]
-        writer.writerow(cells[number] for number in kept)
-    return page.getvalue(), told
+    warning = grid.compare_phase(grid.phase[pixel], symmetry)
+    stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
+    grains = grid.grain[pixel].tolist()
+    orientations = {grain: grid.mean_orientation(grain) for grain in set(grains)}
+    rows = []
+    for position, grain in zip(indents, grains):
+        euler, spread = orientations[grain]
+        values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
+        angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler))
+        rows.append(angles | {name: value for name, value in values.items() if name not in stated})
+    return as_csv(list(rows[0]), [list(row.values()) for row in rows]), warning
 
 
 class Grid:
@@ -61,7 +65,7 @@ class Grid:
     def __init__(self, place: str, path: Path):
         io = reader_of(place, path, "an orientation map", "orix.io")
         try:
-            with redirect_stdout(StringIO()):  # where it tells of the names of phases
+            with redirect_stdout(StringIO()):  # where orix names the phases
                 loaded = io.load(str(path))
         except Exception as error:  # whatever a damaged file makes its reader raise
             raise InputError(f"{place}is no map that orix reads ({type(error).__name__}: {error})") from None
@@ -70,17 +74,17 @@ class Grid:
             raise InputError(f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed")
         #: (n, 2), um.
         self.positions = np.column_stack([found.x, found.y]).astype(float)
-        #: From sample to crystal axes, (n, 4).
-        self.rotations = found.rotations[:, 0].data if found.rotations.ndim > 1 else found.rotations.data
+        #: From sample to crystal axes.
+        self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
         self.phase = found.phase_id
         self.place = place
-        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this, (m, 4).
+        #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this.
         self.names, self.laue, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             self.names[number], group = loaded.phases[number].name, loaded.phases[number].point_group
             if group is None:
                 raise InputError(f"{place}does not say the point group of phase {number} ({self.names[number]})")
-            self.laue[number], self.symmetry[number] = group.laue.name, group.laue.proper_subgroup.data
+            self.laue[number], self.symmetry[number] = group.laue.name, rotations_of(group.laue.proper_subgroup)
         tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
@@ -91,15 +95,18 @@ class Grid:
     def _grains(self, pairs: np.ndarray) -> np.ndarray:
         """The number of each point's grain: neighbours of one phase whose misorientation is small are connected."""
         first, second = pairs.T
+        between = (self.rotations[second] * self.rotations[first].inv()).as_quat()
         alike = np.zeros(len(pairs), dtype=bool)
         for phase, group in self.symmetry.items():
             own = (self.phase[first] == phase) & (self.phase[second] == phase)
-            alike[own] = closest(group, self.rotations[first[own]], self.rotations[second[own]])[1] > np.cos(np.radians(BOUNDARY_DEG) / 2)
+            # One operation after the other: a map may have millions of points.
+            cosine = reduce(np.maximum, (np.abs(between[own] @ operation) for operation in group.as_quat()))
+            alike[own] = cosine > np.cos(np.radians(BOUNDARY_DEG) / 2)
         n = len(self.positions)
         return connected_components(coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False)[1]
 
     def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> str:
-        """What is to be told of the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
+        """The warning, or nothing, on the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
         if orientations that are equivalent in the phase are not so by the symmetry, with its axes."""
         number = int(phases[0])
         name = self.names[number]
@@ -112,8 +119,7 @@ class Grid:
         if not symmetry:
             return ""
         own = class_name(self.laue[number])
-        somewhere = np.array([0.3, 0.4, 0.5, np.sqrt(0.5)])
-        images = normal(np.stack([product(operation, somewhere[None])[0] for operation in self.symmetry[number]]))
+        images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(NORMAL)
         differs = f"{self.place}the phase {name} is {own} ({self.laue[number]}), &problem symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
@@ -126,41 +132,25 @@ class Grid:
         """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""
         inside = np.flatnonzero(self.grain == grain)
         group, rotations = self.symmetry[int(self.phase[inside[0]])], self.rotations[inside]
-        aligned = closest(group, rotations, np.broadcast_to(rotations[0], rotations.shape))[0]
-        mean = np.linalg.eigh(aligned.T @ aligned)[1][:, -1]
-        along, directions = normal(mean[None])[0], normal(aligned)
-        spread = np.degrees(np.sqrt(np.mean(np.arccos(np.clip(directions @ along, -1, 1)) ** 2) / 2))
-        from orix.quaternion import Rotation
+        # Of the equivalents of each the one that is nearest to the first.
+        cosine = np.abs((rotations[0] * rotations.inv()).as_quat() @ group.as_quat().T)
+        aligned = group[cosine.argmax(axis=1)] * rotations
+        mean = aligned.mean()
+        tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
+        # Of an optional package, like the reader of the map.
+        from orix.quaternion import Rotation as OrixRotation
 
-        return np.degrees(Rotation(mean).to_euler()[0]).tolist(), float(spread)
+        euler = OrixRotation(mean.as_quat(scalar_first=True)).to_euler()[0]
+        return np.degrees(euler).tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))
 
     def distance_to_boundary(self, position: np.ndarray, grain: int) -> float:
         """From a position to the nearest point of another grain, less half a step, um; to the farthest edge of the map where there is none."""
         others = self.positions[(self.grain != grain) & self.counts]
-        from_here = others if len(others) else self.positions
-        distances = np.linalg.norm(from_here - position, axis=1)
-        return float(max(distances.min() - self.step / 2, self.step / 2) if len(others) else distances.max())
+        if not len(others):
+            return float(np.linalg.norm(self.positions - position, axis=1).max())
+        return float(max(np.linalg.norm(others - position, axis=1).min() - self.step / 2, self.step / 2))
 
 
-def closest(group: np.ndarray, rotations: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the equivalents s q of each rotation q (n, 4) that nearest to another one (n, 4), and the cosine of half the angle between them."""
-    best, nearest = np.full(len(rotations), -1.0), rotations.copy()
-    for operation in group:
-        equivalent = product(operation, rotations)
-        cosine = np.einsum("ni,ni->n", equivalent, others)
-        better = np.abs(cosine) > best
-        best[better] = np.abs(cosine[better])
-        nearest[better] = np.sign(cosine[better])[:, None] * equivalent[better]
-    return nearest, best
-
-
-def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """The quaternion p (4,) times each of q (n, 4)."""
-    a, b, c, d = p
-    return q @ np.array([[a, b, c, d], [-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
-
-
-def normal(q: np.ndarray) -> np.ndarray:
-    """The sample's z in crystal axes (n, 3) by rotations (n, 4)."""
-    a, b, c, d = q.T
-    return np.column_stack([2 * (b * d + a * c), 2 * (c * d - a * b), a**2 - b**2 - c**2 + d**2])
+def rotations_of(rotations: Any) -> Rotation:
+    """Rotations of orix, whose quaternions begin with the scalar."""
+    return Rotation.from_quat(rotations.data, scalar_first=True)

@@ -3,7 +3,9 @@
 import argparse
 from pathlib import Path
 
-from ...report.words import number
+from ...report.comparison import compare_runs
+from ...report.formatting import number
+from ...report.runs import read_runs
 from ..command import Command, take_folder
 from ..console import show_table
 
@@ -12,8 +14,6 @@ __all__ = ["COMMAND"]
 
 def compare(arguments: argparse.Namespace) -> dict:
     """Tables and figures of the runs in the output folder, and the document."""
-    from ...report.comparison import compare_runs, read_runs
-
     runs = read_runs(arguments.runs)
     output = arguments.results = arguments.output or Path("runs") / "compare"
     take_folder(output)
@@ -21,27 +21,27 @@ def compare(arguments: argparse.Namespace) -> dict:
 
 
 def show(document: dict) -> None:
-    """The constants of all runs, and what speaks for one model."""
+    """The constants of all runs, and how well each model predicts the measurements."""
     runs = document["runs"]
-    away = {(item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]}
-    rows = []
-    for name in dict.fromkeys(name for run in runs for name in run["parameters"]):
-        cells = [name]
-        for i, run in enumerate(runs):
-            item = run["parameters"].get(name)
-            cells.append(f"{number(item['mean'])} ± {number(item['sd'])}" if item else "–")
-            if i > 0:
-                cells.append(number(away.get((run["run"], name)), 2))
-        rows.append(cells)
-    header = ["constant", runs[0]["run"]]
-    for run in runs[1:]:
+    differences = {(item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]}
+    header, rows = ["constant"], []
+    for run in runs:
         header += [run["run"], "differs by (sd)"]
+    for name in dict.fromkeys(name for run in runs for name in run["parameters"]):
+        rows.append([name])
+        for run in runs:
+            item = run["parameters"].get(name, {})
+            rows[-1] += [with_sd(item.get("mean"), item.get("sd"), 1), number(differences.get((run["run"], name)), 2)]
+    # The first does not differ from itself.
+    for cells in (header, *rows):
+        del cells[2]
     show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
     if document["models"]:
-        rows = []
-        for row in document["models"]:
-            cells = [row["run"], number(row["elpd"], 2), with_sd(row["elpd_difference"], row["elpd_difference_sd"])]
-            rows.append([*cells, with_sd(row["log_z"], row["log_z_sd"]), with_sd(row["log_z_difference"], row["log_z_difference_sd"])])
+        columns = ("elpd_difference", "log_z", "log_z_difference")
+        rows = [
+            [row["run"], number(row["elpd"], 2), *(with_sd(row[name], row[f"{name}_sd"], 2) for name in columns)]
+            for row in document["models"]
+        ]
         header = ["run", "leave-one-out", "less the first's", "log evidence", "less the first's"]
         show_table("Which model predicts these measurements best: larger is better", header, rows)
         print(
@@ -49,9 +49,9 @@ def show(document: dict) -> None:
         )
 
 
-def with_sd(value, sd) -> str:
+def with_sd(value: float | None, sd: float | None, digits: int) -> str:
     """A value with its sd; a dash where there is none."""
-    return "–" if value is None else f"{number(value, 2)} ± {number(sd, 2)}"
+    return "–" if value is None else f"{number(value, digits)} ± {number(sd, digits)}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

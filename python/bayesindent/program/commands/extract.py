@@ -8,7 +8,7 @@ from ...common.result_files import write_groups
 from ...inference.extract import groups_of
 from ...pipeline.results_folder import read_posterior
 from ...pipeline.stage import run_stage
-from ...report.words import best_first, number
+from ...report.formatting import best_first, number
 from ...settings.problem import Problem
 from ..command import namelist_command
 from ..console import show_table

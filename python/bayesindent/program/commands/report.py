@@ -11,6 +11,7 @@ __all__ = ["COMMAND", "make"]
 
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
+    # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 
     if not folder.is_dir():
@@ -19,7 +20,7 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     return {"file": page, "warnings": []} | ({"paper": str(folder / "paper")} if paper else {})
 
 
-def action(arguments: argparse.Namespace) -> dict:
+def report(arguments: argparse.Namespace) -> dict:
     """The report of a folder that no other process is writing to."""
     output = arguments.output or arguments.folder
     if arguments.folder.is_dir():
@@ -44,7 +45,7 @@ def show(document: dict) -> None:
 COMMAND = Command(
     "report",
     "report.html from what a folder holds",
-    action=action,
+    action=report,
     arguments=add_arguments,
     show=show,
     then=lambda arguments, document: (

@@ -1,4 +1,4 @@
-"""The figures of the report: functions of `Results` that give a `Picture`, or None where there is nothing to show."""
+"""The figures of the report: functions of `Results` that give a `Picture`, or raise `NothingToShow`."""
 
 from . import knowledge, learning, mesh, orientations, posterior, residuals, simulations, specimen_size, young
 

@@ -1,10 +1,12 @@
-"""How the surrogate was taught, and how well it knows the simulations."""
+"""How the surrogate was trained, and how well it predicts the simulations."""
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ...crystal.elasticity import stiffness_rows
-from ..words import number
-from .style import BLACK, BLUE, CYCLE, MARKERS, SKY, Picture, diagonal, new_figure, plain_log_ticks
+from ..formatting import number
+from ..results import NothingToShow, Results, present
+from .style import BLACK, BLUE, CYCLE, MARKERS, SKY, Picture, logarithmic, panels, parity_panels, sd_axes
 
 __all__ = ["coefficients", "learning_curve", "parity", "truncations", "validation"]
 
@@ -12,30 +14,32 @@ __all__ = ["coefficients", "learning_curve", "parity", "truncations", "validatio
 MANY = 400
 
 
-def learning_curve(results) -> Picture | None:
-    """Error against the number of simulations."""
+def history_of(results: Results) -> dict[str, list]:
+    """Each number of the history of a build, one for each update."""
     history = results.documents["build"].get("history", [])
     if len(history) < 2:
-        return None
-    baselines = results.documents["build"].get("baselines", {})
-    figure = new_figure(3.4)
-    axes = figure.subplots()
-    count = [entry["simulations"] for entry in history]
-    labels = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "the next points, before they are added"}
-    for (name, label), colour, marker in zip(labels.items(), CYCLE, MARKERS):
-        error = [np.nan if entry[name] is None else entry[name] for entry in history]
-        axes.plot(count, error, marker=marker, ms=3.5, lw=1, color=colour, label=label)
+        raise NothingToShow
+    return {name: [entry[name] for entry in history] for name in history[0]}
+
+
+def learning_curve(results: Results) -> Picture:
+    """Error against the number of simulations."""
+    history, baselines = history_of(results), results.documents["build"].get("baselines", {})
+    figure, axes = panels(3.4)
+    curves = {"leave_crystal_out_gpa": "a crystal left out", "next_gpa": "the next points, before they are added"}
+    for (name, label), colour, marker in zip(curves.items(), CYCLE, MARKERS):
+        axes.plot(history["simulations"], np.array(history[name], dtype=float), marker=marker, ms=3.5, lw=1, color=colour, label=label)
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
     # The one shows below the other where they are the same.
     for (name, label), line in zip(lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})):
         if baselines.get(name):
             axes.axhline(baselines[name], label=label, **line)
-    axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)", yscale="log")
-    plain_log_ticks(axes.yaxis)
+    axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)")
+    logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     figure.legend(loc="outside upper left", ncols=2)
-    last = number(history[-1]["leave_crystal_out_gpa"], 2)
-    beside = " Beside them, what the half-space theory does without a surrogate." if any(baselines.get(name) for name in lines) else ""
+    last = number(history["leave_crystal_out_gpa"][-1], 2)
+    beside = " Beside them, what the half-space theory does without a surrogate." if any(map(baselines.get, lines)) else ""
     return Picture(
         figure,
         f"Error against the number of simulations; the error of a crystal left out ends at {last} GPa.",
@@ -44,21 +48,16 @@ def learning_curve(results) -> Picture | None:
     )
 
 
-def coefficients(results) -> Picture | None:
+def coefficients(results: Results) -> Picture:
     """Norm of the coefficient vector, and the angle through which each update turned it."""
-    history = results.documents["build"].get("history", [])
-    if len(history) < 2:
-        return None
-    count = [entry["simulations"] for entry in history]
-    figure = new_figure(3.0)
-    left, right = figure.subplots(1, 2)
-    left.plot(count, [entry["norm"] for entry in history], color=BLUE)
-    left.set(xlabel="simulations", ylabel="norm of the coefficients")
-    right.plot(count, [entry["angle_deg"] for entry in history], color=BLUE)
-    right.set(xlabel="simulations", ylabel="turn since the last update (degrees)", yscale="log")
-    plain_log_ticks(right.yaxis)
-    for axes in (left, right):
+    history = history_of(results)
+    figure, (left, right) = panels(3.0, 1, 2)
+    labels = {"norm": "norm of the coefficients", "angle_deg": "turn since the last update (degrees)"}
+    for axes, (name, label) in zip((left, right), labels.items()):
+        axes.plot(history["simulations"], history[name], color=BLUE)
+        axes.set(xlabel="simulations", ylabel=label)
         axes.xaxis.get_major_locator().set_params(integer=True)
+    logarithmic(right)
     return Picture(
         figure,
         "Norm of the coefficient vector, and the angle between updates, against the number of simulations.",
@@ -66,70 +65,56 @@ def coefficients(results) -> Picture | None:
     )
 
 
-def parity(results) -> Picture | None:
-    """The surrogate on the simulations that taught it."""
+def parity(results: Results) -> Picture:
+    """The surrogate on the simulations that trained it."""
     surrogate = results.surrogate if results.documents["build"] else None
-    if surrogate is None or not surrogate.data:
-        return None
-    predicted, sd = surrogate.predict(stiffness_rows(surrogate.symmetry, surrogate.data["constants"]), surrogate.data["euler_deg"])
+    if surrogate is None:
+        raise NothingToShow
+    data = present(surrogate.data)
+    predicted, sd = surrogate.predict(stiffness_rows(surrogate.symmetry, data["constants"]), data["euler_deg"])
     return Picture(
-        against_simulated(surrogate.data["modulus_gpa"], predicted, sd),
-        f"Predicted against simulated moduli; the mean difference is {number(np.abs(predicted - surrogate.data['modulus_gpa']).mean(), 2)} GPa.",
+        against_simulated(data["modulus_gpa"], predicted, sd),
+        f"Predicted against simulated moduli; the mean difference is {number(np.abs(predicted - data['modulus_gpa']).mean(), 2)} GPa.",
         "The surrogate on the simulations that taught it, with one sd. The bands on the right are 1 and 2 sd.",
     )
 
 
-def validation(results) -> Picture | None:
+def validation(results: Results) -> Picture:
     """The surrogate on simulations that it has not seen."""
-    unseen = results.documents["build"].get("validation")
-    if not unseen:
-        return None
+    unseen = present(results.documents["build"].get("validation"))
     error = number(unseen["mean_absolute_gpa"], 2)
     return Picture(
-        against_simulated(unseen["simulated"], unseen["predicted"], unseen["sd"]),
+        against_simulated(*(np.array(unseen[name], dtype=float) for name in ("simulated", "predicted", "sd"))),
         f"Predicted against simulated moduli of {unseen['points']} points that the surrogate has not seen; mean error {error} GPa.",
         f"The surrogate on {unseen['points']} simulations that it has not seen, the next by variance: mean absolute error "
         f"{error} GPa, {100 * unseen['within_1_sd']:.0f} % within 1 sd and {100 * unseen['within_2_sd']:.0f} % within 2.",
     )
 
 
-def against_simulated(simulated, predicted, sd):
+def against_simulated(simulated: np.ndarray, predicted: np.ndarray, sd: np.ndarray) -> Figure:
     """Predicted against simulated moduli with one sd, and the residuals in units of the sd."""
-    simulated, predicted, sd = (np.asarray(values, dtype=float) for values in (simulated, predicted, sd))
-    figure = new_figure(3.4)
-    left, right = figure.subplots(1, 2)
-    diagonal(left, simulated, predicted)
+    figure, left, right = parity_panels(3.4, simulated, predicted)
     size, width, colour = (1.5, 0.4, SKY) if len(simulated) > MANY else (3.5, 0.8, BLUE)
     left.errorbar(simulated, predicted, sd, fmt="o", ms=size, lw=width, color=BLUE, ecolor=colour)
     left.set(xlabel="simulated modulus (GPa)", ylabel="predicted modulus (GPa)")
-    for reach, alpha in ((2, 0.2), (1, 0.3)):
-        right.axhspan(-reach, reach, color=SKY, alpha=alpha, lw=0)
-    right.axhline(0, color=BLACK, lw=0.8)
+    sd_axes(right)
     right.plot(simulated, (predicted - simulated) / sd, "o", ms=size, color=BLUE)
     right.set(xlabel="simulated modulus (GPa)", ylabel="(predicted - simulated) / sd")
     return figure
 
 
-def truncations(results) -> Picture | None:
+def truncations(results: Results) -> Picture:
     """Leave-one-out error against the number of simulations: a colour for each degree, a marker for each bandlimit."""
-    scan = results.documents["build"].get("scan")
-    if not scan:
-        return None
-    figure = new_figure(3.4)
-    axes = figure.subplots()
+    scan = present(results.documents["build"].get("scan"))
+    figure, axes = panels(3.4)
     degrees, bandlimits = (sorted({entry[name] for entry in scan}) for name in ("degree", "bandlimit"))
     for entry in scan:
-        axes.plot(
-            entry["curve"]["simulations"],
-            entry["curve"]["loocv_gpa"],
-            color=CYCLE[degrees.index(entry["degree"]) % len(CYCLE)],
-            marker=MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)],
-            ms=4,
-            lw=1,
-            label=f"degree {entry['degree']}, bandlimit {entry['bandlimit']}, {entry['terms']} terms",
-        )
-    axes.set(xlabel="simulations", ylabel="leave-one-out error (GPa)", yscale="log")
-    plain_log_ticks(axes.yaxis)
+        colour, marker = CYCLE[degrees.index(entry["degree"]) % len(CYCLE)], MARKERS[bandlimits.index(entry["bandlimit"]) % len(MARKERS)]
+        label = f"degree {entry['degree']}, bandlimit {entry['bandlimit']}, {entry['terms']} terms"
+        curve = entry["curve"]
+        axes.plot(curve["simulations"], curve["loocv_gpa"], color=colour, marker=marker, ms=4, lw=1, label=label)
+    axes.set(xlabel="simulations", ylabel="leave-one-out error (GPa)")
+    logarithmic(axes)
     figure.legend(loc="outside upper left", ncols=2)
     best = max(scan, key=lambda entry: entry["log_evidence"])
     return Picture(

@@ -1,9 +1,13 @@
 """The mesh of the simulations."""
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 from mpl_toolkits import mplot3d
 
+from ...fe.indentation import GROUPS, NOT_OURS, Indentation
+from ..results import Results, present
 from .style import BLUE, ORANGE, Picture, new_figure
 
 __all__ = ["mesh"]
@@ -12,47 +16,40 @@ __all__ = ["mesh"]
 BRICK_FACES = ([0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7])
 
 
-def mesh(results) -> Picture | None:
+def mesh(results: Results) -> Picture:
     """The mesh of the simulations with a quarter cut away, and its surface under the indenter with the nodes that may touch."""
-    from ...fe.indentation import GROUPS, NOT_OURS, Indentation
-
-    if not results.simulations:
-        return None
+    present(results.simulations)
     settings = {key: value for group in GROUPS for key, value in results.group(group).items() if key not in NOT_OURS}
     indentation = Indentation(**settings)
     arrays = indentation.mesh_arrays()
     outside = indentation.infinite_elements
-    words = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
-    words += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""
-    return Picture(
-        draw(arrays.x, arrays.brick, arrays.contact, indentation.contact_radius_max_um),
-        f"{words}, with a quarter cut away, and its surface under the indenter.",
-        f"{words}. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
-        (["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(arrays.x.tolist(), start=1)]),
-    )
-
-
-def draw(nodes, bricks, contact_nodes, contact_radius_um: float):
-    """Nodes (n, 3) in µm; bricks (e, 8) and contact nodes by numbers from 0; contact radius at the last depth in µm."""
+    text = f"The mesh of {indentation.bricks} bricks ({indentation.settings.specimen.geometry})"
+    text += f"; {outside} infinite elements outside stand for the rest of the half-space" if outside else ""
+    nodes, contact_radius_um = arrays.x, indentation.contact_radius_max_um
     figure = new_figure(3.5)
     left = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
-    solid(left, nodes, bricks)
+    solid(left, nodes, arrays.brick)
     right = figure.add_subplot(1, 2, 2)
-    faces = outer_faces(bricks)
+    faces = outer_faces(arrays.brick)
     surface = nodes[faces[np.all(np.abs(nodes[faces][:, :, 2]) < 1e-9, axis=1)]][:, :, :2]
     right.add_collection(mpl.collections.PolyCollection(surface, facecolors="none", edgecolors="#777777", linewidths=0.4))
-    right.plot(*nodes[contact_nodes][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
+    right.plot(*nodes[arrays.contact][:, :2].T, ".", color=ORANGE, ms=2.5, label="may touch")
     circle = np.linspace(0, 2 * np.pi, 200)
     right.plot(contact_radius_um * np.cos(circle), contact_radius_um * np.sin(circle), color=BLUE, label="contact at the last depth")
-    reach = 1.6 * max(contact_radius_um, np.abs(nodes[contact_nodes][:, :2]).max())
-    limits = {"xlim": (-reach, reach), "ylim": (-reach, reach), "aspect": "equal"}
+    extent = 1.6 * max(contact_radius_um, np.abs(nodes[arrays.contact][:, :2]).max())
+    limits = {"xlim": (-extent, extent), "ylim": (-extent, extent), "aspect": "equal"}
     right.set(**limits, xlabel="x (µm)", ylabel="y (µm)", title="the surface under the indenter")
     right.grid(False)
     figure.legend(loc="outside lower right", ncols=2)
-    return figure
+    return Picture(
+        figure,
+        f"{text}, with a quarter cut away, and its surface under the indenter.",
+        f"{text}. On the right its surface under the indenter, with the circle of contact on an isotropic half-space at the last depth.",
+        (["node", "x_um", "y_um", "z_um"], [[number, *place] for number, place in enumerate(nodes.tolist(), start=1)]),
+    )
 
 
-def solid(axes, nodes, bricks) -> None:
+def solid(axes: Any, nodes: np.ndarray, bricks: np.ndarray) -> None:
     """The bricks but for a quarter, shaded."""
     centre = nodes[bricks].mean(axis=1)
     polygons = nodes[outer_faces(bricks[(centre[:, 0] < 0) | (centre[:, 1] > 0)])]
@@ -69,7 +66,7 @@ def solid(axes, nodes, bricks) -> None:
     axes.set_title(f"{size[0]:.3g} × {size[1]:.3g} × {size[2]:.3g} µm, {len(bricks)} bricks\na quarter is cut away")
 
 
-def outer_faces(bricks) -> np.ndarray:
+def outer_faces(bricks: np.ndarray) -> np.ndarray:
     """Faces (f, 4) that belong to one brick only."""
     faces = np.concatenate([bricks[:, face] for face in BRICK_FACES])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)

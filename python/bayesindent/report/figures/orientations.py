@@ -1,12 +1,15 @@
-"""The modulus, and what one more grain would teach, over all directions that the crystal tells apart."""
+"""The modulus, and what one more grain would add, over all directions that the crystal tells apart."""
 
 import os
+from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from ...crystal.directions import direction_lattice, euler_of, indentation_direction, representative
 from ...crystal.elasticity import stiffness_rows
-from .style import BLACK, BLUE, SKY, Picture, new_figure
+from ..results import NothingToShow, Results, present
+from .style import BLACK, BLUE, SKY, Picture, panels
 
 __all__ = ["next_grains", "orientations"]
 
@@ -17,63 +20,53 @@ DRAWS = 100
 CORNERS = ((0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (-1, 0, 0), (0, -1, 0))
 
 
-def orientations(results) -> Picture | None:
+def orientations(results: Results) -> Picture:
     """Posterior of the modulus over all directions, with the grains that were measured."""
-    grains, surrogate, samples = results.documents["extract"].get("predicted", []), results.surrogate, results.samples
-    if surrogate is None or not samples or any("euler_deg" not in item for item in grains):
-        return None
+    present(results.samples)
+    grains, surrogate = results.predicted, results.surrogate
+    if surrogate is None or any("euler_deg" not in item for item in grains):
+        raise NothingToShow
+    lattice, directions = direction_lattice(results.symmetry), directions_of(results, grains)
     crystals = stiffness_rows(results.symmetry, results.draws(DRAWS))
-    lattice = direction_lattice(results.symmetry)
     modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
-    directions = representative(results.symmetry, indentation_direction([item["euler_deg"] for item in grains]))
     measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))
     if is_arc(lattice):
-        figure = new_figure(3.4)
-        axes = figure.subplots()
+        figure, axes = panels(3.4)
         angle = declination(lattice)
         axes.fill_between(angle, mean - 2 * sd, mean + 2 * sd, color=SKY, alpha=0.4, lw=0, label="predicted, ± 2 sd")
         axes.plot(angle, mean, color=BLUE, label="predicted, mean")
         axes.errorbar(declination(directions), measured, error, fmt="o", ms=3.5, lw=0.8, color=BLACK, label="measured, ± sd")
         axes.set(xlabel="declination of the c axis (degrees)", ylabel=f"{results.kind} (GPa)", xlim=(-2, 92))
         axes.legend()
-        words = "Posterior of the modulus over the declination of the c axis, with the measured grains"
-        return Picture(figure, f"{words}.", f"{words}.")
-    figure = new_figure(3.2)
-    left, right = figure.subplots(1, 2)
-    limits = min(mean.min(), *measured), max(mean.max(), *measured)
-    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", *limits)
+        text = "Posterior of the modulus over the declination of the c axis, with the measured grains."
+        return Picture(figure, text, text)
+    figure, (left, right) = panels(3.2, 1, 2)
+    low, high = min(mean.min(), *measured), max(mean.max(), *measured)
+    draw_map(left, lattice, mean, f"mean of {results.kind} (GPa)", low, high)
     draw_map(right, lattice, sd, f"sd of {results.kind} (GPa)")
     x, y = stereographic(directions)
-    left.scatter(x, y, c=measured, vmin=limits[0], vmax=limits[1], edgecolors="white", s=38, linewidths=1.2, zorder=3)
+    left.scatter(x, y, c=measured, vmin=low, vmax=high, edgecolors="white", s=38, linewidths=1.2, zorder=3)
     right.plot(x, y, "o", color="white", mec=BLACK, ms=4, mew=0.8)
-    words = "Posterior mean and sd of the modulus over the crystal directions that differ; discs are the measured grains"
-    header = ["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"]
-    rows = [["predicted", *direction, *values] for direction, *values in zip(lattice.tolist(), mean.tolist(), sd.tolist())]
-    rows += [["measured", *direction, *values] for direction, *values in zip(directions.tolist(), measured, error)]
-    return Picture(figure, f"{words}.", f"{words}, on the left in the colour of what was measured.", (header, rows))
+    text = "Posterior mean and sd of the modulus over the crystal directions that differ; discs are the measured grains"
+    rows = labelled("predicted", lattice, mean, sd) + labelled("measured", directions, measured, error)
+    table = (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows)
+    return Picture(figure, f"{text}.", f"{text}, on the left in the colour of what was measured.", table)
 
 
-def next_grains(results) -> Picture | None:
+def next_grains(results: Results) -> Picture:
     """Gain expected of one more grain over all directions, and those that are suggested, by rank."""
-    document = results.documents["next"]
-    if not document:
-        return None
-
-    def directions_of(items) -> np.ndarray:
-        angles = np.array([item["euler_deg"] for item in items]).reshape(-1, 3)
-        return representative(results.symmetry, indentation_direction(angles))
-
-    suggested, everywhere = directions_of(document["suggestions"]), directions_of(document["candidates"])
-    measured = directions_of([item for item in results.documents["extract"].get("predicted", []) if "euler_deg" in item])
-    gain = np.array([item["gain"] for item in document["candidates"]])
+    document = present(results.documents["next"])
+    suggestions, candidates = document["suggestions"], document["candidates"]
+    suggested, everywhere = directions_of(results, suggestions), directions_of(results, candidates)
+    measured = directions_of(results, [item for item in results.predicted if "euler_deg" in item])
+    gain, gain_suggested = (np.array([item["gain"] for item in items]) for items in (candidates, suggestions))
     arc = is_arc(everywhere)
-    figure = new_figure(3.0 if arc else 3.6)
-    axes = figure.subplots()
+    figure, axes = panels(3.0 if arc else 3.6)
     if arc:
         axes.plot(declination(everywhere), gain, ".", color=SKY, ms=4, label="gain expected of the next grain")
         axes.plot(declination(measured), np.zeros(len(measured)), "x", color=BLACK, ms=5, label="measured", clip_on=False)
-        places = np.column_stack([declination(suggested), [item["gain"] for item in document["suggestions"]]])
+        places = np.column_stack([declination(suggested), gain_suggested])
         axes.set(xlabel="declination of the c axis (degrees)", ylabel="expected gain", xlim=(-3, 93), ylim=(0, None))
     else:
         draw_map(axes, everywhere, gain, "gain expected of the next grain")
@@ -84,54 +77,69 @@ def next_grains(results) -> Picture | None:
     for rank, place in enumerate(places, start=1):
         axes.annotate(str(rank), place, ha="center", va="center_baseline", size=8.5)
     figure.legend(loc="outside upper left", ncols=3)
+    over = "over the declination of the c axis" if arc else "among the crystal directions that differ"
+    rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
     return Picture(
         figure,
         f"The {len(suggested)} orientations that one more measurement would teach most at.",
-        "Orientations that are expected to teach most, ranked, "
-        + ("over the declination of the c axis; " if arc else "among the crystal directions that differ; ")
-        + "from the second on each is given those before it, and gains less than it would as the next.",
-        (
-            ["kind", "crystal_x", "crystal_y", "crystal_z", "gain"],
-            [["candidate", *place, value] for place, value in zip(everywhere.tolist(), gain.tolist())]
-            + [["suggested", *place, item["gain"]] for place, item in zip(suggested.tolist(), document["suggestions"])],
-        ),
+        f"Orientations that are expected to teach most, ranked, {over}; "
+        "from the second on each is given those before it, and gains less than it would as the next.",
+        (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows),
     )
 
 
-def is_arc(directions) -> bool:
+def directions_of(results: Results, items: list[dict]) -> np.ndarray:
+    """The indented directions (n, 3) of grains in the region that the class tells apart."""
+    angles = np.array([item["euler_deg"] for item in items]).reshape(-1, 3)
+    return representative(results.symmetry, indentation_direction(angles))
+
+
+def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:
+    """Rows of a table: the kind, a direction, and its values."""
+    return [[kind, *values] for values in np.column_stack([directions, *columns]).tolist()]
+
+
+def is_arc(directions: np.ndarray) -> bool:
     """Whether directions (n, 3) differ in their declination alone."""
-    return bool(np.ptp(np.asarray(directions)[:, 1]) < 1e-9)
+    return bool(np.ptp(directions[:, 1]) < 1e-9)
 
 
-def declination(directions) -> np.ndarray:
+def declination(directions: np.ndarray) -> np.ndarray:
     """Angle (n,) to the c axis in degrees."""
-    return np.degrees(np.arccos(np.clip(np.asarray(directions)[:, 2], -1, 1)))
+    return np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
 
 
-def stereographic(directions) -> tuple[np.ndarray, np.ndarray]:
+def stereographic(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places of directions (n, 3) of the upper half in the plane."""
-    x, y, z = np.asarray(directions).reshape(-1, 3).T
+    x, y, z = directions.T
     return x / (1 + z), y / (1 + z)
 
 
-def draw_map(axes, directions, values, label: str, low=None, high=None) -> None:
+def draw_map(
+    axes: Any, directions: np.ndarray, values: np.ndarray, label: str, low: float | None = None, high: float | None = None
+) -> None:
     """Values over directions that fill a region, with its outline and the names of its corners."""
-    from scipy.spatial import ConvexHull
-
     x, y = stereographic(directions)
     image = axes.tripcolor(x, y, values, shading="gouraud", vmin=low, vmax=high, rasterized=True)
     axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
-    outline = ConvexHull(np.column_stack([x, y])).vertices
-    axes.plot(x[[*outline, outline[0]]], y[[*outline, outline[0]]], color=BLACK, lw=1)
-    centre = np.array([np.mean(x), np.mean(y)])
+    places, centre = np.column_stack([x, y]), np.array([x.mean(), y.mean()])
+    outline = ConvexHull(places).vertices
+    axes.plot(*places[[*outline, outline[0]]].T, color=BLACK, lw=1)
     for corner in CORNERS:
-        direction = np.array(corner) / np.linalg.norm(corner)
-        near = np.flatnonzero(directions @ direction > 1 - 1e-9)
+        near = np.flatnonzero(directions @ np.array(corner) / np.linalg.norm(corner) > 1 - 1e-9)
         if len(near) and near[0] in outline:
-            place = np.array([x[near[0]], y[near[0]]])
+            place = places[near[0]]
             offset = 13 * (place - centre) / np.linalg.norm(place - centre)
             name = "".join(f"{abs(index)}" + ("\u0305" if index < 0 else "") for index in corner)
-            axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
+            axes.annotate(
+                name,
+                place,
+                13 * offset / np.linalg.norm(offset),
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                annotation_clip=False,
+            )
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.axis("off")

@@ -1,9 +1,11 @@
 """Simulated indentations, and the exact theory beside them."""
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from ..words import orientation
-from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, diagonal, new_figure, room_about_zero
+from ..formatting import orientation
+from ..results import NothingToShow, Results, present
+from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels, plot_difference
 
 __all__ = ["load_depth", "theory"]
 
@@ -11,13 +13,10 @@ __all__ = ["load_depth", "theory"]
 SHOWN = 6
 
 
-def load_depth(results) -> Picture | None:
+def load_depth(results: Results) -> Picture:
     """Force of simulated indentations against that of the isotropic half-space of unit modulus, and the modulus over depth."""
-    rows = results.simulations
-    if not rows:
-        return None
-    figure = new_figure(3.8)
-    left, right = figure.subplots(1, 2)
+    rows = present(results.simulations)
+    figure, (left, right) = panels(3.8, 1, 2)
     chosen = [rows[i] for i in np.unique(np.linspace(0, len(rows) - 1, min(SHOWN, len(rows))).round().astype(int))]
     for row, colour, marker in zip(chosen, CYCLE, MARKERS):
         force, by_depth, modulus = np.array(row["force_mn"]), np.array(row["modulus_by_depth_gpa"]), row["indentation_modulus_gpa"]
@@ -42,50 +41,40 @@ def load_depth(results) -> Picture | None:
     )
 
 
-def theory(results) -> Picture | None:
+def theory(results: Results) -> Picture:
     """Simulated moduli beside the exact theory of the half-space."""
     rows, exact = results.simulations, results.theory_moduli
     if exact is None:
-        return None
+        raise NothingToShow
     simulated = np.array([row["indentation_modulus_gpa"] for row in rows])
     angles = np.array([row["euler_deg"] for row in rows])
-    words = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * np.abs(simulated / exact - 1).max():.2f} %."
+    text = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * np.abs(simulated / exact - 1).max():.2f} %."
     one_crystal = all(row["constants"] == rows[0]["constants"] for row in rows) and len(rows) > 1
     if one_crystal and np.ptp(angles[:, 1]) > 0 and not np.ptp(angles[:, [0, 2]], axis=0).any():
         figure = over_declination(angles[:, 1], simulated, exact)
     else:
         figure = against_theory(simulated, exact)
-    return Picture(figure, words, words + " The simulations use nothing of the theory.")
+    return Picture(figure, text, text + " The simulations use nothing of the theory.")
 
 
-def over_declination(declination_deg, simulated, theory):
+def over_declination(declination_deg: np.ndarray, simulated: np.ndarray, theory: np.ndarray) -> Figure:
     """Simulated moduli of one crystal and the theory over the declination Φ, with the differences."""
-    order = np.argsort(declination_deg)
-    angle, exact, moduli = declination_deg[order], theory[order], simulated[order]
-    figure = new_figure(4.4)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 1))
+    angle, exact, moduli = np.array([declination_deg, theory, simulated])[:, np.argsort(declination_deg)]
+    figure, (top, bottom) = panels(4.4, 2, 1, sharex=True, height_ratios=(2.5, 1))
     top.plot(angle, exact, color=BLACK, label="half-space theory")
     top.plot(angle, moduli, "o", color=BLUE, label="finite elements")
-    bottom.axhline(0, color=BLACK, lw=0.8)
-    difference = 100 * (moduli / exact - 1)
-    bottom.plot(angle, difference, "o-", color=BLUE, lw=0.8)
-    room_about_zero(bottom, difference)
+    plot_difference(bottom, angle, 100 * (moduli / exact - 1), "o-", lw=0.8)
     top.set_ylabel("indentation modulus (GPa)")
     top.legend()
     bottom.set(xlabel="declination Φ (degrees)", ylabel="difference (%)")
     return figure
 
 
-def against_theory(simulated, theory):
+def against_theory(simulated: np.ndarray, theory: np.ndarray) -> Figure:
     """Simulated moduli of various crystals against the theory."""
-    figure = new_figure(3.4)
-    left, right = figure.subplots(1, 2)
-    diagonal(left, simulated, theory)
+    figure, left, right = parity_panels(3.4, theory, simulated)
     left.plot(theory, simulated, "o", color=BLUE, ms=4)
     left.set(xlabel="half-space theory (GPa)", ylabel="finite elements (GPa)")
-    difference = 100 * (simulated / theory - 1)
-    right.axhline(0, color=BLACK, lw=0.8)
-    right.plot(theory, difference, "o", color=BLUE, ms=4)
+    plot_difference(right, theory, 100 * (simulated / theory - 1), "o", ms=4)
     right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)")
-    room_about_zero(right, difference)
     return figure

@@ -1,29 +1,21 @@
 """What all figures share: the style, and how a figure is handed over."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ..words import subscript
+from ..formatting import subscript
 
 __all__ = [
-    "Picture",
-    "density_axes",
-    "diagonal",
-    "grid_of_constants",
-    "house_style",
-    "new_figure",
-    "plain_log_ticks",
-    "room_about_zero",
-    "stamp_synthetic",
-    "text_size",
-    "unique_legend",
-]
+    "Picture", "density_axes", "grid_of_constants", "house_style", "logarithmic", "new_figure", "panels", "parity_panels", "plot_difference",
+    "sd_axes", "stamp_synthetic", "text_size", "unique_legend",
+]  # fmt: skip
 
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
@@ -59,7 +51,7 @@ WIDTH = 7.0
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, its words for those who cannot see it, its caption, and header and rows of the numbers behind it where it has more than
+    """A figure, its text for those who cannot see it, its caption, and header and rows of the numbers behind it where it has more than
     lines, bars and areas."""
 
     figure: Figure
@@ -73,18 +65,23 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH, height))
 
 
-def grid_of_constants(names: Sequence[str], height: float, further: float = 0.0):
+def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:
+    """A figure of this height in inches and its axes, one or an array of them; `settings` are those of matplotlib's `subplots`."""
+    figure = new_figure(height)
+    return figure, figure.subplots(rows, columns, **settings)
+
+
+def grid_of_constants(names: Collection[str], height: float, further: float = 0.0) -> tuple[Figure, dict[str, Any]]:
     """A figure with axes for each constant, three in a row: of a `height` a row, and `further` in all, in inches."""
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
-    figure = new_figure(height * rows + further)
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for spare in grid[len(names) :]:
+    figure, grid = panels(height * rows + further, rows, columns, squeeze=False)
+    for spare in grid.ravel()[len(names) :]:
         spare.remove()
-    return figure, grid
+    return figure, dict(zip(names, grid.ravel()))
 
 
-def density_axes(axes, name: str, **further) -> None:
+def density_axes(axes: Any, name: str, **further: Any) -> None:
     """Axes of a histogram of a constant, whose height is no matter."""
     axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], **further)
     axes.grid(False)
@@ -111,20 +108,33 @@ def stamp_synthetic(figure: Figure) -> None:
     figure.text(0.995, 0.985, "SYNTHETIC DATA", ha="right", va="top", color=RED, weight="bold", size=9)
 
 
-def diagonal(axes, x, y) -> None:
-    """The line of equality, over the range of the data."""
-    low, high = min(np.min(x), np.min(y)), max(np.max(x), np.max(y))
-    axes.plot([low, high], [low, high], color=BLACK, lw=0.8)
+def parity_panels(height: float, x: np.ndarray, y: np.ndarray) -> tuple[Figure, Any, Any]:
+    """A figure with axes for y against x, which has the line of equality over their range, and for a difference, which has that of zero."""
+    figure, (left, right) = panels(height, 1, 2)
+    ends = [min(x.min(), y.min()), max(x.max(), y.max())]
+    left.plot(ends, ends, color=BLACK, lw=0.8)
+    return figure, left, right
 
 
-def room_about_zero(axes, values) -> None:
-    """Limits that show zero and all values."""
+def sd_axes(axes: Any) -> None:
+    """Bands of one and two sds about zero."""
+    for multiple, alpha in ((2, 0.2), (1, 0.3)):
+        axes.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
+    axes.axhline(0, color=BLACK, lw=0.8)
+
+
+def plot_difference(axes: Any, x: np.ndarray, values: np.ndarray, style: str, **further: Any) -> None:
+    """Values about a line of zero, within limits that show it and all of them."""
+    axes.axhline(0, color=BLACK, lw=0.8)
+    axes.plot(x, values, style, color=BLUE, **further)
     limit = 1.25 * max(np.max(np.abs(values)), 0.1)
     axes.set_ylim(min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values)))
 
 
-def plain_log_ticks(axis) -> None:
-    """Numbers such as 0.5 on a logarithmic axis, not powers."""
+def logarithmic(axes: Any) -> None:
+    """A logarithmic y axis with numbers such as 0.5, not powers."""
+    axes.set_yscale("log")
+    axis = axes.yaxis
     axis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(mpl.ticker.FormatStrFormatter("%g"))
     axis.set_minor_formatter(mpl.ticker.NullFormatter())

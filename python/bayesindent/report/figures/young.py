@@ -1,10 +1,14 @@
 """Young's modulus of the crystal over its directions, as a surface."""
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 from mpl_toolkits import mplot3d  # noqa: F401  (makes 3d axes known)
 
 from ...crystal.elasticity import stiffness_rows
+from ..results import Results, present
 from .style import Picture, new_figure
 
 __all__ = ["young_surface", "youngs_modulus"]
@@ -13,17 +17,16 @@ __all__ = ["young_surface", "youngs_modulus"]
 DRAWS, STEPS = 100, 32
 
 
-def youngs_modulus(stiffness, directions) -> np.ndarray:
+def youngs_modulus(stiffness: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Young's modulus (m, n) in GPa of crystals (m, 6, 6) in GPa along unit vectors (n, 3) in crystal axes."""
-    x, y, z = np.asarray(directions).T
+    x, y, z = directions.T
     stress = np.stack([x * x, y * y, z * z, y * z, x * z, x * y], axis=-1)
     return 1 / np.einsum("ni,mij,nj->mn", stress, np.linalg.inv(stiffness), stress, optimize=True)
 
 
-def young_surface(results) -> Picture | None:
+def young_surface(results: Results) -> Picture:
     """Radius and colour are Young's modulus, the posterior's mean; beside it the colour is its sd."""
-    if not results.samples:
-        return None
+    present(results.samples)
     declination, azimuth = np.meshgrid(np.linspace(0, np.pi, STEPS + 1), np.linspace(0, 2 * np.pi, 2 * STEPS + 1), indexing="ij")
     directions = np.stack([np.sin(declination) * np.cos(azimuth), np.sin(declination) * np.sin(azimuth), np.cos(declination)], axis=-1)
     young = youngs_modulus(stiffness_rows(results.symmetry, results.draws(DRAWS)), directions.reshape(-1, 3))
@@ -32,11 +35,11 @@ def young_surface(results) -> Picture | None:
     for place, values, label in ((1, mean, "Young's modulus (GPa)"), (2, share, "its sd (%)")):
         draw(figure, figure.add_subplot(1, 2, place, projection="3d"), directions * mean[..., None], values, label)
     low, high = mean.min(), mean.max()
-    words = f"Young's modulus over the directions of the crystal, from {low:.0f} to {high:.0f} GPa in the mean of the posterior"
+    text = f"Young's modulus over the directions of the crystal, from {low:.0f} to {high:.0f} GPa in the mean of the posterior"
     return Picture(
         figure,
-        f"{words}, as a surface; and its sd, at most {share.max():.1f} %.",
-        f"{words}: the distance of the surface from the centre in each direction. Colour: on the left the same, on the right its sd in per "
+        f"{text}, as a surface; and its sd, at most {share.max():.1f} %.",
+        f"{text}: the distance of the surface from the centre in each direction. Colour: on the left the same, on the right its sd in per "
         f"cent. The axes are those of the crystal.",
         (
             ["crystal_x", "crystal_y", "crystal_z", "young_gpa", "sd_percent"],
@@ -45,7 +48,7 @@ def young_surface(results) -> Picture | None:
     )
 
 
-def draw(figure, axes, surface, values, label: str) -> None:
+def draw(figure: Figure, axes: Any, surface: np.ndarray, values: np.ndarray, label: str) -> None:
     """A closed surface (a, b, 3) coloured by values (a, b), with a bar of the colours."""
     norm = mpl.colors.Normalize(values.min(), max(values.max(), values.min() * (1 + 1e-6)))
     centre = (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:]) / 4
@@ -53,14 +56,14 @@ def draw(figure, axes, surface, values, label: str) -> None:
         *np.moveaxis(surface, -1, 0), rcount=surface.shape[0], ccount=surface.shape[1], facecolors=mpl.colormaps["cividis"](norm(centre)),
         shade=False, edgecolor=(0, 0, 0, 0.3), linewidth=0.15, rasterized=True,
     )  # fmt: skip
-    reach = np.abs(surface).max()
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-reach, reach))
+    extent = np.abs(surface).max()
+    axes.set(xlim=(-extent, extent), ylim=(-extent, extent), zlim=(-extent, extent))
     axes.set_box_aspect((1, 1, 1), zoom=1.1)
     axes.view_init(elev=24, azim=35)
     axes.set_axis_off()
     half = len(surface) // 2
     for place, name in zip((surface[half, 0], surface[half, half], surface[0, 0]), "xyz"):
-        end = 1.3 * reach * place / np.linalg.norm(place)
+        end = 1.3 * extent * place / np.linalg.norm(place)
         axes.plot(*np.stack([place, end]).T, color="0.35", lw=0.8)
         axes.text(*(1.1 * end), name, ha="center", va="center")
     figure.colorbar(mpl.cm.ScalarMappable(norm, "cividis"), ax=axes, label=label, shrink=0.75, pad=0.0)

@@ -1,0 +1,112 @@
+"""Numbers and names of results as text, LaTeX and HTML."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from markupsafe import Markup, escape
+
+__all__ = [
+    "best_first", "enumeration", "latex", "number", "numbers", "orientation", "percent", "product_html", "product_label", "products_as_html",
+    "quantities_label", "quantity_format", "quantity_label", "quantity_name", "subscript",
+]  # fmt: skip
+
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+LATEX = str.maketrans({
+    "\\": r"\textbackslash{}", "%": r"\%", "_": r"\_", "&": r"\&", "#": r"\#", "±": r"$\pm$", "–": "--", "°": r"$^\circ$", "²": "$^2$",
+    "ν": r"$\nu$", "χ": r"$\chi$", "µ": r"\textmu{}", "−": "$-$", "^": r"\^{}", "~": r"\~{}", "<": "$<$", ">": "$>$", "→": r"$\to$",
+})  # fmt: skip
+
+MODULI = {"bulk": "bulk modulus", "shear": "shear modulus", "young": "Young's modulus", "poisson": "Poisson's ratio"}
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """A number as text; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def percent(value: float | None, digits: int = 0) -> str:
+    """A share in per cent as text; a dash where there is none."""
+    return number(value and 100 * value, digits)
+
+
+def numbers(item: Mapping, **digits: int) -> list[str]:
+    """The numbers of these names as texts, each with its digits."""
+    return [number(item.get(name), count) for name, count in digits.items()]
+
+
+def best_first(document: dict) -> list[tuple[str, dict, float | None]]:
+    """Name, entry and contraction of each parameter of the document of `extract`, those first that the data know best."""
+    contraction = {row["name"]: row["contraction"] for row in document.get("identifiability", []) if row["kind"] == "quantity"}
+    rows = [(name, item, contraction.get(name)) for name, item in document["parameters"].items()]
+    return sorted(rows, key=lambda row: math.inf if row[2] is None else -row[2])
+
+
+def orientation(euler_deg: Iterable[float]) -> str:
+    """Bunge's angles."""
+    return "(" + ", ".join(f"{round(angle, 1):g}" for angle in euler_deg) + ")°"
+
+
+def quantity_name(name: str) -> str:
+    """A quantity of the crystal as people write it."""
+    word, _, direction = name.partition("[")
+    if direction:
+        return f"{MODULI.get(word, word)} along [{direction}"
+    if word.startswith("polycrystal_"):
+        return f"{MODULI[word.removeprefix('polycrystal_')]} of the polycrystal"
+    return word.replace("_", " ")
+
+
+def quantity_format(row: Mapping) -> tuple[str, int]:
+    """The unit of a quantity, '' where it has none, and how many digits its values take."""
+    return ("", 3) if row["unit"] == "1" else (row["unit"], 1)
+
+
+def quantity_label(row: Mapping) -> str:
+    """The name of a quantity with its unit."""
+    unit = quantity_format(row)[0]
+    return quantity_name(row["name"]) + (f" ({unit})" if unit else "")
+
+
+def quantities_label(row: Mapping) -> str:
+    """The names of quantities that are known together."""
+    return " and ".join(map(quantity_name, row["name"].split(", ")))
+
+
+def latex(text: str) -> str:
+    """A text as LaTeX has it."""
+    return text.translate(LATEX)
+
+
+def enumeration(parts: Sequence[str]) -> str:
+    """Such as 'a, b and c'."""
+    return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+
+
+def subscript(name: str) -> str:
+    """C11 as C with a subscript, of signs of the font: formulas of matplotlib are slow, and no text in its files."""
+    return "C" + name[1:].translate(SUBSCRIPTS) if name[:1] == "C" and name[1:].isdigit() else name
+
+
+def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
+    """Indices and power of each factor of a product of powers of constants; powers that hardly count are left out, and that of 1."""
+    factors = [(name[1:], power) for name, power in exponents.items() if abs(power) >= 0.05]
+    return [(index, "" if abs(power - 1) < 0.005 else f"{power:.2f}") for index, power in factors]
+
+
+def product_label(exponents: dict[str, float]) -> str:
+    """A product of powers of constants for matplotlib."""
+    return "$" + r"\,".join(f"C_{{{index}}}" + (f"^{{{power}}}" if power else "") for index, power in powers(exponents)) + "$"
+
+
+def product_html(exponents: dict[str, float]) -> Markup:
+    """A product of powers of constants, such as C11^1 C44^0.77."""
+    factor = Markup('<span class="whole"><i>C</i><sub>{}</sub>{}</span>')
+    raised = Markup("<sup>{}</sup>")
+    return Markup(" ").join(factor.format(index, power and raised.format(power.replace("-", "−"))) for index, power in powers(exponents))
+
+
+def products_as_html(text: str) -> Markup:
+    """A text with its powers of constants, such as C11^1.00 C44^0.77, as HTML."""
+    return Markup(re.sub(r"\b(C\d\d)\^(-?\d+\.\d+)", lambda found: product_html({found[1]: float(found[2])}), str(escape(text))))
