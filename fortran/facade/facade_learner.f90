@@ -27,6 +27,7 @@ end subroutine learner_new
 !> Give the n candidates, all of them available, and the rule of the choice.
 subroutine learner_candidates(handle, rule, k, n, constants, euler_deg, status, message)
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
+   use settings_groups, only: design_settings_type
    use surrogate_handles, only: find_learner
    use surrogate_learner, only: learner_type, set_learner_candidates
    implicit none
@@ -37,10 +38,12 @@ subroutine learner_candidates(handle, rule, k, n, constants, euler_deg, status, 
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
    type(learner_type), pointer :: learner
+   type(design_settings_type) :: settings
    type(error_type), allocatable :: error
 
+   settings%variance_of = rule
    call find_learner(handle, learner, error)
-   if (.not. allocated(error)) call set_learner_candidates(learner, constants, euler_deg, rule, error)
+   if (.not. allocated(error)) call set_learner_candidates(learner, constants, euler_deg, settings, error)
    call error_to_status(error, status, message)
 end subroutine learner_candidates
 

@@ -8,8 +8,8 @@ module surrogate_learner
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
       & leave_groups_out, log_evidence, refresh_interval, set_precisions, spectrum_type, update_posterior
    use kinds, only: degree, wp
-   use sequential_design, only: absorb_choices, choose_candidates, choose_for_all, compute_variances, design_type, new_design, &
-      & refit, set_candidates
+   use sequential_design, only: absorb_choices, compute_variances, design_type, new_design, refit, set_candidates
+   use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
@@ -62,17 +62,16 @@ contains
       end do
    end subroutine evaluate_all
 
-   !> Give the candidates, all of them available, and the rule by which they are chosen.
-   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
+   !> Give the candidates, all of them available, and the settings of the rule by which they are chosen.
+   subroutine set_learner_candidates(learner, constants, euler_deg, settings, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> A word of `acquisition_names`.
-      character(len=*), intent(in) :: rule
+      type(design_settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: terms(:, :)
 
-      call new_acquisition(rule, learner%rule, error)
+      call new_acquisition(settings, learner%rule, error)
       if (allocated(error)) return
       call evaluate_all(learner%basis, constants, euler_deg, terms, learner%candidate_scale)
       call set_candidates(learner%design, terms)
@@ -222,19 +221,11 @@ contains
       !> Variance of y at each before it was chosen.
       real(wp), intent(out) :: variance(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: y(:), importance(:)
 
       if (.not. allocated(learner%rule)) then
          call raise(error, 'there are no candidates to choose from')
-         return
-      end if
-      allocate (y(size(learner%candidate_scale)), source=0.0_wp)
-      if (learner%rule%needs_prediction(learner%basis)) y = matmul(learner%design%regression%mean, learner%design%candidates)
-      importance = learner%rule%importance(learner%basis, y, learner%candidate_scale)
-      if (learner%rule%for_all) then
-         call choose_for_all(learner%design, importance, chosen, variance, threads, error)
       else
-         call choose_candidates(learner%design, importance, chosen, variance, threads, error)
+         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, threads, chosen, variance, error)
       end if
    end subroutine choose_next
 

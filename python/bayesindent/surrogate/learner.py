@@ -22,7 +22,7 @@ class Learner(NativeObject):
         check(status, message)
         self._hold(handle)
 
-    def set_candidates(self, constants, euler_deg, variance_of: str = "all_moduli") -> None:
+    def set_candidates(self, constants, euler_deg, variance_of: str = "imse") -> None:
         """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice, see &design."""
         check(*native.learner_candidates(self._handle, variance_of, *self._columns(constants, euler_deg)))
 
