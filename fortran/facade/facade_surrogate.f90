@@ -81,7 +81,7 @@ subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale
    end do
 end subroutine basis_terms
 
-!> Of n crystals (stiffness, GPa): the reach of each, see `abstract_basis`, covered: 1 if a surrogate with the basis knows it, else 0, and
+!> Of n crystals (stiffness, GPa): how far out each is, see `surrogate_domain`, covered: 1 if a surrogate with the basis is valid for it, else 0, and
 !> the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
 subroutine basis_coverage(handle, n, stiffness, reach, covered, scale, status, message)
    use abstract_basis, only: basis_type
@@ -109,8 +109,8 @@ subroutine basis_coverage(handle, n, stiffness, reach, covered, scale, status, m
    if (status /= 0) return
    do i = 1, n
       call logarithmic_mean(stiffness(:, :, i), poisson, anisotropy, scale(i))
-      reach(i) = basis%reach(stiffness(:, :, i))
-      covered(i) = merge(1, 0, basis%covers(stiffness(:, :, i)))
+      reach(i) = basis%domain%normalised_distance(stiffness(:, :, i))
+      covered(i) = merge(1, 0, basis%domain%admits(stiffness(:, :, i)))
    end do
 end subroutine basis_coverage
 
@@ -313,7 +313,7 @@ subroutine surrogate_predict_points(handle, problem_handle, n, threads, modulus,
    associate (c => problem%crystals%stiffness)
       !$omp parallel do num_threads(thread_count(threads)) schedule(static) private(poisson, anisotropy)
       do i = 1, n
-         covered(i) = merge(1, 0, surrogate%basis%covers(c(:, :, i)))
+         covered(i) = merge(1, 0, surrogate%basis%domain%admits(c(:, :, i)))
          if (covered(i) == 0) call logarithmic_mean(c(:, :, i), poisson, anisotropy, scale(i))
       end do
       !$omp end parallel do

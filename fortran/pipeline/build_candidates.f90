@@ -77,7 +77,7 @@ contains
       integer :: i, j
 
       associate (table => problem%candidates, class => basis%domain%class)
-         kept = [(basis%covers(table%stiffness(:, :, i)), i=1, table%n)]
+         kept = [(basis%domain%admits(table%stiffness(:, :, i)), i=1, table%n)]
          allocate (candidates%constants(class%n_constants, count(kept)), candidates%euler_deg(3, count(kept)))
          j = 0
          do i = 1, table%n
@@ -134,7 +134,7 @@ contains
       if (design%initial_set == 'latin') numbers = [(i, i=1, wanted)]
       if (.not. allocated(numbers)) allocate (numbers(0))
       if (design%initial_set /= 'boundary') return
-      reach = [(basis%reach(basis%domain%class%stiffness(candidates%constants(:, i))), i=1, candidates%n())]
+      reach = [(basis%domain%normalised_distance(basis%domain%class%stiffness(candidates%constants(:, i))), i=1, candidates%n())]
       allocate (order(size(reach)), crystal(size(reach)))
       call sort_order(-reach, order)
       n_crystals = 0

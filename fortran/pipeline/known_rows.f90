@@ -77,7 +77,7 @@ contains
          known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1
-         else if (basis%covers(c)) then
+         else if (basis%domain%admits(c)) then
             n = n + 1
             known%constants(:, n) = constants
             known%euler_deg(:, n) = rows(i)%euler_deg

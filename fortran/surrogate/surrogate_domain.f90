@@ -1,4 +1,4 @@
-!> Which crystals a surrogate is taught, and crystals spread over them.
+!> For which crystals a surrogate is valid, and crystals spread over them.
 module surrogate_domain
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, logarithmic_mean
@@ -22,14 +22,15 @@ module surrogate_domain
       !> GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), poisson(2) = [-1.0_wp, 0.5_wp]
-      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated what the specimen
-      !> adds depends on it. Bounds of the constants go before it.
+      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated the
+      !> specimen correction depends on it. Bounds of the constants go before it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
       procedure :: has_scale
       procedure :: admits
       procedure :: is_of_class
-      procedure :: is_within_limits
+      procedure :: normalised_distance
+      procedure :: coordinates_of
    end type domain_type
 
 contains
@@ -175,20 +176,20 @@ contains
       end if
    end subroutine exchange_domain
 
-   !> Whether a crystal is in the domain.
+   !> Whether a crystal is in the domain, to rounding.
    pure logical function admits(self, c)
       class(domain_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
+      real(wp), parameter :: rounding = 1.0e-9_wp
 
       admits = .false.
       if (.not. self%is_of_class(c)) return
-      if (size(self%lower) > 0) then
-         associate (constants => self%class%constants_of(c))
-            if (any(constants < self%lower) .or. any(constants > self%upper)) return
-         end associate
+      if (.not. is_stable(c)) return
+      if (self%anisotropy_cap < huge(1.0_wp)) then
+         if (anisotropy_index(c) > self%anisotropy_cap) return
       end if
-      admits = self%is_within_limits(c)
+      admits = self%normalised_distance(c) <= 1.0_wp + rounding
    end function admits
 
    !> Whether a stiffness has the symmetry of the class in its axes.
@@ -201,21 +202,40 @@ contains
       is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> Whether a crystal is stable and its anisotropy, Poisson's ratio and scale are within the limits; where there are bounds of the
-   !> constants these are the cap alone.
-   pure logical function is_within_limits(self, c)
+   !> How far out a stable crystal is: the largest of the coordinates that the domain limits, each relative to its range, 1 on the
+   !> boundary. The cap is none of them.
+   pure real(wp) function normalised_distance(self, c) result(distance)
       class(domain_type), intent(in) :: self
-      !> GPa.
+      !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: poisson, anisotropy, stiffness
 
-      ! The index of an unstable crystal is NaN.
-      is_within_limits = anisotropy_index(c) <= self%anisotropy_cap
-      if (.not. is_within_limits .or. self%log_anisotropy_max >= huge(1.0_wp)) return
-      call logarithmic_mean(c, poisson, anisotropy, stiffness)
-      is_within_limits = anisotropy <= self%log_anisotropy_max .and. poisson >= self%poisson(1) &
-         & .and. poisson <= self%poisson(2) .and. stiffness >= self%stiffness(1) .and. stiffness <= self%stiffness(2)
-   end function is_within_limits
+      distance = 0.0_wp
+      if (size(self%lower) > 0) then
+         distance = maxval(abs(self%coordinates_of(c)))
+      else if (self%log_anisotropy_max < huge(1.0_wp)) then
+         call logarithmic_mean(c, poisson, anisotropy, stiffness)
+         distance = max(anisotropy/self%log_anisotropy_max, abs(position(poisson, self%poisson)))
+         if (self%has_scale()) distance = max(distance, abs(position(log(stiffness), log(self%stiffness))))
+      end if
+   end function normalised_distance
+
+   !> The constants of a crystal, mapped from their bounds to [-1, 1].
+   pure function coordinates_of(self, c) result(x)
+      class(domain_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: x(size(self%lower))
+
+      x = (2.0_wp*self%class%constants_of(c) - self%lower - self%upper)/(self%upper - self%lower)
+   end function coordinates_of
+
+   !> A value, mapped from its range to [-1, 1].
+   pure real(wp) function position(value, range)
+      real(wp), intent(in) :: value, range(2)
+
+      position = (2.0_wp*value - range(1) - range(2))/(range(2) - range(1))
+   end function position
 
    !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.
    subroutine spread_crystals(domain, n, seed, constants, euler_deg, error)

@@ -1,7 +1,7 @@
 !> The one format of a surrogate: text, one value or block of values a line or more, the first line naming format and version, the
 !> last a checksum. GPa, and degrees for the simulations' angles.
 module surrogate_file
-   use bases, only: allocate_basis, basis_name
+   use bases, only: allocate_basis
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, is_folder, read_text_file, replace_file
    use kinds, only: wp
@@ -104,7 +104,7 @@ contains
       integer :: number
 
       if (.not. file%reading) then
-         name = basis_name(surrogate%basis)
+         name = surrogate%basis%settings%model
          number = version
       end if
       call file%integer(label, number)
@@ -119,6 +119,10 @@ contains
       call exchange_domain(surrogate%basis%domain, file)
       if (allocated(file%error)) return
       call surrogate%basis%exchange(file)
+      if (file%reading .and. .not. allocated(file%error)) then
+         call surrogate%basis%set_up(error)
+         if (allocated(error)) call file%fail(error%message)
+      end if
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
       call file%real('fall', surrogate%fall)

@@ -4,13 +4,15 @@
 !> is that of a simulated modulus: it includes 1/beta.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
-   use crystal_class, only: crystal_class_type
+   use bases, only: new_basis
+   use crystal_class, only: crystal_class_type, general_class
    use crystal_elasticity, only: check_stiffness, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
+   use settings_groups, only: surrogate_settings_type
+   use surrogate_domain, only: domain_type, new_wide_domain
    use text, only: to_text
-   use theory_basis, only: new_theory_basis, theory_basis_type
    implicit none
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model
@@ -44,11 +46,12 @@ contains
    subroutine new_theory_surrogate(surrogate, error)
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      type(theory_basis_type), allocatable :: basis
+      type(domain_type) :: domain
+      type(surrogate_settings_type) :: settings
 
-      allocate (basis)
-      call new_theory_basis(basis, error)
-      call move_alloc(basis, surrogate%basis)
+      settings%model = 'halfspace'
+      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], domain, error)
+      if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
       allocate (surrogate%coefficients(0), surrogate%covariance(0, 0))
       allocate (surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
       surrogate%beta = huge(1.0_wp)

@@ -5,7 +5,7 @@ program test_correction
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_axial, n_coordinates, n_waves, wave_orders
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use bases, only: new_basis
-   use correction_basis, only: correction_basis_type, new_correction_basis
+   use correction_basis, only: correction_basis_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: kelvin_form, logarithmic_mean, rotate_stiffness, rotation_matrix
    use errors, only: error_type
@@ -91,8 +91,11 @@ contains
       type(correction_basis_type) :: basis
       type(error_type), allocatable :: error
 
-      call new_correction_basis(wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], stiffness), degree_of_polynomials, basis, error)
-      if (allocated(error)) call check_success('new_correction_basis', error)
+      basis%domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], stiffness)
+      basis%settings%model = 'correction'
+      basis%settings%degree = degree_of_polynomials
+      call basis%set_up(error)
+      if (allocated(error)) call check_success('a correction', error)
    end function basis_of
 
    !> Coordinates turned by an angle about the axis, as waves are, and mirrored before.
@@ -320,28 +323,31 @@ contains
       c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
       call logarithmic_mean(c, poisson, anisotropy)
       call check_close('copper''s log-anisotropy', anisotropy, 1.28_wp, 5.0e-3_wp)
-      call check_close('is how far out it is', basis%reach(c), anisotropy/1.5_wp, 1.0e-12_wp)
-      call check('it is covered', basis%covers(c))
+      call check_close('is how far out it is', basis%domain%normalised_distance(c), anisotropy/1.5_wp, 1.0e-12_wp)
+      call check('it is covered', basis%domain%admits(c))
       ! Isotropic, nu = 0.45: at the end of the range.
       c = class%stiffness([0.55_wp, 0.45_wp, 0.05_wp])
-      call check_close('an end of the range', basis%reach(c), 1.0_wp, 1.0e-10_wp)
+      call check_close('an end of the range', basis%domain%normalised_distance(c), 1.0_wp, 1.0e-10_wp)
       c = class%stiffness([0.54_wp, 0.46_wp, 0.04_wp])
-      call check('beyond it', basis%reach(c) > 1.0_wp .and. .not. basis%covers(c))
+      call check('beyond it', basis%domain%normalised_distance(c) > 1.0_wp .and. .not. basis%domain%admits(c))
       c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
-      basis = basis_of(2, scale_of(c)*[0.1_wp, 10.0_wp])
-      call check_close('the scale in its middle', basis%reach(c), anisotropy/1.5_wp, 1.0e-12_wp)
-      call check_close('at its end', basis%reach(10.0_wp*c), 1.0_wp, 1.0e-10_wp)
-      call check_close('at the other', basis%reach(0.1_wp*c), 1.0_wp, 1.0e-10_wp)
-      call check('beyond that', basis%covers(0.101_wp*c) .and. .not. basis%covers(0.099_wp*c))
+      basis = basis_of(3, scale_of(c)*[0.1_wp, 10.0_wp])
+      call check_close('the scale in its middle', basis%domain%normalised_distance(c), anisotropy/1.5_wp, 1.0e-12_wp)
+      call check_close('at its end', basis%domain%normalised_distance(10.0_wp*c), 1.0_wp, 1.0e-10_wp)
+      call check_close('at the other', basis%domain%normalised_distance(0.1_wp*c), 1.0_wp, 1.0e-10_wp)
+      call check('beyond that', basis%domain%admits(0.101_wp*c) .and. .not. basis%domain%admits(0.099_wp*c))
       call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error)
-      call new_correction_basis(box, 3, basis, error)
+      basis%domain = box
+      call basis%set_up(error)
       call check_success('a correction of one class between bounds', error)
       c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
-      call check('covers what is between them', basis%covers(c) .and. .not. basis%covers(2.0_wp*c))
+      call check('covers what is between them', basis%domain%admits(c) .and. .not. basis%domain%admits(2.0_wp*c))
       call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error, [1.0_wp, 2.0_wp])
-      call new_correction_basis(box, 3, basis, error)
-      call check('in a box of which the scale is no limit, but counts', basis%covers(c) .and. basis%n_terms == 176)
-      call check_close('a bound', basis%reach(class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])), 1.0_wp, 1.0e-12_wp)
+      basis%domain = box
+      call basis%set_up(error)
+      call check('in a box of which the scale is no limit, but counts', basis%domain%admits(c) .and. basis%n_terms == 176)
+      c = class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])
+      call check_close('a bound', basis%domain%normalised_distance(c), 1.0_wp, 1.0e-12_wp)
    end subroutine test_reach
 
    subroutine test_basis()
@@ -355,9 +361,11 @@ contains
       call check('degrees of the terms', all(directional == 0) .and. count(polynomial == 0) == 1 .and. count(polynomial == 1) == 4 &
          & .and. count(polynomial == 2) == 24 .and. count(polynomial == 3) == 112 .and. all(basis%prior_degrees == polynomial))
       call check_close('y and modulus', basis%to_modulus(basis%to_y(123.0_wp, 98.0_wp), 98.0_wp), 123.0_wp, 1.0e-10_wp)
-      call new_correction_basis(basis%domain, 0, basis, error)
+      basis%settings%degree = 0
+      call basis%set_up(error)
       call check_refused('no degree', error, 'degree = 0 is outside 1 .. 4')
-      call new_correction_basis(wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp]), 5, basis, error)
+      basis%settings%degree = 5
+      call basis%set_up(error)
       call check_refused('too high a degree', error, 'degree = 5 is outside 1 .. 4')
       basis = basis_of(1)
       call new_basis(basis%domain, surrogate_settings_type(model='correction', degree=2, file='', truncation='', scan=''), &
