@@ -117,7 +117,7 @@ contains
       end if
       call page%put('alpha', state%alpha)
       call page%put('beta', state%beta)
-      call page%put('fall', state%fall)
+      call page%put('fall', state%decay_rate)
       call page%put('log_evidence', state%log_evidence)
       call page%put('norm', state%norm)
       call page%put('angle_deg', state%angle_deg)

@@ -23,7 +23,7 @@ module step_1
    use problem, only: problem_type
    use sequential_design, only: design_type, update_posterior_mean
    use simulate, only: outcome_done, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, forget_last, predict_moduli, &
+   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, &
       & set_learner_candidates
    use text, only: to_text
    use parallelism, only: thread_count
@@ -194,9 +194,8 @@ contains
 
       build%batch = [integer ::]
       build%wanted = [integer ::]
-      build%learning%learner%design = build%before
+      call revert(build%learning%learner, build%before)
       deallocate (build%before)
-      call forget_last(build%learning%learner)
    end subroutine take_back
 
    !> Why to stop before the budget, or ''.

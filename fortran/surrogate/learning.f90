@@ -7,7 +7,7 @@ module learning
    use kinds, only: degree, wp
    use point_index, only: number_equal
    use sequential_design, only: update_posterior_mean
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, predict_moduli
    use text, only: to_text
    implicit none
    private
@@ -26,7 +26,7 @@ module learning
       !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal, and of the next points before they were
       !> learnt; the last is below 0 if there is none.
       real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
-      real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, fall = 0.0_wp, log_evidence = 0.0_wp
+      real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
       !> Of the coefficients, and their angle to those of the batch before, degrees.
       real(wp) :: norm = 0.0_wp, angle_deg = 0.0_wp
    end type history_type
@@ -89,18 +89,12 @@ contains
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: predicted(size(modulus)), terms(learning%learner%basis%n_terms), scale
-      integer :: i
+      real(wp) :: predicted(size(modulus))
 
       if (size(modulus) == 0) return
       ! As of the end of the last batch, wherever in a batch a build was interrupted.
       if (learning%n() >= learning%first) then
-         associate (basis => learning%learner%basis)
-            do i = 1, size(modulus)
-               call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms, scale)
-               predicted(i) = basis%to_modulus(dot_product(learning%last_mean, terms), scale)
-            end do
-         end associate
+         call predict_moduli(learning%learner, constants, euler_deg, predicted, learning%last_mean)
          learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
       end if
       call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)
@@ -158,7 +152,7 @@ contains
          end if
          entry%alpha = regression%alpha
          entry%beta = regression%beta
-         entry%fall = regression%fall
+         entry%decay_rate = regression%decay_rate
          mean = coefficient_mean(regression)
       end associate
       entry%log_evidence = learning%learner%log_evidence

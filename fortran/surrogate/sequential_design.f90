@@ -8,14 +8,14 @@
 !> variances that lack them are upper bounds, since variances only fall.
 module sequential_design
    use errors, only: error_type
-   use evidence_regression, only: compute_posterior, maximise_evidence, new_regression, &
-      & refresh_interval, regression_type, symmetric_product, whiten
+   use evidence_regression, only: compute_posterior, maximise_evidence, &
+      & refresh_interval, regression_type, scale_columns, symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, multiply, multiply_by_factor
    use vector_math, only: dot
    implicit none
    private
-   public :: design_type, new_design, set_candidates, refit, compute_variances, quadratic_forms, condition_on, update_variance, &
+   public :: design_type, set_candidates, refit, compute_variances, quadratic_forms, condition_on, update_variance, &
       & absorb_choices, update_posterior_mean
 
    !> Choices that are deferred before they are absorbed together.
@@ -43,53 +43,33 @@ module sequential_design
 
 contains
 
-   !> A design without candidates and without data: the arguments are those of `new_regression`.
-   subroutine new_design(degrees, first_sds, least_noise, design, error)
-      !> (n_terms).
-      integer, intent(in) :: degrees(:)
-      !> In units of y.
-      real(wp), intent(in) :: first_sds(2), least_noise
-      type(design_type), intent(out) :: design
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_regression(degrees, first_sds, least_noise, design%regression, error)
-      allocate (design%candidates(size(degrees), 0), design%variance(0), design%available(0), design%included(0))
-      allocate (design%deferred(size(degrees), max_deferred))
-   end subroutine new_design
-
    !> Give the candidates' terms (n_terms, n), all of them available.
    subroutine set_candidates(design, terms)
       type(design_type), intent(inout) :: design
       real(wp), intent(in) :: terms(:, :)
-      integer :: n
 
       call absorb_choices(design)
-      n = size(terms, 2)
-      deallocate (design%candidates, design%variance, design%available, design%included)
-      allocate (design%candidates(size(terms, 1), n), design%variance(n), design%available(n), design%included(n))
-      call whiten(design%regression, terms, design%candidates)
-      design%available = .true.
+      design%candidates = terms
+      call scale_columns(design%regression%prior_width, design%candidates)
+      if (allocated(design%variance)) deallocate (design%variance, design%included, design%available, design%deferred)
+      allocate (design%variance(size(terms, 2)), design%included(size(terms, 2)), design%deferred(size(terms, 1), max_deferred))
+      allocate (design%available(size(terms, 2)), source=.true.)
       call compute_variances(design)
    end subroutine set_candidates
 
-   !> Precisions and fall of largest evidence, and the variances that follow.
+   !> Precisions and decay rate of largest evidence, and the variances that follow.
    subroutine refit(design, evidence, error)
       type(design_type), intent(inout) :: design
       !> ln evidence.
       real(wp), intent(out) :: evidence
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: ratio(design%regression%n_terms)
-      integer :: j
 
       ratio = 1.0_wp/design%regression%prior_width
       call maximise_evidence(design%regression, error, evidence)
       if (allocated(error)) return
       ratio = ratio*design%regression%prior_width
-      if (any(abs(ratio - 1.0_wp) > 0.0_wp)) then
-         do j = 1, size(design%candidates, 2)
-            design%candidates(:, j) = design%candidates(:, j)*ratio
-         end do
-      end if
+      if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
       call compute_variances(design)
    end subroutine refit
 

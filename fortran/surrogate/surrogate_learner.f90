@@ -1,4 +1,4 @@
-!> What learns a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
+!> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
 module surrogate_learner
    use abstract_acquisition, only: acquisition_type
    use acquisitions, only: new_acquisition
@@ -6,15 +6,15 @@ module surrogate_learner
    use errors, only: error_type, exit_bad_input, raise
    use described_values, only: described_values_type
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
-      & leave_groups_out, log_evidence, refresh_interval, set_precisions, spectrum_type, update_posterior
-   use kinds, only: degree, wp
-   use sequential_design, only: absorb_choices, compute_variances, design_type, new_design, refit, set_candidates
+      & leave_groups_out, log_evidence, new_regression, refresh_interval, set_precisions, spectrum_type, update_posterior
+   use kinds, only: wp
+   use sequential_design, only: absorb_choices, compute_variances, design_type, refit, set_candidates
    use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, forget_last, fit_learner, &
+   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, revert, fit_learner, &
       & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner
 
    type :: learner_type
@@ -23,9 +23,8 @@ module surrogate_learner
       class(acquisition_type), allocatable :: rule
       !> Scale of each candidate, GPa.
       real(wp), allocatable :: candidate_scale(:)
-      !> What was learnt from, and the scale (GPa) of each.
+      !> The data of the regression.
       type(simulations_type) :: simulations
-      real(wp), allocatable :: scale(:)
       !> ln evidence when it was last maximised.
       real(wp) :: log_evidence = 0.0_wp
    end type learner_type
@@ -41,26 +40,13 @@ contains
 
       degrees = 1
       if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
-      call new_design(degrees, basis%first_sds, basis%least_noise, learner%design, error)
+      call new_regression(degrees, basis%first_sds, basis%least_noise, learner%design%regression, error)
       if (allocated(error)) return
+      call set_candidates(learner%design, reshape([real(wp) ::], [basis%n_terms, 0]))
       allocate (learner%basis, source=basis)
       allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
-         & learner%simulations%modulus(0), learner%scale(0), learner%candidate_scale(0))
+         & learner%simulations%modulus(0), learner%candidate_scale(0))
    end subroutine new_learner
-
-   !> Terms (n_terms, n) and scales (GPa) of crystals.
-   subroutine evaluate_all(basis, constants, euler_deg, terms, scale)
-      class(basis_type), intent(in) :: basis
-      !> Constants of the domain's class (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      real(wp), allocatable, intent(out) :: terms(:, :), scale(:)
-      integer :: i
-
-      allocate (terms(basis%n_terms, size(constants, 2)), scale(size(constants, 2)))
-      do i = 1, size(scale)
-         call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i))
-      end do
-   end subroutine evaluate_all
 
    !> Give the candidates, all of them available, and the settings of the rule by which they are chosen.
    subroutine set_learner_candidates(learner, constants, euler_deg, settings, error)
@@ -73,7 +59,7 @@ contains
 
       call new_acquisition(settings, learner%rule, error)
       if (allocated(error)) return
-      call evaluate_all(learner%basis, constants, euler_deg, terms, learner%candidate_scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale)
       call set_candidates(learner%design, terms)
    end subroutine set_learner_candidates
 
@@ -91,7 +77,7 @@ contains
       end if
    end subroutine exclude_candidates
 
-   !> Learn moduli. If the design has `chosen` them, it expects them and the posterior mean follows with
+   !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
    !> `update_posterior_mean`; else each is an update of the posterior.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
       type(learner_type), intent(inout) :: learner
@@ -106,7 +92,7 @@ contains
          call raise(error, 'a simulated modulus is not positive and finite', exit_bad_input)
          return
       end if
-      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
       if (.not. all(abs(terms) < huge(1.0_wp))) then
          call raise(error, 'a crystal to learn from is elastically unstable', exit_bad_input)
          return
@@ -131,9 +117,8 @@ contains
       associate (known => learner%simulations)
          call append_columns(known%constants, constants)
          call append_columns(known%euler_deg, euler_deg)
-         call append(known%modulus, modulus)
+         known%modulus = [known%modulus, modulus]
       end associate
-      call append(learner%scale, scale)
    end subroutine add_simulations
 
    !> Columns after others. An array constructor would be on the stack, and these may be large.
@@ -151,31 +136,18 @@ contains
       call move_alloc(longer, columns)
    end subroutine append_columns
 
-   !> Values after others.
-   subroutine append(values, more)
-      real(wp), allocatable, intent(inout) :: values(:)
-      real(wp), intent(in) :: more(:)
-      real(wp), allocatable :: longer(:)
-      integer :: n
-
-      n = size(values)
-      allocate (longer(n + size(more)))
-      longer(:n) = values
-      longer(n + 1:) = more
-      call move_alloc(longer, values)
-   end subroutine append
-
-   !> Forget the last simulations, which the design does not have: it was put back to what it was before them.
-   subroutine forget_last(learner)
+   !> Revert to an earlier design; simulations that it does not have are dropped.
+   subroutine revert(learner, design)
       type(learner_type), intent(inout) :: learner
+      type(design_type), intent(in) :: design
 
-      associate (n => learner%design%regression%n_data, known => learner%simulations)
+      learner%design = design
+      associate (n => design%regression%n_data, known => learner%simulations)
          known%constants = known%constants(:, :n)
          known%euler_deg = known%euler_deg(:, :n)
          known%modulus = known%modulus(:n)
-         learner%scale = learner%scale(:n)
       end associate
-   end subroutine forget_last
+   end subroutine revert
 
    !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
    subroutine fit_learner(learner, error, precisions)
@@ -202,14 +174,10 @@ contains
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
       type(spectrum_type) :: spectrum
-      integer :: i
 
       values = 0.0_wp
       call compute_spectrum(learner%design%regression, spectrum, error)
-      if (allocated(error)) return
-      do i = 1, size(values)
-         values(i) = log_evidence(spectrum, alpha(i), beta(i))
-      end do
+      if (.not. allocated(error)) values = log_evidence(spectrum, alpha, beta)
    end subroutine evaluate_evidence
 
    !> The next candidates by the rule, each given all chosen before.
@@ -229,17 +197,21 @@ contains
       end if
    end subroutine choose_next
 
-   !> Moduli (GPa) of crystals by the posterior mean.
-   subroutine predict_moduli(learner, constants, euler_deg, modulus)
+   !> Moduli (GPa) of crystals by the posterior mean, or by other coefficients.
+   subroutine predict_moduli(learner, constants, euler_deg, modulus, coefficients)
       type(learner_type), intent(in) :: learner
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
       !> (n).
       real(wp), intent(out) :: modulus(:)
-      real(wp), allocatable :: terms(:, :), scale(:)
+      !> (n_terms).
+      real(wp), intent(in), optional :: coefficients(:)
+      real(wp), allocatable :: terms(:, :), scale(:), mean(:)
 
-      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
-      modulus = learner%basis%to_modulus(matmul(coefficient_mean(learner%design%regression), terms), scale)
+      mean = coefficient_mean(learner%design%regression)
+      if (present(coefficients)) mean = coefficients
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
+      modulus = learner%basis%to_modulus(matmul(mean, terms), scale)
    end subroutine predict_moduli
 
    !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
@@ -260,13 +232,13 @@ contains
       call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
-      associate (basis => learner%basis)
-         modulus = basis%to_modulus(basis%to_y(learner%simulations%modulus, learner%scale) - residual, learner%scale)
+      associate (basis => learner%basis, y => learner%design%regression%targets(:size(groups)))
+         modulus = learner%simulations%modulus*(basis%to_modulus(y - residual, 1.0_wp)/basis%to_modulus(y, 1.0_wp))
       end associate
       z = residual/sd
    end subroutine leave_out
 
-   !> The surrogate of what was learnt.
+   !> The surrogate from these simulations.
    subroutine surrogate_of(learner, provenance, surrogate, error)
       type(learner_type), intent(inout) :: learner
       !> Where it comes from: a JSON object.
@@ -285,7 +257,7 @@ contains
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
          surrogate%beta = regression%beta
-         surrogate%fall = regression%fall
+         surrogate%fall = regression%decay_rate
          surrogate%coefficients = coefficient_mean(regression)
          allocate (surrogate%covariance(regression%n_terms, regression%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)
@@ -304,7 +276,7 @@ contains
          call visitor%real('alpha', regression%alpha)
          call visitor%real('beta', regression%beta)
          call visitor%real('log_evidence', learner%log_evidence)
-         call visitor%real('fall', regression%fall)
+         call visitor%real('fall', regression%decay_rate)
          if (visitor%wants('prior_width')) call visitor%reals('prior_width', regression%prior_width)
          if (visitor%wants('mean')) visitor%values = coefficient_mean(regression)
          if (visitor%wants('variances')) then
