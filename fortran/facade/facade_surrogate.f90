@@ -167,7 +167,7 @@ subroutine surrogate_new(basis, n_terms, coefficients, covariance, precisions, p
       surrogate%covariance = covariance
       surrogate%alpha = precisions(1)
       surrogate%beta = precisions(2)
-      surrogate%fall = precisions(3)
+      surrogate%decay_rate = precisions(3)
       surrogate%provenance = provenance
       if (found%n_terms /= n_terms) then
          call raise(error, 'the number of coefficients is not that of the basis', exit_bad_input)

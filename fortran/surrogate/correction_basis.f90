@@ -231,10 +231,12 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
-      real(wp) :: w(self%logarithms%n), independent(self%n_independent, self%n_columns)
+      real(wp), allocatable :: independent(:, :)
+      real(wp) :: w(self%logarithms%n)
       integer :: first, last, j
 
       w = self%logarithms%to_logarithms(c)
+      allocate (independent(self%n_independent, self%n_columns))
       do first = 1, self%n_independent, at_once
          last = min(first + at_once - 1, self%n_independent)
          independent(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)

@@ -370,7 +370,7 @@ contains
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
       integer, allocatable :: members(:)
       logical :: over_data
-      integer :: n, first, i
+      integer :: n, first, i, j
 
       n = regression%n_data
       associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
@@ -399,9 +399,13 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
-               do i = 1, size(members)
-                  block_of_q(i, i) = block_of_q(i, i) + 1.0_wp
+               if (allocated(block_of_q)) deallocate (block_of_q)
+               allocate (block_of_q(size(members), size(members)))
+               do j = 1, size(members)
+                  do i = 1, size(members)
+                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
+                  end do
+                  block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
                end do
             end if
             call cholesky_factor(block_of_q, error)

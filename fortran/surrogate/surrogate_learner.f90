@@ -257,7 +257,7 @@ contains
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
          surrogate%beta = regression%beta
-         surrogate%fall = regression%decay_rate
+         surrogate%decay_rate = regression%decay_rate
          surrogate%coefficients = coefficient_mean(regression)
          allocate (surrogate%covariance(regression%n_terms, regression%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)

@@ -17,7 +17,7 @@ module surrogate_model
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model
 
-   !> What a surrogate has learnt from.
+   !> What a surrogate was trained on.
    type :: simulations_type
       !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
@@ -29,8 +29,8 @@ module surrogate_model
       real(wp), allocatable :: coefficients(:), covariance(:, :)
       !> Precision of the prior (of a term of degree 1) and of the noise, in units of y.
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> What the prior's sd of a coefficient falls by from degree to degree.
-      real(wp) :: fall = 1.0_wp
+      !> Of the prior's sd of a coefficient: its ratio from degree to degree.
+      real(wp) :: decay_rate = 1.0_wp
       !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no length of its own.
       real(wp) :: contact_radius = 0.0_wp
       type(simulations_type) :: simulations
@@ -42,7 +42,7 @@ module surrogate_model
 
 contains
 
-   !> The exact theory of the half-space, which has nothing to learn.
+   !> The exact theory of the half-space, which needs no simulation.
    subroutine new_theory_surrogate(surrogate, error)
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
@@ -135,17 +135,12 @@ contains
       !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
       real(wp), intent(in) :: c(6, 6), euler(3)
       real(wp), intent(out) :: modulus, sd
-      real(wp) :: terms(surrogate%basis%n_terms), scale, variance
-      integer :: j
+      real(wp), allocatable :: factor(:, :)
+      real(wp) :: moduli(1), sds(1)
 
-      call surrogate%basis%evaluate_terms(c, euler, terms, scale)
-      modulus = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms), scale)
-      variance = 0.0_wp
-      do j = 1, size(terms)
-         variance = variance + terms(j)*(terms(j)*surrogate%covariance(j, j) &
-            & + 2.0_wp*dot_product(surrogate%covariance(j + 1:, j), terms(j + 1:)))
-      end do
-      sd = merge(modulus, scale, surrogate%basis%logarithmic)*sqrt(max(0.0_wp, variance) + 1.0_wp/surrogate%beta)
+      call predict_side_by_side(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), moduli, sds, factor)
+      modulus = moduli(1)
+      sd = sds(1)
    end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.

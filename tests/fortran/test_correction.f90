@@ -480,7 +480,7 @@ contains
 
       surrogate = random_surrogate(stiffness)
       surrogate%provenance = '{}'
-      surrogate%fall = 1.0_wp/3.0_wp
+      surrogate%decay_rate = 1.0_wp/3.0_wp
       surrogate%contact_radius = 0.3_wp
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
@@ -498,7 +498,8 @@ contains
       end associate
       call check('and its posterior', all(abs(copy%coefficients - surrogate%coefficients) <= 0.0_wp) &
          & .and. all(abs(copy%covariance - surrogate%covariance) <= 0.0_wp) &
-         & .and. all(abs([copy%alpha - surrogate%alpha, copy%beta - surrogate%beta, copy%fall - surrogate%fall]) <= 0.0_wp) &
+         & .and. all(abs([copy%alpha - surrogate%alpha, copy%beta - surrogate%beta]) <= 0.0_wp) &
+         & .and. copy%decay_rate == surrogate%decay_rate &
          & .and. copy%basis%n_terms == merge(176, 141, present(stiffness)) &
          & .and. all(copy%basis%prior_degrees == surrogate%basis%prior_degrees))
    end subroutine test_file

@@ -203,7 +203,7 @@ contains
       n = surrogate%basis%n_terms
       surrogate%alpha = 3.0_wp
       surrogate%beta = 1.0e4_wp
-      surrogate%fall = 0.3125_wp
+      surrogate%decay_rate = 0.3125_wp
       allocate (surrogate%coefficients(n), factor(n, n))
       stream = new_random_stream(5, 1)
       do j = 1, n
@@ -280,7 +280,7 @@ contains
       call predict(copy, c, euler(:, 1), again, again_sd)
       same = again == modulus .and. again_sd == sd .and. copy%basis%domain%anisotropy_cap == 7.2_wp &
          & .and. all(copy%coefficients == surrogate%coefficients) .and. all(copy%covariance == surrogate%covariance) &
-         & .and. copy%alpha == surrogate%alpha .and. copy%beta == surrogate%beta .and. copy%fall == surrogate%fall &
+         & .and. copy%alpha == surrogate%alpha .and. copy%beta == surrogate%beta .and. copy%decay_rate == surrogate%decay_rate &
          & .and. copy%basis%domain%members == 'cubic' .and. all(copy%basis%domain%poisson == surrogate%basis%domain%poisson) &
          & .and. all(copy%simulations%constants == surrogate%simulations%constants) &
          & .and. all(copy%simulations%euler_deg == surrogate%simulations%euler_deg) &
