@@ -12,9 +12,9 @@
 !> campaign is not asked for again.
 module step_1
    use abstract_basis, only: basis_type
-   use build_candidates, only: candidates_type, initial_set, new_candidates
    use build_checks, only: basis_of_problem
    use campaign, only: campaign_name, campaign_type, row_type
+   use design_candidates, only: candidates_type, initial_set, new_candidates
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
@@ -116,7 +116,7 @@ contains
       type(build_type), intent(inout) :: build
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: taken(:)
+      logical, allocatable :: taken(:)
       integer :: beyond
 
       associate (learner => build%learning%learner)
@@ -129,9 +129,8 @@ contains
          call learn_unused(build, .true., error)
          if (allocated(error)) return
          call build%unused%divide(taken)
-         call exclude_candidates(learner, taken, error)
-         if (allocated(error)) return
-         if (build%unused%may_be_chosen()) then
+         where (taken) learner%design%available = .false.
+         if (any(build%unused%open)) then
             call update_posterior_mean(learner%design, .true., error)
          else
             call take_unused(build, error)
@@ -164,11 +163,10 @@ contains
    subroutine take_unused(build, error)
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: open(:)
 
-      call build%unused%close(open)
-      call exclude_candidates(build%learning%learner, open, error)
-      if (allocated(error) .or. build%phase /= teaching) return
+      where (build%unused%open) build%learning%learner%design%available = .false.
+      build%unused%open = .false.
+      if (build%phase /= teaching) return
       call learn_unused(build, .false., error)
       if (.not. allocated(error)) call update_posterior_mean(build%learning%learner%design, .true., error)
    end subroutine take_unused
@@ -179,7 +177,7 @@ contains
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
-      if (build%n_wanted() == 0 .or. .not. build%unused%others_than(build%batch)) then
+      if (build%n_wanted() == 0 .or. count(build%unused%open) == count(build%unused%open(build%batch))) then
          call build%unused%choose(build%batch)
          return
       end if
@@ -224,7 +222,7 @@ contains
          if (self%phase == validating .and. .not. allocated(error)) call choose_unseen(self, error)
          if (allocated(error) .or. self%phase == finished) return
          if (size(self%batch) > 0) call find_in_campaign(self, error)
-         if (.not. allocated(error) .and. self%unused%may_be_chosen()) call settle(self, error)
+         if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
          if (allocated(error) .or. self%n_wanted() > 0) return
       end do
    end subroutine advance
@@ -244,7 +242,7 @@ contains
             & //'n_candidates to go on')
       end if
       if (len(build%stopped) == 0) then
-         if (build%unused%may_be_chosen()) build%before = build%learning%learner%design
+         if (any(build%unused%open)) build%before = build%learning%learner%design
          call choose(build, min(batch_end(build%learning) - build%learning%n(), n_left), error)
          return
       end if
@@ -269,7 +267,7 @@ contains
          return
       end if
       associate (unused => build%unused)
-         stored = merge(0, min(wanted, unused%n()), unused%may_be_chosen())
+         stored = merge(0, min(wanted, unused%n()), any(unused%open))
          build%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
          build%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
          build%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
@@ -328,7 +326,7 @@ contains
       integer, allocatable, intent(out) :: numbers(:)
       type(error_type), allocatable, intent(out) :: error
 
-      if (build%unused%may_be_chosen()) call take_unused(build, error)
+      if (any(build%unused%open)) call take_unused(build, error)
       if (allocated(error)) return
       if (n < 1 .or. n > count(build%learning%learner%design%available)) call raise(error, '--ask '//to_text(n) &
          & //': allowed are 1 .. '//to_text(count(build%learning%learner%design%available))//', the candidates that are left', &
@@ -367,7 +365,7 @@ contains
       call build%campaign%next_position(next, error)
       build%positions = next - 1 + [(i, i=1, size(build%wanted))]
       ! What is missing of a batch that was interrupted takes the places that it left.
-      if (build%unused%may_be_chosen() .and. any(found)) then
+      if (any(build%unused%open) .and. any(found)) then
          if (minval(first, found) == maxval(first, found)) build%positions = minval(first, found) - 1 + build%wanted
       end if
    end subroutine find_in_campaign
