@@ -10,7 +10,7 @@ module evidence_regression
    use text, only: to_text
    implicit none
    private
-   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior, update_posterior
+   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
    public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, symmetric_product
    public :: spectrum_type, compute_spectrum
 
@@ -28,8 +28,6 @@ module evidence_regression
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
       !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal equations.
       real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
-      !> Rank-one updates since the covariance was last computed from the data.
-      integer :: n_updates = 0
    end type regression_type
 
    !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta elsewhere.
@@ -41,9 +39,6 @@ module evidence_regression
       !> The Gram matrix over terms, (n_terms, n_terms), where it was that one.
       real(wp), allocatable :: gram(:, :)
    end type spectrum_type
-
-   !> Rank-one updates after which the covariance is recomputed, so that rounding does not build up.
-   integer, parameter, public :: refresh_interval = 500
 
 contains
 
@@ -189,7 +184,7 @@ contains
       !> Logarithms: the decay rates that are tried, and the mean and the sd of the prior.
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
-      type(spectrum_type) :: spectrum
+      type(spectrum_type) :: spectrum, best
       real(wp) :: log_rate, ratio, value, best_rate, best_ratio, beta
       logical :: decays
       integer :: i
@@ -211,14 +206,11 @@ contains
          evidence = value
          best_ratio = ratio
          best_rate = log_rate
+         best = spectrum
       end do
-      if (decays) then
-         call set_decay_rate(regression, exp(best_rate))
-         call compute_spectrum(regression, spectrum, error)
-         if (allocated(error)) return
-      end if
-      beta = best_beta(spectrum, best_ratio, regression%least_noise)
-      call set_precisions(regression, best_ratio*beta, beta, error, spectrum%gram)
+      if (decays) call set_decay_rate(regression, exp(best_rate))
+      beta = best_beta(best, best_ratio, regression%least_noise)
+      call set_precisions(regression, best_ratio*beta, beta, error, best%gram)
    end subroutine maximise_evidence
 
    !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
@@ -315,34 +307,7 @@ contains
       call cholesky_solve(regression%covariance, solution)
       regression%mean = solution(:, 1)
       call cholesky_inverse(regression%covariance)
-      regression%n_updates = 0
    end subroutine compute_posterior
-
-   !> One observation more at frozen alpha, beta (Eq. 11): a rank-one change of mean and covariance, O(n_terms^2); every
-   !> `refresh_interval` updates the posterior is computed afresh.
-   subroutine update_posterior(regression, term, y, error)
-      type(regression_type), intent(inout) :: regression
-      !> The terms of the observation, not whitened.
-      real(wp), intent(in) :: term(:), y
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: gain(regression%n_terms), variance
-      integer :: n, j
-
-      call add_data(regression, reshape(term, [size(term), 1]), [y])
-      if (regression%n_updates + 1 >= refresh_interval) then
-         call compute_posterior(regression, error)
-         return
-      end if
-      n = regression%n_data
-      call symmetric_product(regression%covariance, regression%terms(:, n), gain)
-      variance = 1.0_wp/regression%beta + dot_product(regression%terms(:, n), gain)
-      regression%mean = regression%mean + gain*((regression%targets(n) - dot_product(regression%terms(:, n), regression%mean)) &
-         & /variance)
-      do j = 1, regression%n_terms
-         regression%covariance(:, j) = regression%covariance(:, j) - (gain(j)/variance)*gain
-      end do
-      regression%n_updates = regression%n_updates + 1
-   end subroutine update_posterior
 
    !> product = matrix vector.
    pure subroutine symmetric_product(matrix, vector, product)

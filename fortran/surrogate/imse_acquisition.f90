@@ -59,7 +59,8 @@ contains
          gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
          chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))
-         call condition_on(design, chosen(k), threads)
+         design%available(chosen(k)) = .false.
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
          if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
          call absorb_choices(design, threads)
       end do

@@ -9,7 +9,7 @@
 module sequential_design
    use errors, only: error_type
    use evidence_regression, only: compute_posterior, maximise_evidence, &
-      & refresh_interval, regression_type, scale_columns, symmetric_product
+      & regression_type, scale_columns, symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, multiply, multiply_by_factor
    use vector_math, only: dot
@@ -22,6 +22,8 @@ module sequential_design
    integer, parameter :: max_deferred = 8
    !> Candidates of one matrix product.
    integer, parameter :: block_size = 256
+   !> Choices after which all is computed afresh, so that rounding does not build up.
+   integer, parameter, public :: refresh_interval = 500
    !> Values closer than this share are equal: rounding does not decide between them.
    real(wp), parameter, public :: tie = 1.0e-10_wp
 
@@ -133,19 +135,18 @@ contains
       design%included(candidate) = design%n_deferred
    end subroutine update_variance
 
-   !> As if a candidate were simulated: one vector more that is deferred.
-   subroutine condition_on(design, candidate, threads)
+   !> As if a simulation with these whitened terms were in the data: one vector more that is deferred.
+   subroutine condition_on(design, terms, threads)
       type(design_type), intent(inout) :: design
-      !> Its number.
-      integer, intent(in) :: candidate, threads
+      !> (n_terms).
+      real(wp), intent(in), contiguous :: terms(:)
+      integer, intent(in) :: threads
       integer :: n
 
       if (design%n_deferred == max_deferred) call absorb_choices(design, threads)
-      design%available(candidate) = .false.
       n = design%n_deferred + 1
-      call present_product(design, design%candidates(:, candidate), design%deferred(:, n))
-      design%deferred(:, n) = design%deferred(:, n) &
-         & /sqrt(1.0_wp/design%regression%beta + dot(design%candidates(:, candidate), design%deferred(:, n)))
+      call present_product(design, terms, design%deferred(:, n))
+      design%deferred(:, n) = design%deferred(:, n)/sqrt(1.0_wp/design%regression%beta + dot(terms, design%deferred(:, n)))
       design%n_deferred = n
       design%n_choices = design%n_choices + 1
    end subroutine condition_on

@@ -5,10 +5,11 @@ module surrogate_learner
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
    use described_values, only: described_values_type
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
-      & leave_groups_out, log_evidence, new_regression, refresh_interval, set_precisions, spectrum_type, update_posterior
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
+      & leave_groups_out, log_evidence, new_regression, set_precisions, spectrum_type
    use kinds, only: wp
-   use sequential_design, only: absorb_choices, compute_variances, design_type, refit, set_candidates
+   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refit, refresh_interval, &
+      & set_candidates, update_posterior_mean
    use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
@@ -78,14 +79,14 @@ contains
    end subroutine exclude_candidates
 
    !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
-   !> `update_posterior_mean`; else each is an update of the posterior.
+   !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :), scale(:), y(:)
+      real(wp), allocatable :: terms(:, :), scale(:)
       integer :: i
 
       if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
@@ -97,23 +98,18 @@ contains
          call raise(error, 'a crystal to learn from is elastically unstable', exit_bad_input)
          return
       end if
-      y = learner%basis%to_y(modulus, scale)
-      if (chosen) then
-         call add_data(learner%design%regression, terms, y)
-      else
-         call absorb_choices(learner%design)
-         if (size(y) > refresh_interval) then
-            ! Once for all of them, not once in a while.
-            call add_data(learner%design%regression, terms, y)
-            call compute_posterior(learner%design%regression, error)
-         else
-            do i = 1, size(y)
-               call update_posterior(learner%design%regression, terms(:, i), y(i), error)
-               if (allocated(error)) return
-            end do
+      associate (regression => learner%design%regression)
+         call add_data(regression, terms, learner%basis%to_y(modulus, scale))
+         if (.not. chosen) then
+            if (size(modulus) <= refresh_interval) then
+               do i = regression%n_data - size(modulus) + 1, regression%n_data
+                  call condition_on(learner%design, regression%terms(:, i), 1)
+               end do
+            end if
+            call update_posterior_mean(learner%design, size(modulus) > refresh_interval, error)
+            if (allocated(error)) return
          end if
-         if (allocated(error)) return
-      end if
+      end associate
       associate (known => learner%simulations)
          call append_columns(known%constants, constants)
          call append_columns(known%euler_deg, euler_deg)

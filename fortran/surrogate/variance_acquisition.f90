@@ -48,7 +48,8 @@ contains
             return
          end if
          variance(k) = design%variance(chosen(k))
-         call condition_on(design, chosen(k), threads)
+         design%available(chosen(k)) = .false.
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose
 
