@@ -90,7 +90,7 @@ contains
       if (allocated(error)) return
       if (len(warning) > 0) call warn(build%warnings, warning)
       associate (design => problem%settings%design)
-         call new_learning(basis, design%initial, design%budget, design%batch, design%refit, build%learning, error)
+         call new_learning(basis, design, build%learning, error)
          if (.not. allocated(error)) call set_learner_candidates(build%learning%learner, build%candidates%constants, &
             & build%candidates%euler_deg, design, error)
          if (allocated(error)) return
@@ -146,9 +146,9 @@ contains
       integer :: complete, last
 
       associate (unused => build%unused, learning => build%learning)
-         do while (unused%n() > 0 .and. learning%n() < learning%budget)
+         do while (unused%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
-            if (len(why_to_stop_now(build)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
+            if (len(why_to_stop(build%learning)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
             last = unused%taken + min(unused%n(), complete - learning%n())
             call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, unused%taken + 1:last), &
                & unused%modulus(unused%taken + 1:last), .false., error)
@@ -196,16 +196,6 @@ contains
       deallocate (build%before)
    end subroutine take_back
 
-   !> Why to stop before the budget, or ''.
-   function why_to_stop_now(build) result(reason)
-      type(build_type), intent(in) :: build
-      character(len=:), allocatable :: reason
-
-      associate (design => build%problem%settings%design)
-         reason = why_to_stop(build%learning, design%target_gpa, design%patience)
-      end associate
-   end function why_to_stop_now
-
    !> Learn the batch that was performed and choose the next; nothing is wanted when all is done.
    subroutine advance(self, error)
       class(build_type), intent(inout) :: self
@@ -234,8 +224,8 @@ contains
       integer :: n_left
 
       n_left = count(build%learning%learner%design%available)
-      build%stopped = why_to_stop_now(build)
-      if (len(build%stopped) == 0 .and. build%learning%n() >= build%learning%budget) build%stopped = 'the budget is used'
+      build%stopped = why_to_stop(build%learning)
+      if (len(build%stopped) == 0 .and. build%learning%n() >= build%learning%settings%budget) build%stopped = 'the budget is used'
       if (len(build%stopped) == 0 .and. n_left == 0) then
          build%stopped = 'no candidate is left'
          call warn(build%warnings, 'no candidate is left after '//to_text(build%learning%n())//' simulations; raise &design ' &
@@ -464,7 +454,7 @@ contains
             else
                call update_posterior_mean(learning%learner%design, .not. (all_done .and. build%by_variance), error)
             end if
-            if (.not. all_done .and. build%n_failed > max(10, learning%budget) .and. .not. allocated(error)) then
+            if (.not. all_done .and. build%n_failed > max(10, learning%settings%budget) .and. .not. allocated(error)) then
                call raise(error, build%failures())
             end if
          end if

@@ -51,7 +51,8 @@ contains
          call system_clock(now)
          if (now - last_told < interval*rate) cycle
          last_told = now
-         write (error_unit, '(4a)') 'build: ', to_text(build%learning%n()), ' simulations of ', to_text(build%learning%budget)
+         write (error_unit, '(4a)') 'build: ', to_text(build%learning%n()), ' simulations of ', &
+            & to_text(build%learning%settings%budget)
       end do
       call conclude(build, output, document, error)
       if (.not. allocated(error)) call replace_file(output//'/build.json', document, error)

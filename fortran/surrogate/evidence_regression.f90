@@ -7,6 +7,7 @@ module evidence_regression
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
+   use sorting, only: sort_order
    use text, only: to_text
    implicit none
    private
@@ -333,9 +334,9 @@ contains
       !> Below this 1 - h has lost its digits, and the covariance of the data is factored instead.
       real(wp), parameter :: least = 1.0e-7_wp
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
-      integer, allocatable :: members(:)
+      integer, allocatable :: order(:), members(:)
       logical :: over_data
-      integer :: n, first, i, j
+      integer :: n, first, last, i, j
 
       n = regression%n_data
       associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
@@ -358,9 +359,15 @@ contains
             call cholesky_inverse(q)
             all_residuals = matmul(q, targets)
          end if
-         do first = 1, n
-            if (any(groups(:first - 1) == groups(first))) cycle
-            members = pack([(i, i=1, n)], groups == groups(first))
+         allocate (order(n))
+         call sort_order(real(groups, wp), order)
+         last = 0
+         do while (last < n)
+            first = last + 1
+            do last = first, n - 1
+               if (groups(order(last + 1)) /= groups(order(first))) exit
+            end do
+            members = order(first:last)
             if (over_data) then
                block_of_q = q(members, members)
             else

@@ -6,6 +6,7 @@ module learning
    use evidence_regression, only: coefficient_mean
    use kinds, only: degree, wp
    use point_index, only: number_equal
+   use settings_groups, only: design_settings_type
    use sequential_design, only: update_posterior_mean
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, predict_moduli
    use text, only: to_text
@@ -33,8 +34,7 @@ module learning
 
    type :: learning_type
       type(learner_type) :: learner
-      !> Of &design.
-      integer :: budget = 0, batch = 1, refit = 1
+      type(design_settings_type) :: settings
       !> As few points as the basis needs, and those before alpha and beta are learnt.
       integer :: fewest = 0, first = 0
       type(history_type), allocatable :: history(:)
@@ -47,21 +47,18 @@ module learning
 contains
 
    !> Nothing learnt yet; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
-   subroutine new_learning(basis, initial, budget, batch, refit, learning, error)
+   subroutine new_learning(basis, settings, learning, error)
       class(basis_type), intent(in) :: basis
-      !> Of &design.
-      integer, intent(in) :: initial, budget, batch, refit
+      type(design_settings_type), intent(in) :: settings
       type(learning_type), intent(out) :: learning
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
       if (allocated(error)) return
-      learning%budget = budget
-      learning%batch = batch
-      learning%refit = refit
+      learning%settings = settings
       learning%fewest = fewest_points
       if (.not. allocated(basis%prior_degrees)) learning%fewest = basis%n_terms
-      learning%first = min(max(merge(initial, learning%fewest, initial > 0), 2), budget)
+      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), settings%budget)
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
       allocate (learning%history(0), learning%next_errors(0))
    end subroutine new_learning
@@ -78,8 +75,8 @@ contains
       type(learning_type), intent(in) :: learning
 
       batch_end = learning%first
-      if (learning%n() >= learning%first) batch_end = min(learning%budget, &
-         & learning%first + learning%batch*((learning%n() - learning%first)/learning%batch + 1))
+      if (learning%n() >= learning%first) batch_end = min(learning%settings%budget, &
+         & learning%first + learning%settings%batch*((learning%n() - learning%first)/learning%settings%batch + 1))
    end function batch_end
 
    !> Take observations in; if they were chosen by the design, the covariance has them already.
@@ -110,8 +107,8 @@ contains
 
       before = last_refit(learning)
       associate (n => learning%n())
-         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%refit &
-            & .or. n >= learning%budget)) then
+         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%settings%refit &
+            & .or. n >= learning%settings%budget)) then
             call refit_all(learning, error)
          else
             call update_posterior_mean(learning%learner%design, exactly, error)
@@ -178,18 +175,15 @@ contains
    end subroutine left_out
 
    !> Why to stop before the budget, or ''.
-   pure function why_to_stop(learning, target_gpa, patience) result(reason)
+   pure function why_to_stop(learning) result(reason)
       type(learning_type), intent(in) :: learning
-      !> For the error of unseen crystals and of the next points, GPa; 0: none.
-      real(wp), intent(in) :: target_gpa
-      !> Simulations without improvement; 0: no end.
-      integer, intent(in) :: patience
       character(len=:), allocatable :: reason
       logical :: early(size(learning%history))
 
       reason = ''
       if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) return
-      associate (history => learning%history, last => learning%history(size(learning%history)))
+      associate (history => learning%history, last => learning%history(size(learning%history)), &
+         & target_gpa => learning%settings%target_gpa, patience => learning%settings%patience)
          if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
             reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3)//' and '//to_text(last%next, 3) &
                & //' GPa) reached '//to_text(target_gpa)//' GPa'

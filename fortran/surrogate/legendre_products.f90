@@ -130,11 +130,8 @@ contains
       integer :: i
 
       precedes = sum(a) < sum(b)
-      if (sum(a) /= sum(b)) return
-      do i = 1, size(a)
-         precedes = a(i) < b(i)
-         if (a(i) /= b(i)) return
-      end do
+      i = findloc(a /= b, .true., 1)
+      if (i > 0 .and. sum(a) == sum(b)) precedes = a(i) < b(i)
    end function precedes
 
    !> All products at coordinates x in [-1, 1].
@@ -210,10 +207,7 @@ contains
             end do
          end do
       end do
-      allocate (coefficients(squares%n_products, size(pair)))
-      do column = 1, size(pair)
-         coefficients(:, column) = sums(column, :)
-      end do
+      coefficients = transpose(sums)
    end subroutine covariance_polynomial
 
    !> p_a p_b = sum of table(a, b, c) p_c over c.
