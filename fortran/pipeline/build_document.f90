@@ -145,7 +145,7 @@ contains
       call page%end_object()
    end subroutine put_baselines
 
-   !> How well the candidates, which stand for the domain, are known; and in words what of it no simulation has come near.
+   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
    subroutine put_domain(page, build, surrogate, stiffness)
       type(json_type), intent(inout) :: page
       type(build_type), intent(inout) :: build
@@ -154,12 +154,12 @@ contains
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp), parameter :: near = 0.9_wp
       real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
-      real(wp) :: relative(build%candidates%n()), modulus, sd
+      real(wp) :: relative(size(build%candidates%euler_deg, 2)), modulus, sd
       character(len=:), allocatable :: words
       integer :: i, worst
 
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         do i = 1, candidates%n()
+         do i = 1, size(relative)
             call predict(surrogate, domain%class%stiffness(candidates%constants(:, i)), degree*candidates%euler_deg(:, i), &
                & modulus, sd)
             relative(i) = sd/modulus

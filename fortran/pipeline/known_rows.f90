@@ -55,11 +55,11 @@ contains
       beyond = 0
       n = 0
       allocate (known%constants(size(constants), size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
-      allocate (known%candidate(size(rows)), known%earlier(candidates%n()), known%open(candidates%n()))
+      allocate (known%candidate(size(rows)), known%earlier(size(candidates%euler_deg, 2)))
       known%earlier = -1
-      known%open = .false.
+      allocate (known%open(size(known%earlier)), source=.false.)
       class = basis%domain%class
-      allocate (points(size(constants) + 3, candidates%n()))
+      allocate (points(size(constants) + 3, size(known%earlier)))
       points(:size(constants), :) = candidates%constants
       points(size(constants) + 1:, :) = candidates%euler_deg
       call new_point_index(points, index)

@@ -17,8 +17,6 @@ module design_candidates
    type :: candidates_type
       !> Constants of the domain's class (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :)
-   contains
-      procedure :: n => count_candidates
    end type candidates_type
 
    !> Between the seeds of the two blocks of a Latin hypercube.
@@ -61,12 +59,6 @@ contains
          end if
       end associate
    end subroutine new_candidates
-
-   pure integer function count_candidates(self)
-      class(candidates_type), intent(in) :: self
-
-      count_candidates = size(self%euler_deg, 2)
-   end function count_candidates
 
    !> The rows of the user's table that are in the domain.
    subroutine take_table(problem, domain, candidates, warning)
@@ -125,18 +117,19 @@ contains
       !> From 1.
       integer, allocatable, intent(out) :: numbers(:)
       integer, allocatable :: order(:), crystal(:), firsts(:), members(:)
-      integer :: i, j, round, wanted
+      integer :: i, j, n, round, wanted
 
-      wanted = min(design%initial, candidates%n())
+      n = size(candidates%euler_deg, 2)
+      wanted = min(design%initial, n)
       allocate (numbers(0))
       if (design%initial_set == 'latin') numbers = [(i, i=1, wanted)]
       if (design%initial_set /= 'boundary') return
-      allocate (order(candidates%n()))
+      allocate (order(n))
       associate (domain => basis%domain, constants => candidates%constants)
-         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), i=1, size(order))], order)
+         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), i=1, n)], order)
       end associate
       crystal = number_equal(candidates%constants(:, order))
-      firsts = pack(crystal, crystal == [(i, i=1, size(order))])
+      firsts = pack(crystal, crystal == [(i, i=1, n)])
       round = 0
       do while (size(numbers) < wanted)
          do j = 1, size(firsts)

@@ -45,27 +45,22 @@ contains
 
    !> A regression without data.
    subroutine new_regression(degrees, first_sds, least_noise, regression, error)
-      !> Of each term, (n_terms).
+      !> Of each term, (n_terms), not negative.
       integer, intent(in) :: degrees(:)
-      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the least sd of the noise, in units of y.
+      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the least sd of the noise, in units of y;
+      !> above 0.
       real(wp), intent(in) :: first_sds(2), least_noise
       type(regression_type), intent(out) :: regression
       type(error_type), allocatable, intent(out) :: error
 
-      if (any(degrees < 0)) then
-         call raise(error, 'a degree of a term is negative', exit_bad_input)
-      else if (.not. (least_noise > 0.0_wp .and. least_noise < huge(1.0_wp))) then
-         call raise(error, 'the least sd of the noise is '//to_text(least_noise)//'; it must be positive', exit_bad_input)
-      end if
-      if (allocated(error)) return
-      regression%n_terms = size(degrees)
+      associate (n => size(degrees))
+         regression%n_terms = n
+         allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), regression%covariance(n, n))
+         allocate (regression%moment(n), source=0.0_wp)
+         allocate (regression%prior_width(n), source=1.0_wp)
+      end associate
       regression%degrees = degrees
       regression%least_noise = least_noise
-      allocate (regression%terms(size(degrees), 64), regression%targets(64), regression%prior_width(size(degrees)))
-      allocate (regression%mean(size(degrees)), regression%moment(size(degrees)))
-      allocate (regression%covariance(size(degrees), size(degrees)))
-      regression%moment = 0.0_wp
-      regression%prior_width = 1.0_wp
       call set_decay_rate(regression, regression%decay_rate)
       call set_precisions(regression, first_sds(1)**(-2), max(first_sds(2), least_noise)**(-2), error)
    end subroutine new_regression
@@ -400,11 +395,12 @@ contains
    !> Posterior covariance of A.
    pure subroutine coefficient_covariance(regression, covariance)
       type(regression_type), intent(in) :: regression
-      real(wp), intent(out) :: covariance(:, :)
+      real(wp), allocatable, intent(out) :: covariance(:, :)
       integer :: j
 
+      covariance = regression%covariance
       do j = 1, regression%n_terms
-         covariance(:, j) = regression%prior_width(j)*regression%prior_width*regression%covariance(:, j)
+         covariance(:, j) = regression%prior_width(j)*regression%prior_width*covariance(:, j)
       end do
    end subroutine coefficient_covariance
 end module evidence_regression

@@ -1,4 +1,4 @@
-!> What a design has learnt so far, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and
+!> The training of a surrogate, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and
 !> whether that is enough.
 module learning
    use abstract_basis, only: basis_type
@@ -14,7 +14,7 @@ module learning
    private
    public :: learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, why_to_stop, left_out
 
-   !> Points of an informative prior before alpha and beta are first learnt from the data.
+   !> Points of an informative prior before alpha and beta are first computed from the data.
    integer, parameter :: fewest_points = 8
    !> Points over which the error of the next points is averaged.
    integer, parameter :: window = 20
@@ -25,7 +25,7 @@ module learning
    type :: history_type
       integer :: simulations = 0
       !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal, and of the next points before they were
-      !> learnt; the last is below 0 if there is none.
+      !> data; the last is below 0 if there is none.
       real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
       real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
       !> Of the coefficients, and their angle to those of the batch before, degrees.
@@ -35,10 +35,10 @@ module learning
    type :: learning_type
       type(learner_type) :: learner
       type(design_settings_type) :: settings
-      !> As few points as the basis needs, and those before alpha and beta are learnt.
+      !> As few points as the basis needs, and those before alpha and beta are first computed.
       integer :: fewest = 0, first = 0
       type(history_type), allocatable :: history(:)
-      !> Coefficients at the end of the last batch; errors of each point before it was learnt, GPa.
+      !> Coefficients at the end of the last batch; errors of each point before it was data, GPa.
       real(wp), allocatable :: last_mean(:), next_errors(:)
    contains
       procedure :: n => count_simulations
@@ -46,7 +46,7 @@ module learning
 
 contains
 
-   !> Nothing learnt yet; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
+   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
    subroutine new_learning(basis, settings, learning, error)
       class(basis_type), intent(in) :: basis
       type(design_settings_type), intent(in) :: settings

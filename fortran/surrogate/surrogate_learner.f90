@@ -255,7 +255,6 @@ contains
          surrogate%beta = regression%beta
          surrogate%decay_rate = regression%decay_rate
          surrogate%coefficients = coefficient_mean(regression)
-         allocate (surrogate%covariance(regression%n_terms, regression%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)
       end associate
       surrogate%simulations = learner%simulations
@@ -268,6 +267,7 @@ contains
       type(described_values_type), intent(inout) :: visitor
       real(wp), allocatable :: covariance(:, :)
 
+      call absorb_choices(learner%design)
       associate (regression => learner%design%regression)
          call visitor%real('alpha', regression%alpha)
          call visitor%real('beta', regression%beta)
@@ -275,12 +275,8 @@ contains
          call visitor%real('fall', regression%decay_rate)
          if (visitor%wants('prior_width')) call visitor%reals('prior_width', regression%prior_width)
          if (visitor%wants('mean')) visitor%values = coefficient_mean(regression)
-         if (visitor%wants('variances')) then
-            call absorb_choices(learner%design)
-            visitor%values = learner%design%variance
-         else if (visitor%wants('covariance')) then
-            call absorb_choices(learner%design)
-            allocate (covariance(regression%n_terms, regression%n_terms))
+         if (visitor%wants('variances')) visitor%values = learner%design%variance
+         if (visitor%wants('covariance')) then
             call coefficient_covariance(regression, covariance)
             visitor%values = reshape(covariance, [size(covariance)])
          end if

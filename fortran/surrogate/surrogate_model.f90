@@ -52,8 +52,8 @@ contains
       settings%model = 'halfspace'
       call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], domain, error)
       if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
-      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0))
-      allocate (surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
+      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), surrogate%simulations%constants(21, 0), &
+         & surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
       surrogate%beta = huge(1.0_wp)
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
@@ -76,11 +76,9 @@ contains
       first = huge(first)
       !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
       do i = 1, size(stiffness, 3)
-         if (.not. is_stable(stiffness(:, :, i))) then
-            first = min(first, i)
-         else if (.not. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
-            first = min(first, i)
-         end if
+         associate (c => stiffness(:, :, i))
+            if (.not. (is_stable(c) .and. surrogate%basis%domain%is_of_class(c))) first = min(first, i)
+         end associate
       end do
       !$omp end parallel do
       if (first < huge(first)) then
