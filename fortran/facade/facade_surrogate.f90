@@ -81,8 +81,8 @@ subroutine basis_terms(handle, k, n, n_terms, constants, euler_deg, terms, scale
    end do
 end subroutine basis_terms
 
-!> Of n crystals (stiffness, GPa): how far out each is, see `surrogate_domain`, covered: 1 if a surrogate with the basis is valid for it,
-!> else 0, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+!> Of n crystals (stiffness, GPa): reach, how far out each is, see `surrogate_domain`, covered: 1 if a surrogate with the basis is valid
+!> for it, else 0, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
 subroutine basis_coverage(handle, n, stiffness, reach, covered, scale, status, message)
    use abstract_basis, only: basis_type
    use crystal_elasticity, only: logarithmic_mean

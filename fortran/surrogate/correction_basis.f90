@@ -11,7 +11,7 @@ module correction_basis
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: degree_unit => degree, wp
+   use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
    use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
@@ -144,17 +144,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: n_crystals = 500, seed = 1
       real(wp), parameter :: share = 2.0e-3_wp
-      real(wp), allocatable :: constants(:, :), euler_deg(:, :), terms(:, :), root(:, :), projected(:, :), gram(:, :), values(:)
-      real(wp) :: scale
+      real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, gram
+      real(wp), allocatable :: scale(:), values(:)
       integer :: i, j, n
 
       call spread_crystals(self%domain, n_crystals, seed, constants, euler_deg, error)
       if (allocated(error)) return
       n = self%n_terms
-      allocate (terms(n, n_crystals), projected(n, n_crystals), gram(n, n), values(n))
-      do i = 1, n_crystals
-         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree_unit*euler_deg(:, i), terms(:, i), scale)
-      end do
+      allocate (projected(n, n_crystals), gram(n, n), values(n))
+      call self%evaluate_crystals(constants, euler_deg, terms, scale)
       root = covariance
       call cholesky_factor(root, error)
       if (allocated(error)) return

@@ -37,6 +37,8 @@ module learning
       type(design_settings_type) :: settings
       !> As few points as the basis needs, and those before alpha and beta are first computed.
       integer :: fewest = 0, first = 0
+      !> Simulations when the evidence was last maximised.
+      integer :: last_refit = 0
       type(history_type), allocatable :: history(:)
       !> Coefficients at the end of the last batch; errors of each point before it was data, GPa.
       real(wp), allocatable :: last_mean(:), next_errors(:)
@@ -103,10 +105,8 @@ contains
       !> Compute everything afresh.
       logical, intent(in) :: exactly
       type(error_type), allocatable, intent(out) :: error
-      integer :: before
 
-      before = last_refit(learning)
-      associate (n => learning%n())
+      associate (n => learning%n(), before => learning%last_refit)
          if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%settings%refit &
             & .or. n >= learning%settings%budget)) then
             call refit_all(learning, error)
@@ -117,14 +117,6 @@ contains
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
    end subroutine close_batch
 
-   !> Simulations when the evidence was last maximised.
-   pure integer function last_refit(learning)
-      type(learning_type), intent(in) :: learning
-
-      last_refit = 0
-      if (size(learning%history) > 0) last_refit = learning%history(size(learning%history))%simulations
-   end function last_refit
-
    !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with these simulations.
    subroutine refit_all(learning, error)
       type(learning_type), intent(inout) :: learning
@@ -134,7 +126,7 @@ contains
       real(wp) :: cosine
       integer :: i
 
-      if (learning%n() == last_refit(learning)) return
+      if (learning%n() == learning%last_refit) return
       call fit_learner(learning%learner, error)
       if (allocated(error)) return
       entry%simulations = learning%n()
@@ -157,6 +149,7 @@ contains
       cosine = dot_product(mean, learning%last_mean)/max(entry%norm*norm2(learning%last_mean), tiny(1.0_wp))
       entry%angle_deg = acos(min(1.0_wp, max(-1.0_wp, cosine)))/degree
       learning%history = [learning%history, entry]
+      learning%last_refit = entry%simulations
    end subroutine refit_all
 
    !> Mean absolute error of each simulation with its whole group left out, GPa.

@@ -8,14 +8,13 @@
 !> variances that lack them are upper bounds, since variances only fall.
 module sequential_design
    use errors, only: error_type
-   use evidence_regression, only: compute_posterior, maximise_evidence, &
-      & regression_type, scale_columns, symmetric_product
+   use evidence_regression, only: compute_posterior, regression_type, scale_columns, symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, multiply, multiply_by_factor
    use vector_math, only: dot
    implicit none
    private
-   public :: design_type, set_candidates, refit, compute_variances, quadratic_forms, condition_on, update_variance, &
+   public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, update_variance, &
       & absorb_choices, update_posterior_mean
 
    !> Choices that are deferred before they are absorbed together.
@@ -58,22 +57,6 @@ contains
       allocate (design%available(size(terms, 2)), source=.true.)
       call compute_variances(design)
    end subroutine set_candidates
-
-   !> Precisions and decay rate of largest evidence, and the variances that follow.
-   subroutine refit(design, evidence, error)
-      type(design_type), intent(inout) :: design
-      !> ln evidence.
-      real(wp), intent(out) :: evidence
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: ratio(design%regression%n_terms)
-
-      ratio = 1.0_wp/design%regression%prior_width
-      call maximise_evidence(design%regression, error, evidence)
-      if (allocated(error)) return
-      ratio = ratio*design%regression%prior_width
-      if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
-      call compute_variances(design)
-   end subroutine refit
 
    !> Variances of all candidates from the regression's covariance, which must lack no choice.
    subroutine compute_variances(design)

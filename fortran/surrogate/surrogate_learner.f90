@@ -6,10 +6,10 @@ module surrogate_learner
    use errors, only: error_type, exit_bad_input, raise
    use described_values, only: described_values_type
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
-      & leave_groups_out, log_evidence, new_regression, set_precisions, spectrum_type
+      & leave_groups_out, log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
    use kinds, only: wp
-   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refit, refresh_interval, &
-      & set_candidates, update_posterior_mean
+   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
+      & update_posterior_mean
    use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
@@ -151,14 +151,21 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> alpha and beta, in units of y.
       real(wp), intent(in), optional :: precisions(2)
+      real(wp) :: ratio(learner%basis%n_terms)
 
-      call absorb_choices(learner%design)
-      if (present(precisions)) then
-         call set_precisions(learner%design%regression, precisions(1), precisions(2), error)
-         if (.not. allocated(error)) call compute_variances(learner%design)
-      else
-         call refit(learner%design, learner%log_evidence, error)
-      end if
+      associate (design => learner%design, regression => learner%design%regression)
+         call absorb_choices(design)
+         ratio = 1.0_wp/regression%prior_width
+         if (present(precisions)) then
+            call set_precisions(regression, precisions(1), precisions(2), error)
+         else
+            call maximise_evidence(regression, error, learner%log_evidence)
+         end if
+         if (allocated(error)) return
+         ratio = ratio*regression%prior_width
+         if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
+         call compute_variances(design)
+      end associate
    end subroutine fit_learner
 
    !> ln evidence of all simulations at pairs of alpha and beta.

@@ -1,5 +1,4 @@
-!> What a specimen adds to the theory: coordinates about the indenter's axis, the polynomials of them, the domain of all classes, the basis
-!> and its model of grains.
+!> The specimen correction: coordinates and polynomials about the indenter's axis, the basis, its model of grains, and its file.
 program test_correction
    use abstract_basis, only: basis_type, grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_axial, n_coordinates, n_waves, wave_orders
@@ -14,7 +13,7 @@ program test_correction
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
    use settings_groups, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain, spread_crystals
+   use surrogate_domain, only: new_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
@@ -35,7 +34,7 @@ program test_correction
    call test_polynomials(0.7_wp)
    call test_invariance()
    call test_invariance(any_scale)
-   call test_reach()
+   call test_distance()
    call test_basis()
    call test_grain_models()
    call test_grain_models(any_scale)
@@ -92,8 +91,7 @@ contains
       type(error_type), allocatable :: error
 
       basis%domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], stiffness)
-      basis%settings%model = 'correction'
-      basis%settings%degree = degree_of_polynomials
+      basis%settings = surrogate_settings_type(model='correction', degree=degree_of_polynomials, file='', truncation='', scan='')
       call basis%set_up(error)
       if (allocated(error)) call check_success('a correction', error)
    end function basis_of
@@ -311,9 +309,8 @@ contains
       scale = product(values)**(1.0_wp/6.0_wp)
    end function scale_of
 
-   subroutine test_reach()
+   subroutine test_distance()
       type(correction_basis_type) :: basis
-      type(domain_type) :: box
       type(error_type), allocatable :: error
       type(crystal_class_type) :: class
       real(wp) :: c(6, 6), poisson, anisotropy
@@ -336,19 +333,17 @@ contains
       call check_close('at its end', basis%domain%normalised_distance(10.0_wp*c), 1.0_wp, 1.0e-10_wp)
       call check_close('at the other', basis%domain%normalised_distance(0.1_wp*c), 1.0_wp, 1.0e-10_wp)
       call check('beyond that', basis%domain%admits(0.101_wp*c) .and. .not. basis%domain%admits(0.099_wp*c))
-      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error)
-      basis%domain = box
+      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, basis%domain, error)
       call basis%set_up(error)
       call check_success('a correction of one class between bounds', error)
-      c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
       call check('covers what is between them', basis%domain%admits(c) .and. .not. basis%domain%admits(2.0_wp*c))
-      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error, [1.0_wp, 2.0_wp])
-      basis%domain = box
+      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, basis%domain, error, &
+         & [1.0_wp, 2.0_wp])
       call basis%set_up(error)
       call check('in a box of which the scale is no limit, but counts', basis%domain%admits(c) .and. basis%n_terms == 176)
       c = class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])
       call check_close('a bound', basis%domain%normalised_distance(c), 1.0_wp, 1.0e-12_wp)
-   end subroutine test_reach
+   end subroutine test_distance
 
    subroutine test_basis()
       type(correction_basis_type) :: basis
@@ -367,7 +362,6 @@ contains
       basis%settings%degree = 5
       call basis%set_up(error)
       call check_refused('too high a degree', error, 'degree = 5 is outside 1 .. 4')
-      basis = basis_of(1)
       call new_basis(basis%domain, surrogate_settings_type(model='correction', degree=2, file='', truncation='', scan=''), &
          & other, error)
       call check('as the settings ask for', other%n_terms == 29 .and. other%logarithmic)
