@@ -10,6 +10,7 @@ module surrogate_operations
    use parallelism, only: thread_count
    use problem, only: problem_type
    use sequential_design, only: update_posterior_mean
+   use settings_groups, only: design_settings_type
    use surrogate_domain, only: spread_crystals
    use surrogate_file, only: check_values, exchange_surrogate, save_surrogate
    use surrogate_learner, only: add_simulations, choose_next, describe_learner, evaluate_evidence, exclude_candidates, &
@@ -118,7 +119,7 @@ contains
          surrogate%covariance = x%in%columns('covariance', max(1, basis%n_terms))
          surrogate%alpha = x%in%real('alpha')
          surrogate%beta = x%in%real('beta')
-         surrogate%fall = x%in%real('fall')
+         surrogate%decay_rate = x%in%real('fall')
          surrogate%provenance = x%in%text('provenance')
          if (size(surrogate%coefficients) == basis%n_terms) then
             call check_values(surrogate, error)
@@ -147,8 +148,8 @@ contains
       allocate (found(size(c, 3), 3))
       do i = 1, size(c, 3)
          call logarithmic_mean(c(:, :, i), poisson, anisotropy, found(i, 3))
-         found(i, 1) = basis%reach(c(:, :, i))
-         found(i, 2) = merge(1.0_wp, 0.0_wp, basis%covers(c(:, :, i)))
+         found(i, 1) = basis%domain%normalised_distance(c(:, :, i))
+         found(i, 2) = merge(1.0_wp, 0.0_wp, basis%domain%admits(c(:, :, i)))
       end do
       call x%out%put_array('values', found, shape(found))
    end subroutine give_validity
@@ -197,7 +198,7 @@ contains
          if (allocated(error)) return
          !$omp parallel do num_threads(thread_count(0)) schedule(static) private(poisson, anisotropy)
          do i = 1, size(c, 3)
-            found(i, 3) = merge(1.0_wp, 0.0_wp, surrogate%basis%covers(c(:, :, i)))
+            found(i, 3) = merge(1.0_wp, 0.0_wp, surrogate%basis%domain%admits(c(:, :, i)))
             if (.not. found(i, 3) > 0.0_wp) call logarithmic_mean(c(:, :, i), poisson, anisotropy, found(i, 4))
          end do
          !$omp end parallel do
@@ -211,6 +212,7 @@ contains
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type), pointer :: surrogate
+      type(design_settings_type) :: settings
       class(*), pointer :: made
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: values(:), others(:), evidence(:)
@@ -232,7 +234,8 @@ contains
          call learner_values(learner, x%in%text('name'), values)
          call x%out%put_array('values', values, shape(values))
       case ('set_candidates')
-         call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), error)
+         settings%variance_of = x%in%text('rule')
+         call set_learner_candidates(learner, constants, euler_deg, settings, error)
       case ('exclude')
          call exclude_candidates(learner, numbers + 1, error)
       case ('add')

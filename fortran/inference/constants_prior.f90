@@ -183,7 +183,7 @@ contains
             call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), c, frame)
             log_weights(n) = log_weights(n) + merge(-1.0_wp, 1.0_wp, prior%has_box)*prior%logarithms%log_volume(frame)
          end if
-         inside(n) = basis%covers(c)
+         inside(n) = basis%domain%admits(c)
       end do
       allocate (prior%basis, source=basis)
       if (size(basis%domain%lower) == 0) prior%known_scale = basis%domain%stiffness
@@ -237,7 +237,7 @@ contains
          end if
       end if
       admits = .true.
-      if (allocated(self%basis)) admits = self%basis%covers(c)
+      if (allocated(self%basis)) admits = self%basis%domain%admits(c)
    end function admits
 
    !> Logarithm of the normal factor at a crystal `c` (GPa) of the support; the uniform part is left out.

@@ -13,14 +13,14 @@ module build_checks
    use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
    use surrogate_lookup, only: check_new_name
-   use text, only: to_text
+   use text, only: join, to_text
    use truncation_scan, only: read_scan
    implicit none
    private
    public :: check_build, question_candidates, basis_of_problem
 
    !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the specimen.
-   real(wp), parameter :: reach_of_scale = 3.0_wp
+   real(wp), parameter :: scale_factor = 3.0_wp
 
 contains
 
@@ -86,7 +86,7 @@ contains
       if (allocated(error)) error%message = place(problem%path, 'surrogate', 'scan')//error%message
    end subroutine check_scan
 
-   !> Warn of candidates that the surrogate would not cover.
+   !> Warn of candidates for which the surrogate would not be valid.
    subroutine question_candidates(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -95,10 +95,7 @@ contains
 
       call domain_of(self, domain, error)
       if (allocated(error)) return
-      outside = 0
-      do i = 1, self%candidates%n
-         if (.not. domain%admits(self%candidates%stiffness(:, :, i))) outside = outside + 1
-      end do
+      outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, self%candidates%n)])
       if (outside > 0) call self%warn(place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
          & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
    end subroutine question_candidates
@@ -116,7 +113,7 @@ contains
       if (allocated(error)) error%message = place(self%path, 'surrogate', '')//error%message
    end subroutine basis_of_problem
 
-   !> The crystals that the surrogate of a problem is to cover: those of its class between bounds, or all.
+   !> The crystals for which the surrogate of a problem is to be valid: those of its class between bounds, or all.
    subroutine domain_of(self, domain, error)
       type(problem_type), intent(in) :: self
       type(domain_type), intent(out) :: domain
@@ -124,7 +121,6 @@ contains
       character(len=:), allocatable :: members
       real(wp), allocatable :: stiffness(:)
       real(wp) :: cap
-      integer :: i
 
       call range_of_scale(self, stiffness, error)
       if (allocated(error)) return
@@ -139,12 +135,7 @@ contains
             call raise(error, 'the paper''s model needs c_min and c_max', exit_bad_input)
          else
             members = general_class
-            if (allocated(stated%classes)) then
-               members = trim(stated%classes(1))
-               do i = 2, size(stated%classes)
-                  members = members//', '//trim(stated%classes(i))
-               end do
-            end if
+            if (allocated(stated%classes)) members = join(stated%classes, ', ')
             call new_wide_domain(general_class, members, stated%log_anisotropy_max, [stated%poisson_min, stated%poisson_max], &
                & domain, error, stiffness)
          end if
@@ -167,7 +158,7 @@ contains
          stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
          if (.not. any(stated) .and. self%settings%surrogate%model /= 'paper') then
             own = specimen_stiffness(self%settings)
-            if (own > 0.0_wp) stiffness = own*[1.0_wp/reach_of_scale, reach_of_scale]
+            if (own > 0.0_wp) stiffness = own*[1.0_wp/scale_factor, scale_factor]
             return
          end if
          if (.not. any(stated)) return

@@ -9,10 +9,9 @@ module build_document
    use kinds, only: degree, wp
    use learning, only: history_type, left_out, learning_type
    use physics_identity, only: identity_text
-   use problem, only: problem_type
+   use settings_groups, only: surrogate_settings_type
    use simulate, only: simulation_error, specimen_contact_radius
    use build_loop, only: build_type
-   use surrogate_domain, only: domain_type
    use surrogate_file, only: save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
    use surrogate_model, only: predict, surrogate_type
@@ -39,45 +38,44 @@ contains
       real(wp), allocatable :: stiffness(:, :, :), largest(:)
       integer :: i
 
-      associate (learning => build%learning, basis => build%learning%learner%basis, problem => build%problem)
-         associate (last => learning%history(size(learning%history)), known => learning%learner%simulations)
-            call surrogate_of(learning%learner, provenance(build), surrogate, error)
-            if (allocated(error)) return
-            surrogate%contact_radius = specimen_contact_radius(problem%settings)
-            file = output//'/'//problem%settings%surrogate%file
-            call save_surrogate(surrogate, file, error)
-            if (allocated(error)) return
-            allocate (stiffness(6, 6, size(known%modulus)), largest(size(known%modulus)))
-            do i = 1, size(known%modulus)
-               stiffness(:, :, i) = basis%domain%class%stiffness(known%constants(:, i))
-            end do
-            call simulation_error(problem%settings, stiffness, largest, words)
-            if (len(words) > 0) call warn(build%warnings, problem%path//': &simulation: '//words)
+      associate (learning => build%learning, problem => build%problem, known => build%learning%learner%simulations)
+         call surrogate_of(learning%learner, provenance(build), surrogate, error)
+         if (allocated(error)) return
+         surrogate%contact_radius = specimen_contact_radius(problem%settings)
+         file = output//'/'//problem%settings%surrogate%file
+         call save_surrogate(surrogate, file, error)
+         if (allocated(error)) return
+         allocate (stiffness(6, 6, learning%n()), largest(learning%n()))
+         do i = 1, learning%n()
+            stiffness(:, :, i) = surrogate%basis%domain%class%stiffness(known%constants(:, i))
+         end do
+         call simulation_error(problem%settings, stiffness, largest, words)
+         if (len(words) > 0) call warn(build%warnings, problem%path//': &simulation: '//words)
+         call page%begin_object()
+         call page%put('simulations', learning%n())
+         call page%put('new_simulations', build%n_new)
+         call page%put('failed', build%n_failed)
+         call page%put('terms', surrogate%basis%n_terms)
+         call put_state(page, learning%history(size(learning%history)))
+         call page%put('stopped', build%stopped)
+         call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
+         if (allocated(error)) return
+         call put_domain(page, build, surrogate, stiffness)
+         call page%begin_array('history')
+         do i = 1, size(learning%history)
             call page%begin_object()
-            call page%put('simulations', learning%n())
-            call page%put('new_simulations', build%n_new)
-            call page%put('failed', build%n_failed)
-            call page%put('terms', basis%n_terms)
-            call put_state(page, last)
-            call page%put('stopped', build%stopped)
-            call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
-            if (.not. allocated(error)) call put_domain(page, build, surrogate, stiffness)
-            call page%begin_array('history')
-            do i = 1, size(learning%history)
-               call page%begin_object()
-               call page%put('simulations', learning%history(i)%simulations)
-               call put_state(page, learning%history(i))
-               call page%end_object()
-            end do
-            call page%end_array()
-            if (.not. allocated(error)) call put_scan(page, build, error)
-            if (allocated(error)) return
-            if (allocated(build%unseen_modulus)) call put_validation(page, build, surrogate)
-            call page%put('file', file)
-            call page%put('warnings', build%warnings)
+            call page%put('simulations', learning%history(i)%simulations)
+            call put_state(page, learning%history(i))
             call page%end_object()
-            document = page%text()
-         end associate
+         end do
+         call page%end_array()
+         call put_scan(page, build, error)
+         if (allocated(error)) return
+         if (allocated(build%unseen_modulus)) call put_validation(page, build, surrogate)
+         call page%put('file', file)
+         call page%put('warnings', build%warnings)
+         call page%end_object()
+         document = page%text()
       end associate
    end subroutine conclude
 
@@ -87,15 +85,16 @@ contains
       character(len=:), allocatable :: text
       type(json_type) :: page
 
-      associate (last => build%learning%history(size(build%learning%history)), problem => build%problem)
+      associate (learning => build%learning, problem => build%problem)
          call page%begin_object()
-         call page%put('title', 'surrogate of the indentation modulus of '//build%learning%learner%basis%domain%members &
-            & //' crystals')
+         call page%put('title', 'surrogate of the indentation modulus of '//learning%learner%basis%domain%members//' crystals')
          call page%put('physics', identity_text(problem%settings))
-         call page%put('simulations', last%simulations)
+         call page%put('simulations', learning%n())
          call page%put('seed', problem%settings%problem%seed)
-         call page%put('loocv_gpa', last%loocv)
-         call page%put('leave_crystal_out_gpa', last%leave_crystal_out)
+         associate (last => learning%history(size(learning%history)))
+            call page%put('loocv_gpa', last%loocv)
+            call page%put('leave_crystal_out_gpa', last%leave_crystal_out)
+         end associate
          ! A surrogate travels between machines: the file by its name alone.
          call page%put('namelist', problem%resolved_text(problem%path(len(problem%folder) + 1:)))
          call page%end_object()
@@ -117,7 +116,7 @@ contains
       end if
       call page%put('alpha', state%alpha)
       call page%put('beta', state%beta)
-      call page%put('fall', state%fall)
+      call page%put('fall', state%decay_rate)
       call page%put('log_evidence', state%log_evidence)
       call page%put('norm', state%norm)
       call page%put('angle_deg', state%angle_deg)
@@ -146,7 +145,7 @@ contains
       call page%end_object()
    end subroutine put_baselines
 
-   !> How well the candidates, which stand for the domain, are known; and in words what of it no simulation has come near.
+   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
    subroutine put_domain(page, build, surrogate, stiffness)
       type(json_type), intent(inout) :: page
       type(build_type), intent(inout) :: build
@@ -154,120 +153,103 @@ contains
       !> Of the simulations, GPa (6, 6, n).
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp), parameter :: near = 0.9_wp
-      real(wp), allocatable :: relative(:)
-      real(wp) :: modulus, sd, poisson, anisotropy, scale, reached, range(2), scales(2), c(6, 6)
+      real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
+      real(wp) :: relative(size(build%candidates%euler_deg, 2)), modulus, sd
       character(len=:), allocatable :: words
       integer :: i, worst
 
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         allocate (relative(candidates%n()))
-         do i = 1, candidates%n()
+         do i = 1, size(relative)
             call predict(surrogate, domain%class%stiffness(candidates%constants(:, i)), degree*candidates%euler_deg(:, i), &
                & modulus, sd)
             relative(i) = sd/modulus
          end do
          worst = maxloc(relative, 1)
-         c = domain%class%stiffness(candidates%constants(:, worst))
-         call logarithmic_mean(c, poisson, anisotropy, scale)
-         words = ' and Poisson''s ratio of '//to_text(poisson, 3)
-         if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale, 1)//' GPa'
+         call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), anisotropy(1), scale(1))
+         words = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
+         if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
          call page%begin_object('domain')
          call page%put('mean_relative_sd', sum(relative)/size(relative))
          call page%put('largest_relative_sd', relative(worst))
-         call page%put('words', 'the sd of a modulus in the domain is '//percent(sum(relative)/size(relative))//' % on average, ' &
-            & //percent(relative(worst))//' % at most, at a log-anisotropy of '//to_text(anisotropy, 3)//words)
+         call page%put('words', 'the sd of a modulus in the domain is '//to_text(100.0_wp*sum(relative)/size(relative), 2) &
+            & //' % on average, '//to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
+            & //to_text(anisotropy(1), 3)//words)
          call page%end_object()
          if (domain%log_anisotropy_max >= huge(1.0_wp)) return
-         reached = 0.0_wp
-         range = [0.5_wp, -1.0_wp]
-         scales = [huge(1.0_wp), 0.0_wp]
          do i = 1, size(stiffness, 3)
-            call logarithmic_mean(stiffness(:, :, i), poisson, anisotropy, scale)
-            reached = max(reached, anisotropy)
-            range = [min(range(1), poisson), max(range(2), poisson)]
-            scales = [min(scales(1), scale), max(scales(2), scale)]
+            call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
-         if (reached < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a log-anisotropy of ' &
-            & //to_text(reached, 3)//' was simulated; the domain reaches '//to_text(domain%log_anisotropy_max, 3))
-         if (range(2) - range(1) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, 'only crystals with ' &
-            & //'Poisson''s ratios from '//to_text(range(1), 2)//' to '//to_text(range(2), 2)//' were simulated; the domain ' &
-            & //'reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+         if (maxval(anisotropy) < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a ' &
+            & //'log-anisotropy of '//to_text(maxval(anisotropy), 3)//' was simulated; the domain reaches ' &
+            & //to_text(domain%log_anisotropy_max, 3))
+         if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, &
+            & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to '//to_text(maxval(poisson), 2) &
+            & //' were simulated; the domain reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
          if (.not. domain%has_scale()) return
-         if (log(scales(2)/scales(1)) < near*log(domain%stiffness(2)/domain%stiffness(1))) call warn(build%warnings, 'only ' &
-            & //'crystals of a scale (geometric mean of the stiffness'' eigenvalues) from '//fixed(scales(1), 1)//' to ' &
-            & //fixed(scales(2), 1)//' GPa were simulated; the domain reaches from '//to_text(domain%stiffness(1))//' to ' &
+         if (log(maxval(scale)/minval(scale)) < near*log(domain%stiffness(2)/domain%stiffness(1))) call warn(build%warnings, &
+            & 'only crystals of a scale (geometric mean of the stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
+            & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from '//to_text(domain%stiffness(1))//' to ' &
             & //to_text(domain%stiffness(2))//' GPa')
       end associate
    end subroutine put_domain
-
-   function percent(share) result(words)
-      real(wp), intent(in) :: share
-      character(len=:), allocatable :: words
-
-      words = to_text(100.0_wp*share, 2)
-   end function percent
 
    !> Evidence and leave-one-out errors of other truncations as the number of simulations grows (Figs. 1 and 6).
    subroutine put_scan(page, build, error)
       type(json_type), intent(inout) :: page
       type(build_type), intent(in) :: build
       type(error_type), allocatable, intent(out) :: error
+      type(surrogate_settings_type) :: settings
       integer, allocatable :: pairs(:, :)
       integer :: i
 
-      call read_scan(build%problem%settings%surrogate%scan, pairs, error)
+      settings = build%problem%settings%surrogate
+      call read_scan(settings%scan, pairs, error)
       if (allocated(error) .or. size(pairs) == 0) return
       call page%begin_array('scan')
       do i = 1, size(pairs, 2)
-         call put_truncation(page, build%learning, build%problem, pairs(:, i), error)
+         settings%degree = pairs(1, i)
+         settings%bandlimit = pairs(2, i)
+         call put_truncation(page, build%learning, settings, error)
          if (allocated(error)) return
       end do
       call page%end_array()
    end subroutine put_scan
 
-   subroutine put_truncation(page, learning, problem, pair, error)
+   subroutine put_truncation(page, learning, settings, error)
       type(json_type), intent(inout) :: page
       type(learning_type), intent(in) :: learning
-      type(problem_type), intent(in) :: problem
-      !> Degree and bandlimit.
-      integer, intent(in) :: pair(2)
+      type(surrogate_settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
       !> Numbers of simulations at which the error is computed.
       integer, parameter :: n_counts = 6
       type(learner_type) :: learner
-      type(problem_type) :: other
       class(basis_type), allocatable :: basis
       real(wp) :: errors(n_counts)
-      integer :: counts(n_counts), i, j, before
+      integer :: counts(0:n_counts), i, j
 
-      other = problem
-      other%settings%surrogate%degree = pair(1)
-      other%settings%surrogate%bandlimit = pair(2)
-      call new_basis(learning%learner%basis%domain, other%settings%surrogate, basis, error)
+      call new_basis(learning%learner%basis%domain, settings, basis, error)
       if (.not. allocated(error)) call new_learner(basis, learner, error)
       if (allocated(error)) return
-      before = 0
+      counts = [0, (learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1), i=1, n_counts)]
       do i = 1, n_counts
-         counts(i) = learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1)
-         associate (known => learning%learner%simulations, last => counts(i))
-            call add_simulations(learner, known%constants(:, before + 1:last), known%euler_deg(:, before + 1:last), &
-               & known%modulus(before + 1:last), .true., error)
+         associate (known => learning%learner%simulations, first => counts(i - 1) + 1, last => counts(i))
+            call add_simulations(learner, known%constants(:, first:last), known%euler_deg(:, first:last), &
+               & known%modulus(first:last), .true., error)
             if (.not. allocated(error)) call fit_learner(learner, error)
             if (.not. allocated(error)) call left_out(learner, [(j, j=1, last)], errors(i), error)
             if (allocated(error)) return
-            before = last
          end associate
       end do
       call page%begin_object()
-      call page%put('degree', pair(1))
-      call page%put('bandlimit', pair(2))
+      call page%put('degree', settings%degree)
+      call page%put('bandlimit', settings%bandlimit)
       call page%put('terms', basis%n_terms)
       call page%put('alpha', learner%design%regression%alpha)
       call page%put('beta', learner%design%regression%beta)
       call page%put('log_evidence', learner%log_evidence)
       call page%put('loocv_gpa', errors(n_counts))
       call page%begin_object('curve')
-      call page%put('simulations', real(counts, wp))
+      call page%put('simulations', real(counts(1:), wp))
       call page%put('loocv_gpa', errors)
       call page%end_object()
       call page%end_object()
@@ -278,7 +260,7 @@ contains
       type(json_type), intent(inout) :: page
       type(build_type), intent(in) :: build
       type(surrogate_type), intent(in) :: surrogate
-      real(wp) :: mean(size(build%unseen_modulus)), sd(size(build%unseen_modulus)), miss(size(build%unseen_modulus))
+      real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
       integer :: i, n
 
       n = size(mean)

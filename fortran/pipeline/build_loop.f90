@@ -4,9 +4,9 @@
 !> campaign is not asked for again.
 module build_loop
    use abstract_basis, only: basis_type
-   use build_candidates, only: candidates_type, initial_set, new_candidates
    use build_checks, only: basis_of_problem
    use campaign, only: campaign_name, campaign_type, row_type
+   use design_candidates, only: candidates_type, initial_set, new_candidates
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
@@ -16,7 +16,7 @@ module build_loop
    use row_buffer, only: row_buffer_type
    use sequential_design, only: design_type, update_posterior_mean
    use simulate, only: outcome_done, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, forget_last, predict_moduli, &
+   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, &
       & set_learner_candidates
    use text, only: to_text
    use parallelism, only: thread_count
@@ -84,9 +84,9 @@ contains
       if (allocated(error)) return
       if (len(warning) > 0) call warn(build%warnings, warning)
       associate (design => problem%settings%design)
-         call new_learning(basis, design%initial, design%budget, design%batch, design%refit, build%learning, error)
+         call new_learning(basis, design, build%learning, error)
          if (.not. allocated(error)) call set_learner_candidates(build%learning%learner, build%candidates%constants, &
-            & build%candidates%euler_deg, design%variance_of, error)
+            & build%candidates%euler_deg, design, error)
          if (allocated(error)) return
          call initial_set(build%candidates, basis, design, build%initial)
       end associate
@@ -110,7 +110,7 @@ contains
       type(build_type), intent(inout) :: build
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: taken(:)
+      logical, allocatable :: taken(:)
       integer :: beyond
 
       associate (learner => build%learning%learner)
@@ -123,9 +123,8 @@ contains
          call learn_unused(build, .true., error)
          if (allocated(error)) return
          call build%unused%divide(taken)
-         call exclude_candidates(learner, taken, error)
-         if (allocated(error)) return
-         if (build%unused%may_be_chosen()) then
+         where (taken) learner%design%available = .false.
+         if (any(build%unused%open)) then
             call update_posterior_mean(learner%design, .true., error)
          else
             call take_unused(build, error)
@@ -141,9 +140,9 @@ contains
       integer :: complete, last
 
       associate (unused => build%unused, learning => build%learning)
-         do while (unused%n() > 0 .and. learning%n() < learning%budget)
+         do while (unused%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
-            if (len(why_to_stop_now(build)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
+            if (len(why_to_stop(build%learning)) > 0 .or. (whole .and. unused%n() < complete - learning%n())) exit
             last = unused%taken + min(unused%n(), complete - learning%n())
             call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, unused%taken + 1:last), &
                & unused%modulus(unused%taken + 1:last), .false., error)
@@ -158,11 +157,10 @@ contains
    subroutine take_unused(build, error)
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: open(:)
 
-      call build%unused%close(open)
-      call exclude_candidates(build%learning%learner, open, error)
-      if (allocated(error) .or. build%phase /= teaching) return
+      where (build%unused%open) build%learning%learner%design%available = .false.
+      build%unused%open = .false.
+      if (build%phase /= teaching) return
       call learn_unused(build, .false., error)
       if (.not. allocated(error)) call update_posterior_mean(build%learning%learner%design, .true., error)
    end subroutine take_unused
@@ -173,7 +171,7 @@ contains
       type(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
-      if (build%n_wanted() == 0 .or. .not. build%unused%others_than(build%batch)) then
+      if (build%n_wanted() == 0 .or. count(build%unused%open) == count(build%unused%open(build%batch))) then
          call build%unused%choose(build%batch)
          return
       end if
@@ -188,20 +186,9 @@ contains
 
       build%batch = [integer ::]
       build%wanted = [integer ::]
-      build%learning%learner%design = build%before
+      call revert(build%learning%learner, build%before)
       deallocate (build%before)
-      call forget_last(build%learning%learner)
    end subroutine take_back
-
-   !> Why to stop before the budget, or ''.
-   function why_to_stop_now(build) result(reason)
-      type(build_type), intent(in) :: build
-      character(len=:), allocatable :: reason
-
-      associate (design => build%problem%settings%design)
-         reason = why_to_stop(build%learning, design%target_gpa, design%patience)
-      end associate
-   end function why_to_stop_now
 
    !> Learn the batch that was performed and choose the next; nothing is wanted when all is done.
    subroutine advance(self, error)
@@ -220,7 +207,7 @@ contains
          if (self%phase == validating .and. .not. allocated(error)) call choose_unseen(self, error)
          if (allocated(error) .or. self%phase == finished) return
          if (size(self%batch) > 0) call find_in_campaign(self, error)
-         if (.not. allocated(error) .and. self%unused%may_be_chosen()) call settle(self, error)
+         if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
          if (allocated(error) .or. self%n_wanted() > 0) return
       end do
    end subroutine advance
@@ -232,15 +219,15 @@ contains
       integer :: n_left
 
       n_left = count(build%learning%learner%design%available)
-      build%stopped = why_to_stop_now(build)
-      if (len(build%stopped) == 0 .and. build%learning%n() >= build%learning%budget) build%stopped = 'the budget is used'
+      build%stopped = why_to_stop(build%learning)
+      if (len(build%stopped) == 0 .and. build%learning%n() >= build%learning%settings%budget) build%stopped = 'the budget is used'
       if (len(build%stopped) == 0 .and. n_left == 0) then
          build%stopped = 'no candidate is left'
          call warn(build%warnings, 'no candidate is left after '//to_text(build%learning%n())//' simulations; raise &design ' &
             & //'n_candidates to go on')
       end if
       if (len(build%stopped) == 0) then
-         if (build%unused%may_be_chosen()) build%before = build%learning%learner%design
+         if (any(build%unused%open)) build%before = build%learning%learner%design
          call choose(build, min(batch_end(build%learning) - build%learning%n(), n_left), error)
          return
       end if
@@ -265,7 +252,7 @@ contains
          return
       end if
       associate (unused => build%unused)
-         stored = merge(0, min(wanted, unused%n()), unused%may_be_chosen())
+         stored = merge(0, min(wanted, unused%n()), any(unused%open))
          build%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
          build%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
          build%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
@@ -324,7 +311,7 @@ contains
       integer, allocatable, intent(out) :: numbers(:)
       type(error_type), allocatable, intent(out) :: error
 
-      if (build%unused%may_be_chosen()) call take_unused(build, error)
+      if (any(build%unused%open)) call take_unused(build, error)
       if (allocated(error)) return
       if (n < 1 .or. n > count(build%learning%learner%design%available)) call raise(error, '--ask '//to_text(n) &
          & //': allowed are 1 .. '//to_text(count(build%learning%learner%design%available))//', the candidates that are left', &
@@ -363,7 +350,7 @@ contains
       call build%campaign%next_position(next, error)
       build%positions = next - 1 + [(i, i=1, size(build%wanted))]
       ! What is missing of a batch that was interrupted takes the places that it left.
-      if (build%unused%may_be_chosen() .and. any(found)) then
+      if (any(build%unused%open) .and. any(found)) then
          if (minval(first, found) == maxval(first, found)) build%positions = minval(first, found) - 1 + build%wanted
       end if
    end subroutine find_in_campaign
@@ -462,7 +449,7 @@ contains
             else
                call update_posterior_mean(learning%learner%design, .not. (all_done .and. build%by_variance), error)
             end if
-            if (.not. all_done .and. build%n_failed > max(10, learning%budget) .and. .not. allocated(error)) then
+            if (.not. all_done .and. build%n_failed > max(10, learning%settings%budget) .and. .not. allocated(error)) then
                call raise(error, build%failures())
             end if
          end if

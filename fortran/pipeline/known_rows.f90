@@ -1,9 +1,9 @@
 !> What a campaign has for a build: its rows by the constants of the domain's class, in order of choice, and which candidates they are.
 module known_rows
    use abstract_basis, only: basis_type
-   use build_candidates, only: candidates_type
    use campaign, only: row_type
    use crystal_class, only: crystal_class_type, new_crystal_class
+   use design_candidates, only: candidates_type
    use errors, only: error_type
    use kinds, only: wp
    use point_index, only: new_point_index, point_index_type
@@ -12,7 +12,7 @@ module known_rows
    private
    public :: known_rows_type, select_rows
 
-   !> Rows to learn from, of which the first `taken` are learnt.
+   !> Rows that are data, of which the first `taken` are in the regression.
    type :: known_rows_type
       integer :: taken = 0
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
@@ -24,14 +24,11 @@ module known_rows
       !> How many rows were stored before that of each candidate, done or failed; below 0: it has none.
       integer, allocatable, private :: earlier(:)
       !> Candidates that have a row which is not taken, and may be chosen once more.
-      logical, allocatable, private :: open(:)
+      logical, allocatable :: open(:)
    contains
       procedure :: n => count_left
       procedure :: divide
-      procedure :: may_be_chosen
-      procedure :: others_than
       procedure :: choose
-      procedure :: close => close_rows
    end type known_rows_type
 
 contains
@@ -58,15 +55,15 @@ contains
       beyond = 0
       n = 0
       allocate (known%constants(size(constants), size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
-      allocate (known%candidate(size(rows)), known%earlier(candidates%n()), known%open(candidates%n()))
+      allocate (known%candidate(size(rows)), known%earlier(size(candidates%euler_deg, 2)))
       known%earlier = -1
-      known%open = .false.
-      allocate (points(size(constants) + 3, candidates%n()))
+      allocate (known%open(size(known%earlier)), source=.false.)
+      class = basis%domain%class
+      allocate (points(size(constants) + 3, size(known%earlier)))
       points(:size(constants), :) = candidates%constants
       points(size(constants) + 1:, :) = candidates%euler_deg
       call new_point_index(points, index)
       do i = 1, size(rows)
-         if (.not. allocated(class%name)) call new_crystal_class(rows(i)%symmetry, class, error)
          if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
          if (allocated(error)) return
          c = class%stiffness(rows(i)%constants)
@@ -77,7 +74,7 @@ contains
          known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1
-         else if (basis%covers(c)) then
+         else if (basis%domain%admits(c)) then
             n = n + 1
             known%constants(:, n) = constants
             known%euler_deg(:, n) = rows(i)%euler_deg
@@ -110,33 +107,14 @@ contains
 
    !> Divide the candidates that are in the campaign: those stored before the last row that is `taken`, and those that may be chosen
    !> once more, if all rows that are left are candidates.
-   subroutine divide(self, taken)
+   pure subroutine divide(self, taken)
       class(known_rows_type), intent(inout) :: self
-      !> Numbers of candidates.
-      integer, allocatable, intent(out) :: taken(:)
-      integer :: j
+      !> Of each candidate.
+      logical, allocatable, intent(out) :: taken(:)
 
-      self%open = self%earlier >= self%taken
-      taken = pack([(j, j=1, size(self%open))], self%earlier >= 0 .and. .not. self%open)
-      if (all(self%candidate(self%taken + 1:) > 0)) return
-      taken = [taken, pack([(j, j=1, size(self%open))], self%open)]
-      self%open = .false.
+      self%open = self%earlier >= self%taken .and. all(self%candidate(self%taken + 1:) > 0)
+      taken = self%earlier >= 0 .and. .not. self%open
    end subroutine divide
-
-   !> Whether there are rows in the campaign that the design may still choose.
-   pure logical function may_be_chosen(self)
-      class(known_rows_type), intent(in) :: self
-
-      may_be_chosen = any(self%open)
-   end function may_be_chosen
-
-   !> Whether some that may be chosen are not among the candidates with these `numbers`.
-   pure logical function others_than(self, numbers)
-      class(known_rows_type), intent(in) :: self
-      integer, intent(in) :: numbers(:)
-
-      others_than = count(self%open) > count(self%open(numbers))
-   end function others_than
 
    !> The candidates with these `numbers` are chosen: their rows are not left over.
    subroutine choose(self, numbers)
@@ -145,18 +123,8 @@ contains
       integer :: i
 
       self%open(numbers) = .false.
-      associate (left => [(i <= self%taken .or. .not. any(self%candidate(i) == numbers), i=1, size(self%modulus))])
-         call keep(self, pack([(i, i=1, size(left))], left))
+      associate (rows => [(i, i=1, size(self%modulus))])
+         call keep(self, pack(rows, [(i <= self%taken .or. all(self%candidate(i) /= numbers), i=1, size(rows))]))
       end associate
    end subroutine choose
-
-   !> None may be chosen any more; those that might are `open`, numbers of candidates.
-   subroutine close_rows(self, open)
-      class(known_rows_type), intent(inout) :: self
-      integer, allocatable, intent(out) :: open(:)
-      integer :: j
-
-      open = pack([(j, j=1, size(self%open))], self%open)
-      self%open = .false.
-   end subroutine close_rows
 end module known_rows

@@ -134,8 +134,9 @@ contains
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
       call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', '', &
          & 'directions of each crystal of factorial candidates')
-      call v%choice('variance_of', s%design%variance_of, 'all_moduli', v%words('acquisition'), &
-         & 'what chooses the next simulation: the mean variance of all candidates that it leaves, or its own variance (the paper)')
+      call v%choice('variance_of', s%design%variance_of, 'imse', v%words('acquisition'), &
+         & 'what chooses the next simulation: the mean variance over all candidates that it leaves (imse; older name: ' &
+         & //'all_moduli), its own variance (the paper; older name: modulus) or that of log M (older name: log_modulus)')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', '', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', '', 'simulations chosen at a time')
       call v%integer('refit', s%design%refit, '1', '[1, 100000]', '', &

@@ -1,38 +1,62 @@
-!> Which candidate is worth simulating next: the one of largest importance² x variance of y, or the one that lowers the mean of that over
-!> all candidates most.
+!> Which candidates are worth simulating next, by the variance of M or of log M that the posterior leaves.
 !>
-!> The variance does not depend on moduli to come, and only falls as simulations are added: `sequential_design` relies on both. So a
-!> rule says how much the variance of y matters at a candidate. A new rule is its module and a line in `acquisitions`.
+!> A new rule is its module and its lines in `acquisitions`.
 module abstract_acquisition
    use abstract_basis, only: basis_type
+   use errors, only: error_type
    use kinds, only: wp
+   use sequential_design, only: design_type
    implicit none
    private
-   public :: acquisition_type
+   public :: acquisition_type, sensitivity
 
    type, abstract :: acquisition_type
-      !> The mean over all candidates counts, not the largest.
-      logical :: for_all = .false.
+      !> The variance of log M counts, not that of M.
+      logical :: relative = .false.
    contains
-      procedure(importance_interface), deferred :: importance
-      procedure(needs_prediction_interface), deferred :: needs_prediction
+      procedure(choose_interface), deferred :: choose
    end type acquisition_type
 
    abstract interface
-      !> The importance of a candidate, above 0.
-      pure elemental real(wp) function importance_interface(self, basis, y, scale)
-         import :: acquisition_type, basis_type, wp
+      !> Choose `size(chosen)` available candidates, each given all chosen before; the lowest number of equals. Their moduli are not
+      !> needed: afterwards the posterior's covariance is that of all data and all chosen.
+      subroutine choose_interface(self, design, basis, scale, threads, chosen, variance, error)
+         import :: acquisition_type, basis_type, design_type, error_type, wp
          class(acquisition_type), intent(in) :: self
+         type(design_type), intent(inout) :: design
          class(basis_type), intent(in) :: basis
-         !> Predicted y, 0 if it is not needed; GPa.
-         real(wp), intent(in) :: y, scale
-      end function importance_interface
-
-      !> Whether the predicted y matters.
-      pure logical function needs_prediction_interface(self, basis)
-         import :: acquisition_type, basis_type
-         class(acquisition_type), intent(in) :: self
-         class(basis_type), intent(in) :: basis
-      end function needs_prediction_interface
+         !> Of each candidate, GPa.
+         real(wp), intent(in) :: scale(:)
+         integer, intent(in) :: threads
+         !> Numbers of the candidates, from 1.
+         integer, intent(out) :: chosen(:)
+         !> Variance of y at each before it was chosen.
+         real(wp), intent(out) :: variance(:)
+         type(error_type), allocatable, intent(out) :: error
+      end subroutine choose_interface
    end interface
+
+contains
+
+   !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the variance of M, or of log M.
+   function sensitivity(design, basis, scale, relative) result(slope)
+      type(design_type), intent(in) :: design
+      class(basis_type), intent(in) :: basis
+      !> Of each candidate, GPa.
+      real(wp), intent(in) :: scale(:)
+      !> Of log M.
+      logical, intent(in) :: relative
+      real(wp), allocatable :: slope(:)
+
+      if (relative .neqv. basis%logarithmic) then
+         slope = matmul(design%regression%mean, design%candidates)
+         if (relative) then
+            slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
+         else
+            slope = basis%to_modulus(slope, scale)
+         end if
+      else
+         slope = merge(1.0_wp, scale, relative)
+      end if
+   end function sensitivity
 end module abstract_acquisition

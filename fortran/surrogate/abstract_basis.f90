@@ -5,34 +5,36 @@
 module abstract_basis
    use crystal_class, only: crystal_class_type
    use errors, only: error_type
-   use kinds, only: wp
+   use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
+   use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type
    implicit none
    private
    public :: basis_type, grain_model_type
 
    type, abstract :: basis_type
-      !> The crystals that it was made for.
+      !> The crystals that it was made for, and what &surrogate says of it: from these follows all else.
       type(domain_type) :: domain
+      type(surrogate_settings_type) :: settings
       integer :: n_terms = 0
       !> M = scale exp(y), not scale y.
       logical :: logarithmic = .false.
-      !> Least sd of the noise that a regression may believe, in units of y.
+      !> Least sd of the noise in a regression, in units of y.
       real(wp) :: least_noise = 0.0_wp
-      !> sds of a coefficient and of the noise before they are learnt, in units of y.
+      !> sds of a coefficient and of the noise before the first regression, in units of y.
       real(wp) :: first_sds(2) = 1.0_wp
-      !> What the prior of the coefficients knows of each term, (n_terms): 0 free, d that it falls with the degree d. Not allocated: all
-      !> are alike (Eq. 6).
+      !> How the prior sd of a coefficient depends on its term, (n_terms): 0 almost free, d that it decays with the degree d. Not
+      !> allocated: all are alike (Eq. 6).
       integer, allocatable :: prior_degrees(:)
    contains
-      procedure(evaluate_terms_interface), deferred :: evaluate_terms
-      procedure(reach_interface), deferred :: reach
-      procedure(term_degrees_interface), deferred :: term_degrees
+      procedure(set_up_interface), deferred :: set_up
       procedure(exchange_interface), deferred :: exchange
+      procedure(evaluate_many_interface), deferred :: evaluate_many
       procedure(new_grain_model_interface), deferred :: new_grain_model
-      procedure :: evaluate_many
-      procedure :: covers
+      procedure :: term_degrees
+      procedure :: evaluate_terms
+      procedure :: evaluate_crystals
       procedure :: to_y
       procedure :: to_modulus
    end type basis_type
@@ -53,45 +55,36 @@ module abstract_basis
       real(wp) :: field_cost = 0.0_wp, full_cost = 0.0_wp
    contains
       procedure(set_grains_interface), deferred :: set_grains
-      procedure(evaluate_moduli_interface), deferred :: evaluate_moduli
+      procedure(evaluate_independent_interface), deferred :: evaluate_independent
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
-      procedure :: evaluate_independent
+      procedure :: evaluate_moduli
       procedure :: expand
    end type grain_model_type
 
    abstract interface
-      !> The terms of one crystal in one orientation.
-      subroutine evaluate_terms_interface(self, c, euler, terms, scale)
-         import :: basis_type, wp
-         class(basis_type), intent(in) :: self
-         !> Stiffness in crystal axes of a stable crystal, GPa; Bunge-Euler angles, radians.
-         real(wp), intent(in) :: c(6, 6), euler(3)
-         !> (n_terms), and GPa.
-         real(wp), intent(out) :: terms(:), scale
-      end subroutine evaluate_terms_interface
+      !> Compute what follows from `domain` and `settings`.
+      subroutine set_up_interface(self, error)
+         import :: basis_type, error_type
+         class(basis_type), intent(inout) :: self
+         type(error_type), allocatable, intent(out) :: error
+      end subroutine set_up_interface
 
-      !> How far out a stable crystal is: the largest of its coordinates, each relative to its range, 1 on the boundary.
-      pure real(wp) function reach_interface(self, c)
-         import :: basis_type, wp
-         class(basis_type), intent(in) :: self
-         !> GPa.
-         real(wp), intent(in) :: c(6, 6)
-      end function reach_interface
-
-      !> Degrees of each term, in the direction and in the coordinates of the crystal.
-      pure subroutine term_degrees_interface(self, directional, polynomial)
-         import :: basis_type
-         class(basis_type), intent(in) :: self
-         !> (n_terms).
-         integer, intent(out) :: directional(:), polynomial(:)
-      end subroutine term_degrees_interface
-
-      !> Write the parameters of the basis, or make it from what was written; its domain is there.
+      !> Write or read those settings that the family has.
       subroutine exchange_interface(self, file)
          import :: basis_type, labelled_values_type
          class(basis_type), intent(inout) :: self
          class(labelled_values_type), intent(inout) :: file
       end subroutine exchange_interface
+
+      !> The terms of many crystals, of which each may have other last bits than alone.
+      subroutine evaluate_many_interface(self, c, euler, terms, scale)
+         import :: basis_type, wp
+         class(basis_type), intent(in) :: self
+         !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
+         real(wp), intent(in) :: c(:, :, :), euler(:, :)
+         !> (n_terms, n), and GPa.
+         real(wp), intent(out) :: terms(:, :), scale(:)
+      end subroutine evaluate_many_interface
 
       !> The model of grains, none yet, of a surrogate with this posterior.
       subroutine new_grain_model_interface(self, class, coefficients, covariance, model, error)
@@ -114,15 +107,15 @@ module abstract_basis
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_grains_interface
 
-      !> Modulus of each grain and its derivative with respect to y.
-      pure subroutine evaluate_moduli_interface(self, c, modulus, slope)
+      !> The moduli that are computed.
+      pure subroutine evaluate_independent_interface(self, c, modulus)
          import :: grain_model_type, wp
          class(grain_model_type), intent(in) :: self
          !> Stiffness in crystal axes of a stable crystal, GPa.
          real(wp), intent(in) :: c(6, 6)
-         !> GPa, (n).
-         real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      end subroutine evaluate_moduli_interface
+         !> GPa, (n_independent).
+         real(wp), intent(out), contiguous :: modulus(:)
+      end subroutine evaluate_independent_interface
 
       !> U with U Uᵀ the covariance of y between the grains, 1/beta not included. Rows of grains that were set at different times
       !> belong together: the same coefficients predict them all.
@@ -138,33 +131,61 @@ module abstract_basis
 
 contains
 
-   !> The terms of many crystals, of which each may have other last bits than alone.
-   subroutine evaluate_many(self, c, euler, terms, scale)
+   !> The terms of one crystal in one orientation.
+   subroutine evaluate_terms(self, c, euler, terms, scale)
       class(basis_type), intent(in) :: self
-      !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
-      real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      !> (n_terms, n), and GPa.
-      real(wp), intent(out) :: terms(:, :), scale(:)
+      !> Stiffness in crystal axes of a stable crystal, GPa; Bunge-Euler angles, radians.
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      !> (n_terms), and GPa.
+      real(wp), intent(out) :: terms(:), scale
+      real(wp) :: column(self%n_terms, 1), one(1)
+
+      call self%evaluate_many(reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), column, one)
+      terms = column(:, 1)
+      scale = one(1)
+   end subroutine evaluate_terms
+
+   !> The terms of crystals of the domain's class, one after another: those of each do not depend on the others.
+   subroutine evaluate_crystals(self, constants, euler_deg, terms, scale)
+      class(basis_type), intent(in) :: self
+      !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      !> (n_terms, n), and GPa, (n).
+      real(wp), allocatable, intent(out) :: terms(:, :), scale(:)
       integer :: i
 
+      allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)))
       do i = 1, size(scale)
-         call self%evaluate_terms(c(:, :, i), euler(:, i), terms(:, i), scale(i))
+         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i))
       end do
-   end subroutine evaluate_many
+   end subroutine evaluate_crystals
 
-   !> The moduli that are computed: those of the grains.
-   pure subroutine evaluate_independent(self, c, modulus)
+   !> Degrees of each term, in the direction and in the coordinates of the crystal.
+   pure subroutine term_degrees(self, directional, polynomial)
+      class(basis_type), intent(in) :: self
+      !> (n_terms).
+      integer, intent(out) :: directional(:), polynomial(:)
+
+      directional = 0
+      if (allocated(self%prior_degrees)) polynomial = self%prior_degrees
+   end subroutine term_degrees
+
+   !> Modulus of each grain and its derivative with respect to y.
+   pure subroutine evaluate_moduli(self, c, modulus, slope)
       class(grain_model_type), intent(in) :: self
       !> Stiffness in crystal axes of a stable crystal, GPa.
       real(wp), intent(in) :: c(6, 6)
-      !> GPa, (n_independent).
-      real(wp), intent(out), contiguous :: modulus(:)
-      real(wp) :: slope(size(modulus))
+      !> GPa, (n).
+      real(wp), intent(out), contiguous :: modulus(:), slope(:)
+      real(wp) :: independent(self%n_independent)
 
-      call self%evaluate_moduli(c, modulus, slope)
-   end subroutine evaluate_independent
+      call self%evaluate_independent(c, independent)
+      call self%expand(independent, modulus)
+      ! With theory in it y is a logarithm.
+      slope = merge(modulus, 1.0_wp, self%has_theory)
+   end subroutine evaluate_moduli
 
-   !> The moduli of the grains from those that are computed.
+   !> The moduli of the grains from those that are computed: the same.
    pure subroutine expand(self, independent, modulus)
       class(grain_model_type), intent(in) :: self
       !> GPa, (n_independent).
@@ -172,21 +193,8 @@ contains
       !> GPa, (n).
       real(wp), intent(out), contiguous :: modulus(:)
 
-      modulus = independent + 0.0_wp*self%n_columns
+      modulus = independent(:self%n_independent)
    end subroutine expand
-
-   !> Whether a surrogate with this basis knows a crystal: of its class, stable, within the limits, no coordinate out of its range.
-   pure logical function covers(self, c)
-      class(basis_type), intent(in) :: self
-      !> Stiffness in crystal axes, GPa.
-      real(wp), intent(in) :: c(6, 6)
-      real(wp), parameter :: rounding = 1.0e-9_wp
-
-      covers = .false.
-      if (.not. self%domain%is_of_class(c)) return
-      if (.not. self%domain%is_within_limits(c)) return
-      covers = self%reach(c) <= 1.0_wp + rounding
-   end function covers
 
    !> y of a modulus.
    pure elemental real(wp) function to_y(self, modulus, scale)

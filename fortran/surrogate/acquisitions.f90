@@ -2,30 +2,30 @@
 module acquisitions
    use abstract_acquisition, only: acquisition_type
    use errors, only: error_type, exit_bad_input, raise
-   use variance_acquisition, only: variance_acquisition_type
+   use imse_acquisition, only: imse_acquisition_type, imse_names
+   use settings_groups, only: design_settings_type
+   use text, only: split_list
+   use variance_acquisition, only: new_variance_acquisition, variance_names
    implicit none
    private
    public :: acquisition_names, new_acquisition
 
-   character(len=*), parameter :: acquisition_names = 'all_moduli, modulus, log_modulus'
+   character(len=*), parameter :: acquisition_names = imse_names//', '//variance_names
 
 contains
 
-   !> The rule of this name.
-   subroutine new_acquisition(name, rule, error)
-      character(len=*), intent(in) :: name
+   !> The rule that &design asks for.
+   subroutine new_acquisition(settings, rule, error)
+      type(design_settings_type), intent(in) :: settings
       class(acquisition_type), allocatable, intent(out) :: rule
       type(error_type), allocatable, intent(out) :: error
 
-      select case (name)
-      case ('all_moduli')
-         rule = variance_acquisition_type(for_all=.true., relative=.false.)
-      case ('modulus')
-         rule = variance_acquisition_type(relative=.false.)
-      case ('log_modulus')
-         rule = variance_acquisition_type(relative=.true.)
-      case default
-         call raise(error, 'variance_of: '''//name//''' is unknown; allowed: '//acquisition_names, exit_bad_input)
-      end select
+      if (any(split_list(imse_names) == settings%variance_of)) then
+         allocate (imse_acquisition_type :: rule)
+      else if (any(split_list(variance_names) == settings%variance_of)) then
+         allocate (rule, source=new_variance_acquisition(settings))
+      else
+         call raise(error, 'variance_of: '''//settings%variance_of//''' is unknown; allowed: '//acquisition_names, exit_bad_input)
+      end if
    end subroutine new_acquisition
 end module acquisitions

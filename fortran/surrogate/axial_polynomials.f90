@@ -8,13 +8,15 @@
 module axial_polynomials
    use axial_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
    use kinds, only: wp
+   use sorting, only: sort_order
    implicit none
    private
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
 
    integer, parameter :: greatest_degree = 4
-   !> Factors: numbers of order 0, waves, conjugate waves, the scale.
-   integer, parameter :: n_factors = n_axial + 2*n_waves + 1, scale_factor = n_factors
+   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts their conjugates, the scale.
+   integer, parameter :: n_factors = n_coordinates
+   integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
 
    type :: axial_polynomials_type
       integer :: n = 0
@@ -24,8 +26,8 @@ module axial_polynomials
       integer, allocatable :: degrees(:)
       !> The factors of each, 0 for the number 1, (greatest_degree, n).
       integer, allocatable, private :: factors(:, :)
-      !> The last coordinate is counted from here.
-      real(wp), private :: centre = 0.0_wp
+      !> Coordinates are counted from here.
+      real(wp), private :: centre(n_coordinates) = 0.0_wp
       !> Before the product, (n).
       real(wp), allocatable, private :: weights(:)
    end type axial_polynomials_type
@@ -39,7 +41,6 @@ contains
       !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
       real(wp), intent(in), optional :: centre
       type(axial_polynomials_type) :: self
-      integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
       integer :: chosen(greatest_degree), d, k, last
 
       self%n_coordinates = n_coordinates - 1
@@ -47,7 +48,7 @@ contains
       if (present(centre)) then
          self%n_coordinates = n_coordinates
          last = n_factors
-         self%centre = centre
+         self%centre(n_coordinates) = centre
       end if
       allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
       self%degrees = 0
@@ -75,45 +76,36 @@ contains
       !> A product and its conjugate have the same real part: the first of the two counts.
       pure subroutine append_if_first(product, d)
          integer, intent(in) :: product(greatest_degree), d
-         integer :: conjugate(d), i, j, swap
+         integer :: conjugate(d), order(d), i, k
          real(wp) :: square
 
-         do i = 1, d
-            conjugate(i) = product(i)
-            if (.not. is_wave(product(i))) cycle
-            conjugate(i) = product(i) + merge(n_waves, -n_waves, product(i) <= n_axial + n_waves)
-         end do
-         do i = 1, d - 1
-            do j = 1, d - i
-               if (conjugate(j) <= conjugate(j + 1)) cycle
-               swap = conjugate(j)
-               conjugate(j) = conjugate(j + 1)
-               conjugate(j + 1) = swap
-            end do
-         end do
-         do i = 1, d
+         conjugate = product(:d)
+         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, conjugate <= n_axial + n_waves)
+         call sort_order(real(conjugate, wp), order)
+         conjugate = conjugate(order)
+         i = findloc(conjugate /= product(:d), .true., 1)
+         if (i > 0) then
             if (conjugate(i) < product(i)) return
-            if (conjugate(i) > product(i)) exit
-         end do
+         end if
          ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not its own conjugate.
          square = 1.0_wp
-         do i = 1, d
-            square = square*i/count(product(:i) == product(i))
-            if (is_wave(product(i))) square = 0.5_wp*square
+         do k = 1, d
+            square = square*k/count(product(:k) == product(k))
+            if (is_wave(product(k))) square = 0.5_wp*square
          end do
-         if (any(conjugate /= product(:d))) square = 2.0_wp*square
+         if (i > 0) square = 2.0_wp*square
          self%weights = [self%weights, sqrt(square)]
          self%degrees = [self%degrees, d]
          self%factors = reshape([self%factors, product], [greatest_degree, size(self%degrees)])
       end subroutine append_if_first
-
-      !> Whether a factor is a wave or a conjugate wave.
-      pure logical function is_wave(factor)
-         integer, intent(in) :: factor
-
-         is_wave = factor > n_axial .and. factor /= scale_factor
-      end function is_wave
    end function new_axial_polynomials
+
+   !> Whether a factor is a wave or a conjugate wave.
+   pure elemental logical function is_wave(factor)
+      integer, intent(in) :: factor
+
+      is_wave = orders(factor) /= 0
+   end function is_wave
 
    !> All at points, which are worked on side by side.
    pure subroutine evaluate_polynomials(self, x, values)
@@ -123,28 +115,26 @@ contains
       !> (point, n).
       real(wp), intent(out), contiguous :: values(:, :)
       real(wp) :: re(size(x, 1)), im(size(x, 1)), old, turn
-      integer :: i, j, k, p, factor, wave
+      integer :: i, k, p, place
 
       do k = 1, self%n
          re = self%weights(k)
          im = 0.0_wp
          do i = 1, self%degrees(k)
-            factor = self%factors(i, k)
-            if (factor == scale_factor) then
-               re = re*(x(:, n_coordinates) - self%centre)
-               im = im*(x(:, n_coordinates) - self%centre)
-            else if (factor <= n_axial) then
-               re = re*x(:, factor)
-               im = im*x(:, factor)
+            place = self%factors(i, k)
+            if (.not. is_wave(place)) then
+               re = re*(x(:, place) - self%centre(place))
+               im = im*(x(:, place) - self%centre(place))
             else
-               wave = factor
-               if (factor > n_axial + n_waves) wave = factor - n_waves
-               turn = merge(1.0_wp, -1.0_wp, wave == factor)
-               j = wave + n_waves
+               turn = 1.0_wp
+               if (place > n_axial + n_waves) then
+                  turn = -1.0_wp
+                  place = place - n_waves
+               end if
                do p = 1, size(re)
                   old = re(p)
-                  re(p) = old*x(p, wave) - im(p)*(turn*x(p, j))
-                  im(p) = im(p)*x(p, wave) + old*(turn*x(p, j))
+                  re(p) = old*x(p, place) - im(p)*(turn*x(p, place + n_waves))
+                  im(p) = im(p)*x(p, place) + old*(turn*x(p, place + n_waves))
                end do
             end if
          end do

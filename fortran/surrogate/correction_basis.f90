@@ -1,43 +1,39 @@
-!> What a specimen adds to the exact theory of the half-space, for crystals of every class: M = M_theory exp(y).
+!> The specimen correction of the exact theory of the half-space, for crystals of every class: M = M_theory exp(y).
 !>
 !> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
 !> does not change when the crystal is turned about the axis (see `axial_polynomials`), nor with its scale unless the domain states a
 !> range of that; its coefficients are the less likely to be large the higher their degree. Terms of the highest degree that the
 !> simulations have not decided are the misfit of the others: a function of the crystal, which grains of like orientation share.
 module correction_basis
-   use abstract_basis, only: basis_type, grain_model_type
+   use abstract_basis, only: grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: logarithmic_mean, rotation_matrix
+   use crystal_elasticity, only: rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use kinds, only: degree_unit => degree, wp
+   use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
    use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
-   use surrogate_domain, only: domain_type, spread_crystals
+   use surrogate_domain, only: spread_crystals
    use text, only: to_text
-   use theory_basis, only: theory_grain_model_type
+   use theory_basis, only: theory_basis_type, theory_grain_model_type
    implicit none
    private
-   public :: correction_basis_type, new_correction_basis
+   public :: correction_basis_type
 
-   !> Relative: least sd of the noise that is believed, and sds of a coefficient of degree 1 and of the noise before they are learnt.
+   !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
    real(wp), parameter :: least_noise = 7.0e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
 
    !> Grains that are worked on side by side.
    integer, parameter :: at_once = 64
 
-   type, extends(basis_type) :: correction_basis_type
-      integer :: degree = 0
+   type, extends(theory_basis_type) :: correction_basis_type
       type(axial_polynomials_type) :: polynomials
    contains
-      procedure :: evaluate_terms
-      procedure :: evaluate_many
-      procedure :: reach
-      procedure :: term_degrees
+      procedure :: set_up
       procedure :: exchange
+      procedure :: evaluate_many
       procedure :: new_grain_model
    end type correction_basis_type
 
@@ -58,63 +54,46 @@ module correction_basis
 
 contains
 
-   !> The correction of a degree over a domain.
-   subroutine new_correction_basis(domain, degree, basis, error)
-      type(domain_type), intent(in) :: domain
-      !> 1 to `greatest_degree`.
-      integer, intent(in) :: degree
-      type(correction_basis_type), intent(out) :: basis
+   subroutine set_up(self, error)
+      class(correction_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      if (degree < 1 .or. degree > greatest_degree) then
-         call raise(error, 'degree = '//to_text(degree)//' is outside 1 .. '//to_text(greatest_degree), exit_bad_input)
-         return
-      end if
-      basis%domain = domain
-      basis%degree = degree
-      if (domain%has_scale()) then
-         ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the eigenvalues.
-         basis%polynomials = new_axial_polynomials(degree, sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
-      else
-         basis%polynomials = new_axial_polynomials(degree)
-      end if
-      basis%n_terms = basis%polynomials%n
-      basis%prior_degrees = basis%polynomials%degrees
-      basis%logarithmic = .true.
-      basis%least_noise = least_noise
-      basis%first_sds = first_sds
-   end subroutine new_correction_basis
+      associate (domain => self%domain, degree => self%settings%degree)
+         if (degree < 1 .or. degree > greatest_degree) then
+            call raise(error, 'degree = '//to_text(degree)//' is outside 1 .. '//to_text(greatest_degree), exit_bad_input)
+            return
+         end if
+         if (domain%has_scale()) then
+            ! The trace of log K over sqrt 6 is sqrt 6 times the logarithm of the geometric mean of the eigenvalues.
+            self%polynomials = new_axial_polynomials(degree, sqrt(6.0_wp)*0.5_wp*sum(log(domain%stiffness)))
+         else
+            self%polynomials = new_axial_polynomials(degree)
+         end if
+      end associate
+      self%n_terms = self%polynomials%n
+      self%prior_degrees = self%polynomials%degrees
+      self%logarithmic = .true.
+      self%least_noise = least_noise
+      self%first_sds = first_sds
+   end subroutine set_up
 
-   subroutine evaluate_terms(self, c, euler, terms, scale)
-      class(correction_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      !> (n_terms), and GPa.
-      real(wp), intent(out) :: terms(:), scale
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-      real(wp) :: x(1, n_coordinates), values(1, self%polynomials%n)
+   subroutine exchange(self, file)
+      class(correction_basis_type), intent(inout) :: self
+      class(labelled_values_type), intent(inout) :: file
 
-      call halfspace_modulus(c, euler, theory, error)
-      scale = theory%modulus
-      x(1, :) = turned_coordinates(logarithm_of(c), euler)
-      call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
-      terms = values(1, :)
-   end subroutine evaluate_terms
+      call file%integer('degree', self%settings%degree)
+   end subroutine exchange
 
    !> The polynomials of many are worked on side by side.
    subroutine evaluate_many(self, c, euler, terms, scale)
       class(correction_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      !> (n_terms, n), and GPa.
       real(wp), intent(out) :: terms(:, :), scale(:)
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-      real(wp) :: x(size(scale), n_coordinates), values(size(scale), self%polynomials%n)
+      real(wp) :: x(size(scale), n_coordinates), values(size(scale), self%n_terms)
       integer :: i
 
+      call self%theory_basis_type%evaluate_many(c, euler, terms, scale)
       do i = 1, size(scale)
-         call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
-         scale(i) = theory%modulus
          x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
       end do
       call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
@@ -132,65 +111,6 @@ contains
       turn = kelvin_rotation(transpose(rotation_matrix(euler)))
       x = axial_coordinates_of(matmul(turn, matmul(matrix, transpose(turn))))
    end function turned_coordinates
-
-   !> The map from coordinates of log K in crystal axes to those about the indenter's axis.
-   pure function axial_map(logarithms, euler) result(map)
-      type(log_coordinates_type), intent(in) :: logarithms
-      !> Bunge-Euler angles, radians.
-      real(wp), intent(in) :: euler(3)
-      real(wp) :: map(n_coordinates, logarithms%n)
-      integer :: k
-
-      do k = 1, logarithms%n
-         map(:, k) = turned_coordinates(logarithms%basis(:, :, k), euler)
-      end do
-   end function axial_map
-
-   pure real(wp) function reach(self, c)
-      class(correction_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      real(wp) :: poisson, anisotropy, stiffness
-
-      call logarithmic_mean(c, poisson, anisotropy, stiffness)
-      associate (domain => self%domain)
-         if (size(domain%lower) > 0) then
-            reach = maxval(abs(2.0_wp*domain%class%constants_of(c) - domain%lower - domain%upper)/(domain%upper - domain%lower))
-         else
-            reach = max(anisotropy/domain%log_anisotropy_max, &
-               & abs(2.0_wp*poisson - sum(domain%poisson))/(domain%poisson(2) - domain%poisson(1)))
-            if (domain%has_scale()) reach = max(reach, abs(2.0_wp*log(stiffness) - sum(log(domain%stiffness))) &
-               & /(log(domain%stiffness(2)) - log(domain%stiffness(1))))
-         end if
-      end associate
-   end function reach
-
-   pure subroutine term_degrees(self, directional, polynomial)
-      class(correction_basis_type), intent(in) :: self
-      !> (n_terms); the direction has none of its own.
-      integer, intent(out) :: directional(:), polynomial(:)
-
-      directional = 0
-      polynomial = self%polynomials%degrees
-   end subroutine term_degrees
-
-   subroutine exchange(self, file)
-      class(correction_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
-      type(error_type), allocatable :: error
-      type(correction_basis_type) :: new
-
-      call file%integer('degree', self%degree)
-      if (allocated(file%error) .or. .not. file%reading) return
-      call new_correction_basis(self%domain, self%degree, new, error)
-      if (allocated(error)) then
-         call file%fail(error%message)
-      else
-         select type (self)
-         type is (correction_basis_type)
-            self = new
-         end select
-      end if
-   end subroutine exchange
 
    subroutine new_grain_model(self, class, coefficients, covariance, model, error)
       class(correction_basis_type), intent(in) :: self
@@ -224,17 +144,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: n_crystals = 500, seed = 1
       real(wp), parameter :: share = 2.0e-3_wp
-      real(wp), allocatable :: constants(:, :), euler_deg(:, :), terms(:, :), root(:, :), projected(:, :), gram(:, :), values(:)
-      real(wp) :: scale
+      real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, gram
+      real(wp), allocatable :: scale(:), values(:)
       integer :: i, j, n
 
       call spread_crystals(self%domain, n_crystals, seed, constants, euler_deg, error)
       if (allocated(error)) return
       n = self%n_terms
-      allocate (terms(n, n_crystals), projected(n, n_crystals), gram(n, n), values(n))
-      do i = 1, n_crystals
-         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree_unit*euler_deg(:, i), terms(:, i), scale)
-      end do
+      allocate (projected(n, n_crystals), gram(n, n), values(n))
+      call self%evaluate_crystals(constants, euler_deg, terms, scale)
       root = covariance
       call cholesky_factor(root, error)
       if (allocated(error)) return
@@ -259,16 +177,18 @@ contains
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: map(n_coordinates, self%logarithms%n)
-      integer :: i
+      real(wp) :: x(n_coordinates)
+      integer :: i, k
 
       call self%theory_grain_model_type%set_grains(euler, error)
       if (allocated(error)) return
       if (allocated(self%maps)) deallocate (self%maps)
       allocate (self%maps(self%n_independent, self%polynomials%n_coordinates, self%logarithms%n))
       do i = 1, self%n_independent
-         map = axial_map(self%logarithms, self%euler(:, i))
-         self%maps(i, :, :) = map(:self%polynomials%n_coordinates, :)
+         do k = 1, self%logarithms%n
+            x = turned_coordinates(self%logarithms%basis(:, :, k), self%euler(:, i))
+            self%maps(i, :, k) = x(:self%polynomials%n_coordinates)
+         end do
       end do
    end subroutine set_grains
 
@@ -314,13 +234,6 @@ contains
       integer :: first, last, j
 
       w = self%logarithms%to_logarithms(c)
-      if (.not. self%expansion%pays) then
-         do first = 1, size(columns, 1), at_once
-            last = min(first + at_once - 1, size(columns, 1))
-            columns(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
-         end do
-         return
-      end if
       allocate (independent(self%n_independent, self%n_columns))
       do first = 1, self%n_independent, at_once
          last = min(first + at_once - 1, self%n_independent)

@@ -1,8 +1,8 @@
 !> Bayesian linear regression with maximised evidence (paper's Eq. 3-11).
 !>
 !> y = Φ A + noise of variance 1/beta; A ~ N(0, W²/alpha), W diagonal. With W = 1 the prior is the paper's Eq. 6. Where the terms have
-!> degrees, the widths W fall with them: 1 at degree 1, `fall` at degree 2, fall² at degree 3; a term of degree 0 is almost free. Fall, too,
-!> has the largest evidence. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
+!> degrees, the widths W decay with them: 1 at degree 1, f at degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f
+!> has the largest evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
 module evidence_regression
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
@@ -11,26 +11,24 @@ module evidence_regression
    use text, only: to_text
    implicit none
    private
-   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior, update_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, whiten, symmetric_product
+   public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, symmetric_product
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type
       integer :: n_terms = 0, n_data = 0
       !> Degree of each term, (n_terms); all are 1 where these do not matter.
       integer, allocatable :: degrees(:)
-      !> W, and what it falls by from degree to degree.
+      !> W, and its decay rate: the ratio from degree to degree.
       real(wp), allocatable :: prior_width(:)
-      real(wp) :: fall = 0.4_wp
+      real(wp) :: decay_rate = 0.4_wp
       !> Whitened terms (n_terms, capacity), and y.
       real(wp), allocatable :: terms(:, :), targets(:)
-      !> Smallest standard deviation of the noise that is believed, in units of y.
+      !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
       !> Posterior of z: mean, covariance, and the right-hand side Σ terms y of the normal equations.
       real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
-      !> Rank-one updates since the covariance was last computed from the data.
-      integer :: n_updates = 0
    end type regression_type
 
    !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta elsewhere.
@@ -43,74 +41,55 @@ module evidence_regression
       real(wp), allocatable :: gram(:, :)
    end type spectrum_type
 
-   !> Rank-one updates after which the covariance is recomputed, so that rounding does not build up.
-   integer, parameter, public :: refresh_interval = 500
-
 contains
 
    !> A regression without data.
    subroutine new_regression(degrees, first_sds, least_noise, regression, error)
-      !> Of each term, (n_terms).
+      !> Of each term, (n_terms), not negative.
       integer, intent(in) :: degrees(:)
-      !> sds of a coefficient of degree 1 and of the noise until they are learnt, and the least sd of the noise, in units of y.
+      !> sds of a coefficient of degree 1 and of the noise until the evidence is maximised, and the least sd of the noise, in units of y;
+      !> above 0.
       real(wp), intent(in) :: first_sds(2), least_noise
       type(regression_type), intent(out) :: regression
       type(error_type), allocatable, intent(out) :: error
 
-      if (any(degrees < 0)) then
-         call raise(error, 'a degree of a term is negative', exit_bad_input)
-      else if (.not. (least_noise > 0.0_wp .and. least_noise < huge(1.0_wp))) then
-         call raise(error, 'the least sd of the noise is '//to_text(least_noise)//'; it must be positive', exit_bad_input)
-      end if
-      if (allocated(error)) return
-      regression%n_terms = size(degrees)
+      associate (n => size(degrees))
+         regression%n_terms = n
+         allocate (regression%terms(n, 64), regression%targets(64), regression%mean(n), regression%covariance(n, n))
+         allocate (regression%moment(n), source=0.0_wp)
+         allocate (regression%prior_width(n), source=1.0_wp)
+      end associate
       regression%degrees = degrees
       regression%least_noise = least_noise
-      allocate (regression%terms(size(degrees), 64), regression%targets(64), regression%prior_width(size(degrees)))
-      allocate (regression%mean(size(degrees)), regression%moment(size(degrees)))
-      allocate (regression%covariance(size(degrees), size(degrees)))
-      regression%moment = 0.0_wp
-      regression%prior_width = 1.0_wp
-      call set_fall(regression, regression%fall)
+      call set_decay_rate(regression, regression%decay_rate)
       call set_precisions(regression, first_sds(1)**(-2), max(first_sds(2), least_noise)**(-2), error)
    end subroutine new_regression
 
-   !> Whether the fall of the widths is one to learn.
-   pure logical function learns_fall(regression)
-      type(regression_type), intent(in) :: regression
-
-      learns_fall = maxval(regression%degrees) > 1
-   end function learns_fall
-
-   !> Let the widths of the prior fall otherwise; the posterior is that of before until it is computed.
-   pure subroutine set_fall(regression, fall)
+   !> Let the widths of the prior decay at another rate; the posterior is that of before until it is computed.
+   pure subroutine set_decay_rate(regression, decay_rate)
       type(regression_type), intent(inout) :: regression
-      real(wp), intent(in) :: fall
+      real(wp), intent(in) :: decay_rate
       !> Of a term of degree 0.
       real(wp), parameter :: free = 100.0_wp
       real(wp) :: ratio(regression%n_terms)
-      integer :: j
 
-      ratio = merge(fall**max(0, regression%degrees - 1), free, regression%degrees > 0)/regression%prior_width
-      regression%fall = fall
+      ratio = merge(decay_rate**max(0, regression%degrees - 1), free, regression%degrees > 0)/regression%prior_width
+      regression%decay_rate = decay_rate
       regression%prior_width = regression%prior_width*ratio
       regression%moment = regression%moment*ratio
-      do j = 1, regression%n_data
-         regression%terms(:, j) = regression%terms(:, j)*ratio
-      end do
-   end subroutine set_fall
+      call scale_columns(ratio, regression%terms(:, :regression%n_data))
+   end subroutine set_decay_rate
 
-   !> Multiply each column of terms by the prior's width: `whitened`.
-   pure subroutine whiten(regression, terms, whitened)
-      type(regression_type), intent(in) :: regression
-      real(wp), intent(in) :: terms(:, :)
-      real(wp), intent(out) :: whitened(:, :)
+   !> Multiply each column of a matrix (n, m) by factors (n), such as the prior's widths.
+   pure subroutine scale_columns(factors, matrix)
+      real(wp), intent(in) :: factors(:)
+      real(wp), intent(inout) :: matrix(:, :)
       integer :: j
 
-      do j = 1, size(terms, 2)
-         whitened(:, j) = regression%prior_width*terms(:, j)
+      do j = 1, size(matrix, 2)
+         matrix(:, j) = factors*matrix(:, j)
       end do
-   end subroutine whiten
+   end subroutine scale_columns
 
    !> Append observations: terms (n_terms, m) and y (m). The posterior is that of the earlier data until it is computed.
    subroutine add_data(regression, terms, y)
@@ -141,53 +120,40 @@ contains
       type(regression_type), intent(in) :: regression
       type(spectrum_type), intent(out) :: spectrum
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: gram(:, :), projection(:), residual(:)
-      real(wp) :: threshold
+      real(wp), allocatable :: gram(:, :), projection(:)
       integer :: n, m, i
 
       n = regression%n_data
-      m = regression%n_terms
+      m = min(n, regression%n_terms)
       spectrum%n_data = n
-      allocate (spectrum%values(min(n, m)), spectrum%squares(min(n, m)))
+      allocate (spectrum%values(m), spectrum%squares(m))
       if (n == 0) return
-      allocate (gram(min(n, m), min(n, m)), projection(min(n, m)))
+      allocate (gram(m, m))
       gram = 0.0_wp
-      if (n <= m) then
-         call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=.true.)
-         call symmetric_eigen(gram, spectrum%values, error)
-         if (allocated(error)) return
-         do i = 1, n
-            projection(i) = dot_product(gram(:, i), regression%targets(:n))
-         end do
-         spectrum%values = max(0.0_wp, spectrum%values)
-         spectrum%squares = projection**2
-         return
-      end if
-      call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=.false.)
-      spectrum%gram = gram
+      call add_gram(regression%terms(:, :n), 1.0_wp, gram, transposed=n <= regression%n_terms)
+      if (n > regression%n_terms) spectrum%gram = gram
       call symmetric_eigen(gram, spectrum%values, error)
       if (allocated(error)) return
+      if (n <= regression%n_terms) then
+         spectrum%values = max(0.0_wp, spectrum%values)
+         spectrum%squares = [(dot_product(gram(:, i), regression%targets(:n)), i=1, m)]**2
+         return
+      end if
       ! What is left after projection is computed as a vector: the difference of squares would cancel for a good fit.
-      threshold = m*epsilon(1.0_wp)*maxval(spectrum%values)
-      do i = 1, m
-         projection(i) = 0.0_wp
-         if (spectrum%values(i) > threshold) then
-            projection(i) = dot_product(gram(:, i), regression%moment)/spectrum%values(i)
-         else
-            spectrum%values(i) = 0.0_wp
-         end if
-      end do
+      projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
+      where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
+         projection = projection/spectrum%values
+      elsewhere
+         projection = 0.0_wp
+         spectrum%values = 0.0_wp
+      end where
       spectrum%squares = projection**2*spectrum%values
       projection = matmul(gram, projection)
-      allocate (residual(n))
-      do i = 1, n
-         residual(i) = regression%targets(i) - dot_product(regression%terms(:, i), projection)
-      end do
-      spectrum%rest = sum(residual**2)
+      spectrum%rest = sum([(regression%targets(i) - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
    end subroutine compute_spectrum
 
    !> ln p(y | alpha, beta) of Eq. 8.
-   pure real(wp) function log_evidence(spectrum, alpha, beta) result(value)
+   pure elemental real(wp) function log_evidence(spectrum, alpha, beta) result(value)
       type(spectrum_type), intent(in) :: spectrum
       real(wp), intent(in) :: alpha, beta
 
@@ -205,46 +171,42 @@ contains
       beta = 1.0_wp/max(variance, least_noise**2)
    end function best_beta
 
-   !> alpha, beta and fall of largest evidence, 1/beta >= least_noise^2, the fall being known to a factor from experience.
+   !> alpha, beta and decay rate of largest evidence, 1/beta >= least_noise^2, the decay rate being known to a factor from experience.
    subroutine maximise_evidence(regression, error, evidence)
       type(regression_type), intent(inout) :: regression
       type(error_type), allocatable, intent(out) :: error
       !> ln evidence there.
-      real(wp), intent(out), optional :: evidence
-      !> Logarithms: the values of the fall that are tried, and what it is thought to be, with its sd.
-      integer, parameter :: n_falls = 14
+      real(wp), intent(out) :: evidence
+      !> Logarithms: the decay rates that are tried, and the mean and the sd of the prior.
+      integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
-      type(spectrum_type) :: spectrum
-      real(wp) :: log_fall, ratio, value, best, best_value, best_ratio
+      type(spectrum_type) :: spectrum, best
+      real(wp) :: log_rate, ratio, value, best_rate, best_ratio, beta
+      logical :: decays
       integer :: i
 
-      if (present(evidence)) evidence = 0.0_wp
+      evidence = 0.0_wp
       if (regression%n_data == 0) return
-      best_value = -huge(1.0_wp)
+      evidence = -huge(1.0_wp)
       best_ratio = 1.0_wp
-      best = typical
-      do i = 1, n_falls
-         log_fall = least + step*(i - 1)
-         if (learns_fall(regression)) call set_fall(regression, exp(log_fall))
+      best_rate = typical
+      decays = maxval(regression%degrees) > 1
+      do i = 1, merge(n_rates, 1, decays)
+         log_rate = least + step*(i - 1)
+         if (decays) call set_decay_rate(regression, exp(log_rate))
          call compute_spectrum(regression, spectrum, error)
          if (allocated(error)) return
          call maximise_over_ratio(spectrum, regression%least_noise, ratio, value)
-         if (learns_fall(regression)) value = value - 0.5_wp*((log_fall - typical)/sd)**2
-         if (value > best_value) then
-            best_value = value
-            best_ratio = ratio
-            best = log_fall
-         end if
-         if (.not. learns_fall(regression)) exit
+         if (decays) value = value - 0.5_wp*((log_rate - typical)/sd)**2
+         if (value <= evidence) cycle
+         evidence = value
+         best_ratio = ratio
+         best_rate = log_rate
+         best = spectrum
       end do
-      if (learns_fall(regression)) then
-         call set_fall(regression, exp(best))
-         call compute_spectrum(regression, spectrum, error)
-         if (allocated(error)) return
-      end if
-      ratio = best_beta(spectrum, best_ratio, regression%least_noise)
-      if (present(evidence)) evidence = best_value
-      call set_precisions(regression, best_ratio*ratio, ratio, error, spectrum%gram)
+      if (decays) call set_decay_rate(regression, exp(best_rate))
+      beta = best_beta(best, best_ratio, regression%least_noise)
+      call set_precisions(regression, best_ratio*beta, beta, error, best%gram)
    end subroutine maximise_evidence
 
    !> alpha/beta of largest evidence. For a given ratio of the two the best beta is known in closed form: one search along its logarithm,
@@ -256,18 +218,15 @@ contains
       real(wp), intent(out) :: ratio, evidence
       integer, parameter :: n_grid = 240
       real(wp), parameter :: golden = 0.6180339887498949_wp
-      real(wp) :: scale, low, high, x(n_grid), value(n_grid), a, b, c, d, fc, fd
+      real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
       integer :: i, best
 
-      scale = max(maxval(spectrum%values), tiny(1.0_wp))
-      ! From a prior that only reins in what the data leave open to one that the data cannot move.
-      low = log(scale) + log(1.0e-15_wp)
-      high = log(scale) + log(1.0e5_wp)
-      do i = 1, n_grid
-         x(i) = low + (high - low)*(i - 1)/(n_grid - 1)
-         value(i) = profile(x(i))
-      end do
-      best = maxloc(value, 1)
+      ! From a prior that only reins in what the data do not determine to one that the data cannot move.
+      scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
+      low = scale + log(1.0e-15_wp)
+      high = scale + log(1.0e5_wp)
+      x = [(low + (high - low)*(i - 1)/(n_grid - 1), i=1, n_grid)]
+      best = maxloc([(profile(x(i)), i=1, n_grid)], 1)
       a = x(max(1, best - 1))
       b = x(min(n_grid, best + 1))
       c = b - golden*(b - a)
@@ -326,6 +285,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Of all data over the terms, (n_terms, n_terms), if it is known.
       real(wp), intent(in), optional :: gram(:, :)
+      real(wp), allocatable :: solution(:, :)
       integer :: i
 
       regression%covariance = 0.0_wp
@@ -339,40 +299,11 @@ contains
       end do
       call cholesky_factor(regression%covariance, error)
       if (allocated(error)) return
-      block
-         real(wp), allocatable :: solution(:, :)
-
-         solution = reshape(regression%beta*regression%moment, [regression%n_terms, 1])
-         call cholesky_solve(regression%covariance, solution)
-         regression%mean = solution(:, 1)
-      end block
+      solution = reshape(regression%beta*regression%moment, [regression%n_terms, 1])
+      call cholesky_solve(regression%covariance, solution)
+      regression%mean = solution(:, 1)
       call cholesky_inverse(regression%covariance)
-      regression%n_updates = 0
    end subroutine compute_posterior
-
-   !> One observation more at frozen alpha, beta (Eq. 11): a rank-one change of mean and covariance, O(n_terms^2); every
-   !> `refresh_interval` updates the posterior is computed afresh.
-   subroutine update_posterior(regression, term, y, error)
-      type(regression_type), intent(inout) :: regression
-      !> The terms of the observation, not whitened.
-      real(wp), intent(in) :: term(:), y
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: gain(regression%n_terms), variance
-      integer :: n
-
-      call add_data(regression, reshape(term, [size(term), 1]), [y])
-      if (regression%n_updates + 1 >= refresh_interval) then
-         call compute_posterior(regression, error)
-         return
-      end if
-      n = regression%n_data
-      call symmetric_product(regression%covariance, regression%terms(:, n), gain)
-      variance = 1.0_wp/regression%beta + dot_product(regression%terms(:, n), gain)
-      regression%mean = regression%mean + gain*((regression%targets(n) - dot_product(regression%terms(:, n), regression%mean)) &
-         & /variance)
-      call subtract_outer(regression%covariance, gain, 1.0_wp/variance)
-      regression%n_updates = regression%n_updates + 1
-   end subroutine update_posterior
 
    !> product = matrix vector.
    pure subroutine symmetric_product(matrix, vector, product)
@@ -386,18 +317,6 @@ contains
       end do
    end subroutine symmetric_product
 
-   !> matrix - factor v vᵀ.
-   pure subroutine subtract_outer(matrix, v, factor)
-      real(wp), intent(inout), contiguous :: matrix(:, :)
-      real(wp), intent(in), contiguous :: v(:)
-      real(wp), intent(in) :: factor
-      integer :: j
-
-      do j = 1, size(v)
-         matrix(:, j) = matrix(:, j) - (factor*v(j))*v
-      end do
-   end subroutine subtract_outer
-
    !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
    !> present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r the residuals with all data, those without the group B are
    !> (Q_BB)^-1 r_B, with covariance (Q_BB)^-1/beta.
@@ -409,71 +328,60 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Below this 1 - h has lost its digits, and the covariance of the data is factored instead.
       real(wp), parameter :: least = 1.0e-7_wp
-      real(wp), allocatable :: projected(:, :), covariance(:, :), all_residuals(:), block_of_q(:, :), solution(:, :)
+      real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
       integer, allocatable :: order(:), members(:)
       logical :: over_data
-      integer :: n, m, first, last, i, j
+      integer :: n, first, last, i, j
 
       n = regression%n_data
-      allocate (order(n), all_residuals(n))
-      over_data = n <= regression%n_terms
-      if (.not. over_data) then
-         allocate (projected(regression%n_terms, n))
-         call multiply(regression%covariance, regression%terms(:, :n), projected)
-         do i = 1, n
-            all_residuals(i) = regression%targets(i) - dot_product(regression%terms(:, i), regression%mean)
-            if (1.0_wp - regression%beta*dot_product(regression%terms(:, i), projected(:, i)) < least) over_data = .true.
-         end do
-      end if
-      if (over_data) then
-         ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
-         allocate (covariance(n, n), solution(n, 1))
-         covariance = 0.0_wp
-         call add_gram(regression%terms(:, :n), regression%beta/regression%alpha, covariance, transposed=.true.)
-         do i = 1, n
-            covariance(i, i) = covariance(i, i) + 1.0_wp
-         end do
-         call cholesky_factor(covariance, error)
-         if (allocated(error)) return
-         solution(:, 1) = regression%targets(:n)
-         call cholesky_solve(covariance, solution)
-         all_residuals = solution(:, 1)
-         deallocate (solution)
-         call cholesky_inverse(covariance)
-      end if
-      call sort_order(real(groups, wp), order)
-      first = 1
-      do while (first <= n)
-         last = first
-         do while (last < n)
-            if (groups(order(last + 1)) /= groups(order(first))) exit
-            last = last + 1
-         end do
-         members = order(first:last)
-         m = size(members)
-         allocate (block_of_q(m, m), solution(m, 1))
-         if (over_data) then
-            block_of_q = covariance(members, members)
-         else
-            do j = 1, m
-               do i = 1, m
-                  block_of_q(i, j) = -regression%beta*dot_product(regression%terms(:, members(i)), projected(:, members(j)))
-               end do
-               block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
-            end do
+      associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
+         over_data = n <= regression%n_terms
+         if (.not. over_data) then
+            allocate (projected(regression%n_terms, n))
+            call multiply(regression%covariance, terms, projected)
+            all_residuals = targets - matmul(regression%mean, terms)
+            over_data = any([(1.0_wp - beta*dot_product(terms(:, i), projected(:, i)), i=1, n)] < least)
          end if
-         solution(:, 1) = all_residuals(members)
-         call cholesky_factor(block_of_q, error)
-         if (allocated(error)) return
-         call cholesky_solve(block_of_q, solution)
-         residual(members) = solution(:, 1)
-         call cholesky_inverse(block_of_q)
-         do j = 1, m
-            sd(members(j)) = sqrt(block_of_q(j, j)/regression%beta)
+         if (over_data) then
+            ! Q = (I + beta/alpha Φ Φᵀ)^-1, and r = Q y.
+            allocate (q(n, n), source=0.0_wp)
+            call add_gram(terms, beta/regression%alpha, q, transposed=.true.)
+            do i = 1, n
+               q(i, i) = q(i, i) + 1.0_wp
+            end do
+            call cholesky_factor(q, error)
+            if (allocated(error)) return
+            call cholesky_inverse(q)
+            all_residuals = matmul(q, targets)
+         end if
+         allocate (order(n))
+         call sort_order(real(groups, wp), order)
+         last = 0
+         do while (last < n)
+            first = last + 1
+            do last = first, n - 1
+               if (groups(order(last + 1)) /= groups(order(first))) exit
+            end do
+            members = order(first:last)
+            if (over_data) then
+               block_of_q = q(members, members)
+            else
+               if (allocated(block_of_q)) deallocate (block_of_q)
+               allocate (block_of_q(size(members), size(members)))
+               do j = 1, size(members)
+                  do i = 1, size(members)
+                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
+                  end do
+                  block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
+               end do
+            end if
+            call cholesky_factor(block_of_q, error)
+            if (allocated(error)) return
+            call cholesky_inverse(block_of_q)
+            residual(members) = matmul(block_of_q, all_residuals(members))
+            sd(members) = [(sqrt(block_of_q(i, i)/beta), i=1, size(members))]
          end do
-         deallocate (block_of_q, solution)
-         first = last + 1
-      end do
+      end associate
    end subroutine leave_groups_out
 
    !> Posterior mean of A.
@@ -487,11 +395,12 @@ contains
    !> Posterior covariance of A.
    pure subroutine coefficient_covariance(regression, covariance)
       type(regression_type), intent(in) :: regression
-      real(wp), intent(out) :: covariance(:, :)
+      real(wp), allocatable, intent(out) :: covariance(:, :)
       integer :: j
 
+      covariance = regression%covariance
       do j = 1, regression%n_terms
-         covariance(:, j) = regression%prior_width(j)*regression%prior_width*regression%covariance(:, j)
+         covariance(:, j) = regression%prior_width(j)*regression%prior_width*covariance(:, j)
       end do
    end subroutine coefficient_covariance
 end module evidence_regression

@@ -1,4 +1,4 @@
-!> What a design has learnt so far, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and
+!> The training of a surrogate, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and
 !> whether that is enough.
 module learning
    use abstract_basis, only: basis_type
@@ -6,14 +6,15 @@ module learning
    use evidence_regression, only: coefficient_mean
    use kinds, only: degree, wp
    use point_index, only: number_equal
+   use settings_groups, only: design_settings_type
    use sequential_design, only: update_posterior_mean
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, predict_moduli
    use text, only: to_text
    implicit none
    private
    public :: learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, why_to_stop, left_out
 
-   !> Points of an informative prior before alpha and beta are first learnt from the data.
+   !> Points of an informative prior before alpha and beta are first computed from the data.
    integer, parameter :: fewest_points = 8
    !> Points over which the error of the next points is averaged.
    integer, parameter :: window = 20
@@ -24,21 +25,22 @@ module learning
    type :: history_type
       integer :: simulations = 0
       !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal, and of the next points before they were
-      !> learnt; the last is below 0 if there is none.
+      !> data; the last is below 0 if there is none.
       real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
-      real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, fall = 0.0_wp, log_evidence = 0.0_wp
+      real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
       !> Of the coefficients, and their angle to those of the batch before, degrees.
       real(wp) :: norm = 0.0_wp, angle_deg = 0.0_wp
    end type history_type
 
    type :: learning_type
       type(learner_type) :: learner
-      !> Of &design.
-      integer :: budget = 0, batch = 1, refit = 1
-      !> As few points as the basis needs, and those before alpha and beta are learnt.
+      type(design_settings_type) :: settings
+      !> As few points as the basis needs, and those before alpha and beta are first computed.
       integer :: fewest = 0, first = 0
+      !> Simulations when the evidence was last maximised.
+      integer :: last_refit = 0
       type(history_type), allocatable :: history(:)
-      !> Coefficients at the end of the last batch; errors of each point before it was learnt, GPa.
+      !> Coefficients at the end of the last batch; errors of each point before it was data, GPa.
       real(wp), allocatable :: last_mean(:), next_errors(:)
    contains
       procedure :: n => count_simulations
@@ -46,22 +48,19 @@ module learning
 
 contains
 
-   !> Nothing learnt yet; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
-   subroutine new_learning(basis, initial, budget, batch, refit, learning, error)
+   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
+   subroutine new_learning(basis, settings, learning, error)
       class(basis_type), intent(in) :: basis
-      !> Of &design.
-      integer, intent(in) :: initial, budget, batch, refit
+      type(design_settings_type), intent(in) :: settings
       type(learning_type), intent(out) :: learning
       type(error_type), allocatable, intent(out) :: error
 
       call new_learner(basis, learning%learner, error)
       if (allocated(error)) return
-      learning%budget = budget
-      learning%batch = batch
-      learning%refit = refit
+      learning%settings = settings
       learning%fewest = fewest_points
       if (.not. allocated(basis%prior_degrees)) learning%fewest = basis%n_terms
-      learning%first = min(max(merge(initial, learning%fewest, initial > 0), 2), budget)
+      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), settings%budget)
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
       allocate (learning%history(0), learning%next_errors(0))
    end subroutine new_learning
@@ -78,8 +77,8 @@ contains
       type(learning_type), intent(in) :: learning
 
       batch_end = learning%first
-      if (learning%n() >= learning%first) batch_end = min(learning%budget, &
-         & learning%first + learning%batch*((learning%n() - learning%first)/learning%batch + 1))
+      if (learning%n() >= learning%first) batch_end = min(learning%settings%budget, &
+         & learning%first + learning%settings%batch*((learning%n() - learning%first)/learning%settings%batch + 1))
    end function batch_end
 
    !> Take observations in; if they were chosen by the design, the covariance has them already.
@@ -89,18 +88,12 @@ contains
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: predicted(size(modulus)), terms(learning%learner%basis%n_terms), scale
-      integer :: i
+      real(wp) :: predicted(size(modulus))
 
       if (size(modulus) == 0) return
       ! As of the end of the last batch, wherever in a batch a build was interrupted.
       if (learning%n() >= learning%first) then
-         associate (basis => learning%learner%basis)
-            do i = 1, size(modulus)
-               call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms, scale)
-               predicted(i) = basis%to_modulus(dot_product(learning%last_mean, terms), scale)
-            end do
-         end associate
+         call predict_moduli(learning%learner, constants, euler_deg, predicted, learning%last_mean)
          learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
       end if
       call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)
@@ -112,12 +105,10 @@ contains
       !> Compute everything afresh.
       logical, intent(in) :: exactly
       type(error_type), allocatable, intent(out) :: error
-      integer :: before
 
-      before = last_refit(learning)
-      associate (n => learning%n())
-         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%refit &
-            & .or. n >= learning%budget)) then
+      associate (n => learning%n(), before => learning%last_refit)
+         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%settings%refit &
+            & .or. n >= learning%settings%budget)) then
             call refit_all(learning, error)
          else
             call update_posterior_mean(learning%learner%design, exactly, error)
@@ -125,14 +116,6 @@ contains
       end associate
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
    end subroutine close_batch
-
-   !> Simulations when the evidence was last maximised.
-   pure integer function last_refit(learning)
-      type(learning_type), intent(in) :: learning
-
-      last_refit = 0
-      if (size(learning%history) > 0) last_refit = learning%history(size(learning%history))%simulations
-   end function last_refit
 
    !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with these simulations.
    subroutine refit_all(learning, error)
@@ -143,7 +126,7 @@ contains
       real(wp) :: cosine
       integer :: i
 
-      if (learning%n() == last_refit(learning)) return
+      if (learning%n() == learning%last_refit) return
       call fit_learner(learning%learner, error)
       if (allocated(error)) return
       entry%simulations = learning%n()
@@ -158,7 +141,7 @@ contains
          end if
          entry%alpha = regression%alpha
          entry%beta = regression%beta
-         entry%fall = regression%fall
+         entry%decay_rate = regression%decay_rate
          mean = coefficient_mean(regression)
       end associate
       entry%log_evidence = learning%learner%log_evidence
@@ -166,6 +149,7 @@ contains
       cosine = dot_product(mean, learning%last_mean)/max(entry%norm*norm2(learning%last_mean), tiny(1.0_wp))
       entry%angle_deg = acos(min(1.0_wp, max(-1.0_wp, cosine)))/degree
       learning%history = [learning%history, entry]
+      learning%last_refit = entry%simulations
    end subroutine refit_all
 
    !> Mean absolute error of each simulation with its whole group left out, GPa.
@@ -184,18 +168,15 @@ contains
    end subroutine left_out
 
    !> Why to stop before the budget, or ''.
-   pure function why_to_stop(learning, target_gpa, patience) result(reason)
+   pure function why_to_stop(learning) result(reason)
       type(learning_type), intent(in) :: learning
-      !> For the error of unseen crystals and of the next points, GPa; 0: none.
-      real(wp), intent(in) :: target_gpa
-      !> Simulations without improvement; 0: no end.
-      integer, intent(in) :: patience
       character(len=:), allocatable :: reason
       logical :: early(size(learning%history))
 
       reason = ''
       if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) return
-      associate (history => learning%history, last => learning%history(size(learning%history)))
+      associate (history => learning%history, last => learning%history(size(learning%history)), &
+         & target_gpa => learning%settings%target_gpa, patience => learning%settings%patience)
          if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
             reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3)//' and '//to_text(last%next, 3) &
                & //' GPa) reached '//to_text(target_gpa)//' GPa'

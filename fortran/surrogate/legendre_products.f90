@@ -76,20 +76,15 @@ contains
       self%factor_degree = 0
       do q = 2, self%n_products
          counter = self%degrees(:, q)
-         do i = n, 1, -1
-            if (counter(i) > 0) exit
-         end do
+         i = findloc(counter > 0, .true., 1, back=.true.)
          self%factor(q) = i
          self%factor_degree(q) = counter(i)
          counter(i) = 0
          self%parent(q) = place_of(self, counter)
       end do
       allocate (self%a(0:degree), self%b(0:degree))
-      do m = 0, degree
-         self%a(m) = sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1)
-         self%b(m) = 0.0_wp
-         if (m > 0) self%b(m) = m*sqrt((2.0_wp*m + 3.0_wp)/(2.0_wp*m - 1.0_wp))/(m + 1)
-      end do
+      self%a = [(sqrt((2.0_wp*m + 3.0_wp)*(2.0_wp*m + 1.0_wp))/(m + 1), m=0, degree)]
+      self%b = [(m*sqrt((2.0_wp*m + 3.0_wp)/max(1.0_wp, 2.0_wp*m - 1.0_wp))/(m + 1), m=0, degree)]
    end function new_legendre_products
 
    !> Degrees of a given sum, none above `highest`, the last as large as possible.
@@ -130,11 +125,8 @@ contains
       integer :: i
 
       precedes = sum(a) < sum(b)
-      if (sum(a) /= sum(b)) return
-      do i = 1, size(a)
-         precedes = a(i) < b(i)
-         if (a(i) /= b(i)) return
-      end do
+      i = findloc(a /= b, .true., 1)
+      if (i > 0 .and. sum(a) == sum(b)) precedes = a(i) < b(i)
    end function precedes
 
    !> All products at coordinates x in [-1, 1].
@@ -195,10 +187,7 @@ contains
             high = self%degrees(:, q) + self%degrees(:, r)
             c = low
             do
-               weight = 1.0_wp
-               do i = 1, size(c)
-                  weight = weight*table(self%degrees(i, q), self%degrees(i, r), c(i))
-               end do
+               weight = product([(table(self%degrees(i, q), self%degrees(i, r), c(i)), i=1, size(c))])
                i = place_of(squares, c)
                sums(:, i) = sums(:, i) + weight*pair
                do i = size(c), 1, -1
@@ -210,10 +199,7 @@ contains
             end do
          end do
       end do
-      allocate (coefficients(squares%n_products, size(pair)))
-      do column = 1, size(pair)
-         coefficients(:, column) = sums(column, :)
-      end do
+      coefficients = transpose(sums)
    end subroutine covariance_polynomial
 
    !> p_a p_b = sum of table(a, b, c) p_c over c.

@@ -18,110 +18,89 @@ module paper_basis
    use vector_math, only: transposed_product
    implicit none
    private
-   public :: paper_basis_type, new_paper_basis, largest_degree, truncation_names
+   public :: paper_basis_type, largest_degree, truncation_names
 
    integer, parameter :: largest_degree = 12
    character(len=*), parameter :: truncation_names = 'tensor, total'
 
    !> Least sd of the noise, GPa.
    real(wp), parameter :: least_noise = 0.05_wp
-   !> sds of a coefficient and of the noise before they are learnt, GPa.
+   !> sds of a coefficient and of the noise before the first regression, GPa.
    real(wp), parameter :: first_sds(2) = [100.0_wp, 1.0_wp]
 
    type, extends(basis_type) :: paper_basis_type
-      character(len=:), allocatable :: truncation
-      !> Highest degree of the polynomials (per coordinate, or in all) and of the harmonics.
-      integer :: degree = 0, bandlimit = 0
       !> K_h, a function of the indentation direction in crystal axes.
       type(harmonics_type) :: harmonics
       !> P_q.
       type(legendre_products_type) :: polynomials
    contains
-      procedure :: evaluate_terms
-      procedure :: reach
-      procedure :: term_degrees
+      procedure :: set_up
       procedure :: exchange
+      procedure :: evaluate_many
+      procedure :: term_degrees
       procedure :: new_grain_model
    end type paper_basis_type
 
    type, extends(grain_model_type) :: paper_grain_model_type
       private
-      type(paper_basis_type) :: basis
+      type(domain_type) :: domain
+      type(harmonics_type) :: harmonics
       !> K_h of each grain, (n_grains, n_harmonics).
       real(wp), allocatable :: k(:, :)
       !> A(q, h).
       real(wp), allocatable :: coefficients(:, :)
-      !> T(c), see `legendre_products`.
-      type(legendre_products_type) :: squares
+      !> P_q, and T(c), see `legendre_products`.
+      type(legendre_products_type) :: polynomials, squares
       real(wp), allocatable :: covariance(:, :)
    contains
       procedure :: set_grains
-      procedure :: evaluate_moduli
+      procedure :: evaluate_independent
       procedure :: evaluate_columns
    end type paper_grain_model_type
 
 contains
 
-   !> The basis over a domain with bounds.
-   subroutine new_paper_basis(domain, truncation, degree, bandlimit, basis, error)
-      type(domain_type), intent(in) :: domain
-      !> A word of `truncation_names`.
-      character(len=*), intent(in) :: truncation
-      !> 0 to `largest_degree`; even, 0 to 20.
-      integer, intent(in) :: degree, bandlimit
-      type(paper_basis_type), intent(out) :: basis
+   subroutine set_up(self, error)
+      class(paper_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       !> More terms are a mistake: their covariance alone would take 3 GB.
       real(wp), parameter :: most_terms = 20000.0_wp
       integer :: n
       real(wp) :: terms
 
-      n = domain%class%n_constants
-      if (size(domain%lower) /= n) then
-         call raise(error, 'the paper''s model needs bounds of all constants', exit_bad_input)
-      else if (truncation /= 'tensor' .and. truncation /= 'total') then
-         call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
-      else if (degree < 0 .or. degree > largest_degree) then
-         call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
-      end if
-      if (.not. allocated(error)) call new_harmonics(domain%class, bandlimit, basis%harmonics, error)
-      if (allocated(error)) return
-      terms = basis%harmonics%n*count_products(n, degree, truncation == 'total')
-      if (terms > most_terms) then
-         call raise(error, 'degree = '//to_text(degree)//' and bandlimit = '//to_text(bandlimit)//' make '//to_text(terms, 4) &
-            & //' terms; at most '//to_text(nint(most_terms))//' are possible', exit_bad_input)
-         return
-      end if
-      basis%domain = domain
-      basis%truncation = truncation
-      basis%degree = degree
-      basis%bandlimit = bandlimit
-      basis%least_noise = least_noise
-      basis%first_sds = first_sds
-      basis%polynomials = new_legendre_products(n, degree, truncation == 'total')
-      basis%n_terms = basis%harmonics%n*basis%polynomials%n_products
-   end subroutine new_paper_basis
-
-   !> The constants of a crystal, mapped from their bounds to [-1, 1].
-   pure function coordinates_of(self, c) result(x)
-      class(paper_basis_type), intent(in) :: self
-      !> GPa.
-      real(wp), intent(in) :: c(6, 6)
-      real(wp) :: x(self%polynomials%n_coordinates)
-
-      associate (lower => self%domain%lower, upper => self%domain%upper)
-         x = (2.0_wp*self%domain%class%constants_of(c) - lower - upper)/(upper - lower)
+      n = self%domain%class%n_constants
+      associate (truncation => self%settings%truncation, degree => self%settings%degree, bandlimit => self%settings%bandlimit)
+         if (size(self%domain%lower) /= n) then
+            call raise(error, 'the paper''s model needs bounds of all constants', exit_bad_input)
+         else if (truncation /= 'tensor' .and. truncation /= 'total') then
+            call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
+         else if (degree < 0 .or. degree > largest_degree) then
+            call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
+         else
+            call new_harmonics(self%domain%class, bandlimit, self%harmonics, error)
+         end if
+         if (allocated(error)) return
+         terms = self%harmonics%n*count_products(n, degree, truncation == 'total')
+         if (terms > most_terms) then
+            call raise(error, 'degree = '//to_text(degree)//' and bandlimit = '//to_text(bandlimit)//' make '//to_text(terms, 4) &
+               & //' terms; at most '//to_text(nint(most_terms))//' are possible', exit_bad_input)
+            return
+         end if
+         self%polynomials = new_legendre_products(n, degree, truncation == 'total')
       end associate
-   end function coordinates_of
+      self%n_terms = nint(terms)
+      self%least_noise = least_noise
+      self%first_sds = first_sds
+   end subroutine set_up
 
-   pure real(wp) function reach(self, c)
-      class(paper_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      real(wp) :: x(self%polynomials%n_coordinates)
+   subroutine exchange(self, file)
+      class(paper_basis_type), intent(inout) :: self
+      class(labelled_values_type), intent(inout) :: file
 
-      x = coordinates_of(self, c)
-      reach = maxval(abs(x))
-   end function reach
+      call file%text('truncation', self%settings%truncation)
+      call file%integer('degree', self%settings%degree)
+      call file%integer('bandlimit', self%settings%bandlimit)
+   end subroutine exchange
 
    pure subroutine term_degrees(self, directional, polynomial)
       class(paper_basis_type), intent(in) :: self
@@ -136,27 +115,6 @@ contains
       end do
    end subroutine term_degrees
 
-   subroutine exchange(self, file)
-      class(paper_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
-      type(error_type), allocatable :: error
-      type(paper_basis_type) :: new
-
-      call file%text('truncation', self%truncation)
-      call file%integer('degree', self%degree)
-      call file%integer('bandlimit', self%bandlimit)
-      if (allocated(file%error) .or. .not. file%reading) return
-      call new_paper_basis(self%domain, self%truncation, self%degree, self%bandlimit, new, error)
-      if (allocated(error)) then
-         call file%fail(error%message)
-      else
-         select type (self)
-         type is (paper_basis_type)
-            self = new
-         end select
-      end if
-   end subroutine exchange
-
    !> Indentation direction in crystal axes: sample z turned by g.
    pure function direction_of(euler) result(direction)
       !> Bunge-Euler angles, radians.
@@ -166,22 +124,23 @@ contains
       direction = [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))]
    end function direction_of
 
-   pure subroutine evaluate_terms(self, c, euler, terms, scale)
+   subroutine evaluate_many(self, c, euler, terms, scale)
       class(paper_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      !> (n_terms), and GPa.
-      real(wp), intent(out) :: terms(:), scale
+      real(wp), intent(in) :: c(:, :, :), euler(:, :)
+      real(wp), intent(out) :: terms(:, :), scale(:)
       real(wp) :: p(self%polynomials%n_products), k(self%harmonics%n)
-      integer :: q, first
+      integer :: i, q, first
 
       scale = 1.0_wp
-      call evaluate_products(self%polynomials, coordinates_of(self, c), p)
-      call evaluate_harmonics(self%harmonics, direction_of(euler), k)
-      do q = 1, size(p)
-         first = (q - 1)*size(k)
-         terms(first + 1:first + size(k)) = k*p(q)
+      do i = 1, size(scale)
+         call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
+         call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), k)
+         do q = 1, size(p)
+            first = (q - 1)*size(k)
+            terms(first + 1:first + size(k), i) = k*p(q)
+         end do
       end do
-   end subroutine evaluate_terms
+   end subroutine evaluate_many
 
    subroutine new_grain_model(self, class, coefficients, covariance, model, error)
       class(paper_basis_type), intent(in) :: self
@@ -194,19 +153,18 @@ contains
       type(paper_grain_model_type), allocatable :: new
 
       allocate (new)
-      select type (self)
-      type is (paper_basis_type)
-         new%basis = self
-      class default
+      if (class%name /= self%domain%class%name) then
          call raise(error, 'this basis has no model of '//class%name//' grains')
          return
-      end select
+      end if
+      new%domain = self%domain
+      new%harmonics = self%harmonics
+      new%polynomials = self%polynomials
       new%coefficients = transpose(reshape(coefficients, [self%harmonics%n, self%polynomials%n_products]))
       if (size(covariance) > 0) then
          new%n_columns = self%harmonics%n
          call covariance_polynomial(self%polynomials, self%harmonics%n, covariance, new%squares, new%covariance)
       end if
-      allocate (new%k(0, self%harmonics%n))
       call move_alloc(new, model)
    end subroutine new_grain_model
 
@@ -215,25 +173,25 @@ contains
       !> Bunge-Euler angles (3, n), radians.
       real(wp), intent(in) :: euler(:, :)
       type(error_type), allocatable, intent(out) :: error
-      integer :: i, status
+      integer :: i
 
-      deallocate (self%k, stat=status)
-      if (status /= 0) call raise(error, 'the model of grains was not made')
-      allocate (self%k(size(euler, 2), self%basis%harmonics%n))
+      if (allocated(error)) return
+      self%n_independent = size(euler, 2)
+      if (allocated(self%k)) deallocate (self%k)
+      allocate (self%k(size(euler, 2), self%harmonics%n))
       do i = 1, size(euler, 2)
-         call evaluate_harmonics(self%basis%harmonics, direction_of(euler(:, i)), self%k(i, :))
+         call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), self%k(i, :))
       end do
    end subroutine set_grains
 
-   pure subroutine evaluate_moduli(self, c, modulus, slope)
+   pure subroutine evaluate_independent(self, c, modulus)
       class(paper_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      !> GPa, (n).
-      real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      real(wp) :: p(self%basis%polynomials%n_products), y(self%basis%harmonics%n)
+      real(wp), intent(out), contiguous :: modulus(:)
+      real(wp) :: p(self%polynomials%n_products), y(self%harmonics%n)
       integer :: i, h
 
-      call evaluate_products(self%basis%polynomials, coordinates_of(self%basis, c), p)
+      call evaluate_products(self%polynomials, self%domain%coordinates_of(c), p)
       call transposed_product(size(p), size(y), self%coefficients, p, y)
       modulus = 0.0_wp
       do h = 1, size(y)
@@ -242,8 +200,7 @@ contains
             modulus(i) = modulus(i) + self%k(i, h)*y(h)
          end do
       end do
-      slope = 1.0_wp
-   end subroutine evaluate_moduli
+   end subroutine evaluate_independent
 
    pure subroutine evaluate_columns(self, c, columns)
       class(paper_grain_model_type), intent(in) :: self
@@ -253,7 +210,7 @@ contains
       real(wp) :: p(self%squares%n_products), pairs(size(self%covariance, 2)), factor(self%n_columns, self%n_columns)
       integer :: g, h, first
 
-      call evaluate_products(self%squares, coordinates_of(self%basis, c), p)
+      call evaluate_products(self%squares, self%domain%coordinates_of(c), p)
       call transposed_product(size(p), size(pairs), self%covariance, p, pairs)
       factor = 0.0_wp
       first = 1

@@ -1,30 +1,30 @@
-!> Which simulation to do next: the candidate of largest predictive variance (paper's section 2.1).
+!> The candidates for the next simulations, and the variance of y at each (paper's section 2.1).
 !>
 !> The variance does not depend on the values to come, so that a batch is chosen one after another as if each were already
 !> simulated, exactly, at frozen alpha and beta.
 !>
 !> A choice changes the covariance by one outer product and every variance by one square; done at once, both are limited by the
 !> memory they touch. So a few choices are deferred: kept as vectors, and absorbed together by matrix products. Until then the
-!> variances that lack them are upper bounds, since variances only fall: only candidates that might still be the largest are
-!> brought up to date, and the choice is that of the full computation.
+!> variances that lack them are upper bounds, since variances only fall.
 module sequential_design
-   use errors, only: error_type, raise
-   use evidence_regression, only: compute_posterior, maximise_evidence, new_regression, &
-      & refresh_interval, regression_type, symmetric_product, whiten
+   use errors, only: error_type
+   use evidence_regression, only: compute_posterior, regression_type, scale_columns, symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, multiply, multiply_by_factor
    use vector_math, only: dot
    implicit none
    private
-   public :: design_type, new_design, set_candidates, refit, compute_variances, choose_candidates, choose_for_all, absorb_choices, &
-      & update_posterior_mean
+   public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, update_variance, &
+      & absorb_choices, update_posterior_mean
 
    !> Choices that are deferred before they are absorbed together.
    integer, parameter :: max_deferred = 8
    !> Candidates of one matrix product.
    integer, parameter :: block_size = 256
+   !> Choices after which all is computed afresh, so that rounding does not build up.
+   integer, parameter, public :: refresh_interval = 500
    !> Values closer than this share are equal: rounding does not decide between them.
-   real(wp), parameter :: tie = 1.0e-10_wp
+   real(wp), parameter, public :: tie = 1.0e-10_wp
 
    type :: design_type
       type(regression_type) :: regression
@@ -44,55 +44,19 @@ module sequential_design
 
 contains
 
-   !> A design without candidates and without data: the arguments are those of `new_regression`.
-   subroutine new_design(degrees, first_sds, least_noise, design, error)
-      !> (n_terms).
-      integer, intent(in) :: degrees(:)
-      !> In units of y.
-      real(wp), intent(in) :: first_sds(2), least_noise
-      type(design_type), intent(out) :: design
-      type(error_type), allocatable, intent(out) :: error
-
-      call new_regression(degrees, first_sds, least_noise, design%regression, error)
-      allocate (design%candidates(size(degrees), 0), design%variance(0), design%available(0), design%included(0))
-      allocate (design%deferred(size(degrees), max_deferred))
-   end subroutine new_design
-
    !> Give the candidates' terms (n_terms, n), all of them available.
    subroutine set_candidates(design, terms)
       type(design_type), intent(inout) :: design
       real(wp), intent(in) :: terms(:, :)
-      integer :: n
 
       call absorb_choices(design)
-      n = size(terms, 2)
-      deallocate (design%candidates, design%variance, design%available, design%included)
-      allocate (design%candidates(size(terms, 1), n), design%variance(n), design%available(n), design%included(n))
-      call whiten(design%regression, terms, design%candidates)
-      design%available = .true.
+      design%candidates = terms
+      call scale_columns(design%regression%prior_width, design%candidates)
+      if (allocated(design%variance)) deallocate (design%variance, design%included, design%available, design%deferred)
+      allocate (design%variance(size(terms, 2)), design%included(size(terms, 2)), design%deferred(size(terms, 1), max_deferred))
+      allocate (design%available(size(terms, 2)), source=.true.)
       call compute_variances(design)
    end subroutine set_candidates
-
-   !> Precisions and fall of largest evidence, and the variances that follow.
-   subroutine refit(design, evidence, error)
-      type(design_type), intent(inout) :: design
-      !> ln evidence.
-      real(wp), intent(out) :: evidence
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: ratio(design%regression%n_terms)
-      integer :: j
-
-      ratio = 1.0_wp/design%regression%prior_width
-      call maximise_evidence(design%regression, error, evidence)
-      if (allocated(error)) return
-      ratio = ratio*design%regression%prior_width
-      if (any(abs(ratio - 1.0_wp) > 0.0_wp)) then
-         do j = 1, size(design%candidates, 2)
-            design%candidates(:, j) = design%candidates(:, j)*ratio
-         end do
-      end if
-      call compute_variances(design)
-   end subroutine refit
 
    !> Variances of all candidates from the regression's covariance, which must lack no choice.
    subroutine compute_variances(design)
@@ -104,7 +68,8 @@ contains
       design%included = 0
    end subroutine compute_variances
 
-   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands.
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands. The values do not depend on the
+   !> number of threads.
    subroutine quadratic_forms(matrix, vectors, threads, values)
       !> S, symmetric and not negative, (n, n); (n, m).
       real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
@@ -139,136 +104,10 @@ contains
       !$omp end parallel do
    end subroutine quadratic_forms
 
-   !> Choose `size(chosen)` candidates, each of the largest importance^2 x (variance of y) given all chosen before; the lowest
-   !> index of equals. Their values are not needed: afterwards the posterior's covariance is that of all data and all chosen.
-   subroutine choose_candidates(design, importance, chosen, variance, threads, error)
-      type(design_type), intent(inout) :: design
-      !> |dM/dy| of each candidate for the variance of M, 1 for that of y.
-      real(wp), intent(in) :: importance(:)
-      integer, intent(out) :: chosen(:)
-      !> Variance of y at each choice before it was made.
-      real(wp), intent(out) :: variance(:)
-      integer, intent(in) :: threads
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: squared(size(importance))
-      integer :: k
-
-      squared = importance**2
-      do k = 1, size(chosen)
-         if (design%n_deferred == max_deferred) call absorb_choices(design, threads)
-         chosen(k) = most_uncertain(design, squared)
-         if (chosen(k) == 0) then
-            call raise(error, 'no candidate is left to choose')
-            return
-         end if
-         variance(k) = design%variance(chosen(k))
-         call condition_on(design, chosen(k))
-      end do
-   end subroutine choose_candidates
-
-   !> Choose candidates, each of the one that lowers the mean of importance^2 x (variance of y) over all candidates most, given all
-   !> chosen before; the lowest index of equals. A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta).
-   subroutine choose_for_all(design, importance, chosen, variance, threads, error)
-      type(design_type), intent(inout) :: design
-      !> |dM/dy| of each candidate for the variance of M, 1 for that of y.
-      real(wp), intent(in) :: importance(:)
-      integer, intent(out) :: chosen(:)
-      !> Variance of y at each choice before it was made.
-      real(wp), intent(out) :: variance(:)
-      integer, intent(in) :: threads
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
-      integer :: j, k, n
-
-      n = design%regression%n_terms
-      weighted = design%candidates
-      do j = 1, size(importance)
-         weighted(:, j) = importance(j)*weighted(:, j)
-      end do
-      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(importance)))
-      gram = 0.0_wp
-      call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
-      deallocate (weighted)
-      call absorb_choices(design, threads)
-      ! With C the covariance and G the Gram matrix of all candidates by their importance: t C G C t.
-      call multiply(gram, design%regression%covariance, product)
-      call multiply(design%regression%covariance, product, lowered)
-      call quadratic_forms(lowered, design%candidates, threads, reduction)
-      do k = 1, size(chosen)
-         gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
-         if (.not. any(design%available)) then
-            call raise(error, 'no candidate is left to choose')
-            return
-         end if
-         chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
-         variance(k) = design%variance(chosen(k))
-         call condition_on(design, chosen(k))
-         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
-         call absorb_choices(design, threads)
-      end do
-   end subroutine choose_for_all
-
-   !> C G C and the reductions t C G C t of `choose_for_all` after the choice s that was the last to be deferred: C falls by v vᵀ,
-   !> v = C s/σ, σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
-   subroutine lower_reductions(design, chosen, variance, threads, lowered, reduction)
-      type(design_type), intent(in) :: design
-      !> The candidate s, and s C s.
-      integer, intent(in) :: chosen
-      real(wp), intent(in) :: variance
-      integer, intent(in) :: threads
-      !> C G C (n_terms, n_terms); of each candidate.
-      real(wp), intent(inout), contiguous :: lowered(:, :), reduction(:)
-      real(wp), allocatable :: v(:), w(:)
-      real(wp) :: sigma, own, along
-      integer :: j
-
-      sigma = sqrt(variance + 1.0_wp/design%regression%beta)
-      v = design%deferred(:, design%n_deferred)
-      allocate (w(size(v)))
-      call symmetric_product(lowered, design%candidates(:, chosen), w)
-      w = w/sigma
-      own = dot(design%candidates(:, chosen), w)/sigma
-      !$omp parallel do num_threads(threads) private(along) schedule(static) if(threads > 1)
-      do j = 1, size(reduction)
-         along = dot(design%candidates(:, j), v)
-         reduction(j) = max(0.0_wp, reduction(j) - along*(2.0_wp*dot(design%candidates(:, j), w) - own*along))
-      end do
-      !$omp end parallel do
-      w = w - 0.5_wp*own*v
-      do j = 1, size(w)
-         lowered(:, j) = lowered(:, j) - v*w(j) - w*v(j)
-      end do
-   end subroutine lower_reductions
-
-   !> The available candidate of largest factor x variance, the lowest index of equals; 0 if there is none.
-   integer function most_uncertain(design, factor) result(best)
-      type(design_type), intent(inout) :: design
-      real(wp), intent(in) :: factor(:)
-      real(wp) :: threshold
-      integer :: j
-
-      ! The candidate of largest upper bound gives a threshold below which no other need be looked at.
-      best = maxloc(factor*design%variance, 1, mask=design%available)
-      if (best == 0) return
-      call bring_up_to_date(design, best)
-      threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
-      do j = 1, size(design%variance)
-         if (.not. design%available(j) .or. factor(j)*design%variance(j) < threshold) cycle
-         call bring_up_to_date(design, j)
-         threshold = max(threshold, (1.0_wp - tie)*factor(j)*design%variance(j))
-      end do
-      ! All that reach the last threshold are up to date.
-      do j = 1, size(design%variance)
-         if (design%available(j) .and. factor(j)*design%variance(j) >= threshold) then
-            best = j
-            return
-         end if
-      end do
-   end function most_uncertain
-
    !> The variance of one candidate with all choices so far.
-   subroutine bring_up_to_date(design, candidate)
+   subroutine update_variance(design, candidate)
       type(design_type), intent(inout) :: design
+      !> Its number.
       integer, intent(in) :: candidate
       integer :: k
 
@@ -277,19 +116,20 @@ contains
             & - dot(design%candidates(:, candidate), design%deferred(:, k))**2)
       end do
       design%included(candidate) = design%n_deferred
-   end subroutine bring_up_to_date
+   end subroutine update_variance
 
-   !> As if candidate `chosen` were simulated: one vector more that is deferred.
-   subroutine condition_on(design, chosen)
+   !> As if a simulation with these whitened terms were in the data: one vector more that is deferred.
+   subroutine condition_on(design, terms, threads)
       type(design_type), intent(inout) :: design
-      integer, intent(in) :: chosen
+      !> (n_terms).
+      real(wp), intent(in), contiguous :: terms(:)
+      integer, intent(in) :: threads
       integer :: n
 
-      design%available(chosen) = .false.
+      if (design%n_deferred == max_deferred) call absorb_choices(design, threads)
       n = design%n_deferred + 1
-      call present_product(design, design%candidates(:, chosen), design%deferred(:, n))
-      design%deferred(:, n) = design%deferred(:, n) &
-         & /sqrt(1.0_wp/design%regression%beta + dot(design%candidates(:, chosen), design%deferred(:, n)))
+      call present_product(design, terms, design%deferred(:, n))
+      design%deferred(:, n) = design%deferred(:, n)/sqrt(1.0_wp/design%regression%beta + dot(terms, design%deferred(:, n)))
       design%n_deferred = n
       design%n_choices = design%n_choices + 1
    end subroutine condition_on

@@ -1,4 +1,4 @@
-!> Which crystals a surrogate is taught, and crystals spread over them.
+!> For which crystals a surrogate is valid, and crystals spread over them.
 module surrogate_domain
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, logarithmic_mean
@@ -22,14 +22,15 @@ module surrogate_domain
       !> GPa, (n_constants), or of size 0.
       real(wp), allocatable :: lower(:), upper(:)
       real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp), poisson(2) = [-1.0_wp, 0.5_wp]
-      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated what the specimen
-      !> adds depends on it. Bounds of the constants go before it.
+      !> Of the geometric mean of the six eigenvalues of the Kelvin stiffness, exp(tr log K/6), GPa: where it is stated the
+      !> specimen correction depends on it. Bounds of the constants go before it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
       procedure :: has_scale
       procedure :: admits
       procedure :: is_of_class
-      procedure :: is_within_limits
+      procedure :: normalised_distance
+      procedure :: coordinates_of
    end type domain_type
 
 contains
@@ -44,34 +45,17 @@ contains
       real(wp), intent(in) :: anisotropy_cap
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
-      !> See `set_scale`.
+      !> See `domain_type`.
       real(wp), intent(in), optional :: stiffness(2)
-      integer :: j
 
       call new_crystal_class(class, domain%class, error)
       if (allocated(error)) return
-      associate (n => domain%class%n_constants, names => domain%class%constants)
-         if (size(lower) /= n .or. size(upper) /= n) then
-            call raise(error, 'the domain of '//domain%class%name//' crystals has bounds for each of '//to_text(n) &
-               & //' constants, not '//to_text(size(lower))//' and '//to_text(size(upper)), exit_bad_input)
-            return
-         end if
-         do j = 1, n
-            if (upper(j) - lower(j) > 0.0_wp .and. upper(j) - lower(j) < huge(1.0_wp)) cycle
-            call raise(error, 'the bounds of '//names(j)//' are '//to_text(lower(j))//' and '//to_text(upper(j)) &
-               & //' GPa; the lower must be below the upper', exit_bad_input)
-            return
-         end do
-      end associate
-      if (.not. (anisotropy_cap > 0.0_wp .and. anisotropy_cap <= huge(1.0_wp))) then
-         call raise(error, 'anisotropy_cap = '//to_text(anisotropy_cap)//' must be positive', exit_bad_input)
-         return
-      end if
       domain%members = domain%class%name
       domain%lower = lower
       domain%upper = upper
       domain%anisotropy_cap = anisotropy_cap
-      if (present(stiffness)) call set_scale(domain, stiffness, error)
+      if (present(stiffness)) domain%stiffness = stiffness
+      call check_domain(domain, error)
    end subroutine new_domain
 
    !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios.
@@ -86,15 +70,28 @@ contains
       real(wp), intent(in) :: poisson(2)
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
-      !> See `set_scale`.
+      !> See `domain_type`.
       real(wp), intent(in), optional :: stiffness(2)
+
+      call new_crystal_class(class, domain%class, error)
+      if (allocated(error)) return
+      domain%members = members
+      allocate (domain%lower(0), domain%upper(0))
+      domain%log_anisotropy_max = log_anisotropy_max
+      domain%poisson = poisson
+      if (present(stiffness)) domain%stiffness = stiffness
+      call check_domain(domain, error)
+   end subroutine new_wide_domain
+
+   !> Refuse classes that the domain's does not hold, and limits that are none.
+   subroutine check_domain(domain, error)
+      type(domain_type), intent(in) :: domain
+      type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: member
       character(len=:), allocatable :: names(:)
       integer :: i
 
-      call new_crystal_class(class, domain%class, error)
-      if (.not. allocated(error)) allocate (names, source=split_list(members))
-      if (allocated(error)) return
+      allocate (names, source=split_list(domain%members))
       do i = 1, size(names)
          call new_crystal_class(trim(names(i)), member, error)
          if (allocated(error)) return
@@ -102,32 +99,31 @@ contains
          call raise(error, trim(names(i))//' crystals are no '//domain%class%name//' ones', exit_bad_input)
          return
       end do
-      if (.not. (log_anisotropy_max > 0.0_wp)) then
-         call raise(error, 'log_anisotropy_max = '//to_text(log_anisotropy_max)//' must be positive', exit_bad_input)
-      else if (.not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) .and. poisson(2) < 0.5_wp)) then
-         call raise(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
-            & //' are no range within -1 .. 0.5', exit_bad_input)
-      end if
-      if (allocated(error)) return
-      domain%members = members
-      allocate (domain%lower(0), domain%upper(0))
-      domain%log_anisotropy_max = log_anisotropy_max
-      domain%poisson = poisson
-      if (present(stiffness)) call set_scale(domain, stiffness, error)
-   end subroutine new_wide_domain
-
-   !> State the range of the scale.
-   subroutine set_scale(domain, stiffness, error)
-      type(domain_type), intent(inout) :: domain
-      !> The least and the greatest geometric mean of the eigenvalues of the Kelvin stiffness, GPa, above 0.
-      real(wp), intent(in) :: stiffness(2)
-      type(error_type), allocatable, intent(out) :: error
-
-      domain%stiffness = stiffness
-      if (.not. (stiffness(1) > 0.0_wp .and. stiffness(1) < stiffness(2) .and. domain%has_scale())) call raise(error, &
-         & 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2))//' GPa are no range; the least must be ' &
-         & //'positive and below the greatest', exit_bad_input)
-   end subroutine set_scale
+      associate (n => domain%class%n_constants, lower => domain%lower, upper => domain%upper, poisson => domain%poisson, &
+         & stiffness => domain%stiffness)
+         if (.not. any(size(lower) == [0, n]) .or. size(upper) /= size(lower)) then
+            call raise(error, 'the domain of '//domain%class%name//' crystals has bounds for each of '//to_text(n) &
+               & //' constants, not '//to_text(size(lower))//' and '//to_text(size(upper)), exit_bad_input)
+            return
+         end if
+         i = findloc(upper - lower > 0.0_wp .and. upper - lower < huge(1.0_wp), .false., 1)
+         if (i > 0) then
+            call raise(error, 'the bounds of '//domain%class%constants(i)//' are '//to_text(lower(i))//' and ' &
+               & //to_text(upper(i))//' GPa; the lower must be below the upper', exit_bad_input)
+         else if (.not. (domain%anisotropy_cap > 0.0_wp .and. domain%anisotropy_cap <= huge(1.0_wp))) then
+            call raise(error, 'anisotropy_cap = '//to_text(domain%anisotropy_cap)//' must be positive', exit_bad_input)
+         else if (.not. (domain%log_anisotropy_max > 0.0_wp)) then
+            call raise(error, 'log_anisotropy_max = '//to_text(domain%log_anisotropy_max)//' must be positive', exit_bad_input)
+         else if (size(lower) == 0 .and. .not. (poisson(1) > -1.0_wp .and. poisson(1) < poisson(2) .and. poisson(2) < 0.5_wp)) then
+            call raise(error, 'Poisson''s ratios from '//to_text(poisson(1))//' to '//to_text(poisson(2)) &
+               & //' are no range within -1 .. 0.5', exit_bad_input)
+         else if (.not. (merge(stiffness(1) > 0.0_wp, stiffness(1) <= 0.0_wp, domain%has_scale()) &
+            & .and. stiffness(1) < stiffness(2))) then
+            call raise(error, 'stiffnesses from '//to_text(stiffness(1))//' to '//to_text(stiffness(2))//' GPa are no range; the ' &
+               & //'least must be positive and below the greatest', exit_bad_input)
+         end if
+      end associate
+   end subroutine check_domain
 
    !> Whether the range of the scale is stated.
    pure logical function has_scale(self)
@@ -164,31 +160,30 @@ contains
       else if (.not. any(size(domain%lower) == [0, domain%class%n_constants]) .or. size(domain%upper) /= size(domain%lower) &
          & .or. size(poisson) /= 2) then
          call file%fail('the limits of the domain are not those of a '//name//' crystal')
+      else if (size(scale) /= 2) then
+         call file%fail('the stiffness is no range')
       else
          domain%poisson = poisson
-         if (size(scale) /= 2) then
-            call file%fail('the stiffness is no range')
-         else if (scale(2) < huge(1.0_wp)) then
-            call set_scale(domain, scale, error)
-         end if
+         domain%stiffness = scale
+         call check_domain(domain, error)
          if (allocated(error)) call file%fail(error%message)
       end if
    end subroutine exchange_domain
 
-   !> Whether a crystal is in the domain.
+   !> Whether a crystal is in the domain, to rounding.
    pure logical function admits(self, c)
       class(domain_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
+      real(wp), parameter :: rounding = 1.0e-9_wp
 
       admits = .false.
       if (.not. self%is_of_class(c)) return
-      if (size(self%lower) > 0) then
-         associate (constants => self%class%constants_of(c))
-            if (any(constants < self%lower) .or. any(constants > self%upper)) return
-         end associate
+      if (.not. is_stable(c)) return
+      if (self%anisotropy_cap < huge(1.0_wp)) then
+         if (anisotropy_index(c) > self%anisotropy_cap) return
       end if
-      admits = self%is_within_limits(c)
+      admits = self%normalised_distance(c) <= 1.0_wp + rounding
    end function admits
 
    !> Whether a stiffness has the symmetry of the class in its axes.
@@ -201,21 +196,40 @@ contains
       is_of_class = maxval(abs(c - self%class%stiffness(self%class%constants_of(c)))) <= rounding*maxval(abs(c))
    end function is_of_class
 
-   !> Whether a crystal is stable and its anisotropy, Poisson's ratio and scale are within the limits; where there are bounds of the
-   !> constants these are the cap alone.
-   pure logical function is_within_limits(self, c)
+   !> How far out a stable crystal is: the largest of the coordinates that the domain limits, each relative to its range, 1 on the
+   !> boundary. The cap is none of them.
+   pure real(wp) function normalised_distance(self, c) result(distance)
       class(domain_type), intent(in) :: self
-      !> GPa.
+      !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: poisson, anisotropy, stiffness
 
-      ! The index of an unstable crystal is NaN.
-      is_within_limits = anisotropy_index(c) <= self%anisotropy_cap
-      if (.not. is_within_limits .or. self%log_anisotropy_max >= huge(1.0_wp)) return
-      call logarithmic_mean(c, poisson, anisotropy, stiffness)
-      is_within_limits = anisotropy <= self%log_anisotropy_max .and. poisson >= self%poisson(1) &
-         & .and. poisson <= self%poisson(2) .and. stiffness >= self%stiffness(1) .and. stiffness <= self%stiffness(2)
-   end function is_within_limits
+      distance = 0.0_wp
+      if (size(self%lower) > 0) then
+         distance = maxval(abs(self%coordinates_of(c)))
+      else if (self%log_anisotropy_max < huge(1.0_wp)) then
+         call logarithmic_mean(c, poisson, anisotropy, stiffness)
+         distance = max(anisotropy/self%log_anisotropy_max, abs(position(poisson, self%poisson)))
+         if (self%has_scale()) distance = max(distance, abs(position(log(stiffness), log(self%stiffness))))
+      end if
+   end function normalised_distance
+
+   !> The constants of a crystal, mapped from their bounds to [-1, 1].
+   pure function coordinates_of(self, c) result(x)
+      class(domain_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: x(size(self%lower))
+
+      x = (2.0_wp*self%class%constants_of(c) - self%lower - self%upper)/(self%upper - self%lower)
+   end function coordinates_of
+
+   !> A value, mapped from its range to [-1, 1].
+   pure real(wp) function position(value, range)
+      real(wp), intent(in) :: value, range(2)
+
+      position = (2.0_wp*value - range(1) - range(2))/(range(2) - range(1))
+   end function position
 
    !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.
    subroutine spread_crystals(domain, n, seed, constants, euler_deg, error)

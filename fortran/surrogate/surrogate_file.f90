@@ -1,7 +1,7 @@
 !> The one format of a surrogate: text, one value or block of values a line or more, the first line naming format and version, the
 !> last a checksum. GPa, and degrees for the simulations' angles.
 module surrogate_file
-   use bases, only: allocate_basis, basis_name
+   use bases, only: allocate_basis
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, is_folder, read_text_file, replace_file
    use kinds, only: wp
@@ -9,7 +9,7 @@ module surrogate_file
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor
    use surrogate_domain, only: exchange_domain
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
@@ -104,7 +104,7 @@ contains
       integer :: number
 
       if (.not. file%reading) then
-         name = basis_name(surrogate%basis)
+         name = surrogate%basis%settings%model
          number = version
       end if
       call file%integer(label, number)
@@ -119,9 +119,13 @@ contains
       call exchange_domain(surrogate%basis%domain, file)
       if (allocated(file%error)) return
       call surrogate%basis%exchange(file)
+      if (file%reading .and. .not. allocated(file%error)) then
+         call surrogate%basis%set_up(error)
+         if (allocated(error)) call file%fail(error%message)
+      end if
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
-      call file%real('fall', surrogate%fall)
+      call file%real('fall', surrogate%decay_rate)
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance(surrogate, file)
@@ -170,13 +174,10 @@ contains
 
       k = surrogate%basis%domain%class%n_constants
       associate (simulations => surrogate%simulations)
-         if (.not. allocated(simulations%modulus)) then
-            allocate (simulations%constants(k, 0), simulations%euler_deg(3, 0), simulations%modulus(0))
-         end if
-         if (.not. file%reading) then
-            constants = reshape(simulations%constants, [size(simulations%constants)])
-            euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
-         end if
+         if (.not. allocated(simulations%modulus)) simulations = simulations_type(reshape([real(wp) ::], [k, 0]), &
+            & reshape([real(wp) ::], [3, 0]), [real(wp) ::])
+         constants = reshape(simulations%constants, [size(simulations%constants)])
+         euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
          call file%reals('simulated_constants', constants)
          call file%reals('simulated_euler_deg', euler_deg)
          call file%reals('simulated_modulus_gpa', simulations%modulus)
@@ -202,9 +203,9 @@ contains
       integer :: i, j, n
 
       n = surrogate%basis%n_terms
-      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%fall > 0.0_wp)) then
+      if (.not. (surrogate%alpha > 0.0_wp .and. surrogate%beta > 0.0_wp .and. surrogate%decay_rate > 0.0_wp)) then
          call raise(error, 'alpha = '//to_text(surrogate%alpha)//', beta = '//to_text(surrogate%beta)//' and fall = ' &
-            & //to_text(surrogate%fall)//' must be positive', exit_bad_input)
+            & //to_text(surrogate%decay_rate)//' must be positive', exit_bad_input)
          return
       end if
       sd = [(surrogate%covariance(i, i), i=1, n)]

@@ -1,20 +1,21 @@
-!> What learns a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
+!> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
 module surrogate_learner
    use abstract_acquisition, only: acquisition_type
    use acquisitions, only: new_acquisition
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
    use named_values, only: named_values_type
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_posterior, compute_spectrum, &
-      & leave_groups_out, log_evidence, refresh_interval, set_precisions, spectrum_type, update_posterior
-   use kinds, only: degree, wp
-   use sequential_design, only: absorb_choices, choose_candidates, choose_for_all, compute_variances, design_type, new_design, &
-      & refit, set_candidates
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
+      & leave_groups_out, log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
+   use kinds, only: wp
+   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
+      & update_posterior_mean
+   use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, forget_last, fit_learner, &
+   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, revert, fit_learner, &
       & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner, &
       & learner_values
 
@@ -24,9 +25,8 @@ module surrogate_learner
       class(acquisition_type), allocatable :: rule
       !> Scale of each candidate, GPa.
       real(wp), allocatable :: candidate_scale(:)
-      !> What was learnt from, and the scale (GPa) of each.
+      !> The data of the regression.
       type(simulations_type) :: simulations
-      real(wp), allocatable :: scale(:)
       !> ln evidence when it was last maximised.
       real(wp) :: log_evidence = 0.0_wp
    end type learner_type
@@ -42,40 +42,26 @@ contains
 
       degrees = 1
       if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
-      call new_design(degrees, basis%first_sds, basis%least_noise, learner%design, error)
+      call new_regression(degrees, basis%first_sds, basis%least_noise, learner%design%regression, error)
       if (allocated(error)) return
+      call set_candidates(learner%design, reshape([real(wp) ::], [basis%n_terms, 0]))
       allocate (learner%basis, source=basis)
       allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
-         & learner%simulations%modulus(0), learner%scale(0), learner%candidate_scale(0))
+         & learner%simulations%modulus(0), learner%candidate_scale(0))
    end subroutine new_learner
 
-   !> Terms (n_terms, n) and scales (GPa) of crystals.
-   subroutine evaluate_all(basis, constants, euler_deg, terms, scale)
-      class(basis_type), intent(in) :: basis
-      !> Constants of the domain's class (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      real(wp), allocatable, intent(out) :: terms(:, :), scale(:)
-      integer :: i
-
-      allocate (terms(basis%n_terms, size(constants, 2)), scale(size(constants, 2)))
-      do i = 1, size(scale)
-         call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i))
-      end do
-   end subroutine evaluate_all
-
-   !> Give the candidates, all of them available, and the rule by which they are chosen.
-   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
+   !> Give the candidates, all of them available, and the settings of the rule by which they are chosen.
+   subroutine set_learner_candidates(learner, constants, euler_deg, settings, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> A word of `acquisition_names`.
-      character(len=*), intent(in) :: rule
+      type(design_settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: terms(:, :)
 
-      call new_acquisition(rule, learner%rule, error)
+      call new_acquisition(settings, learner%rule, error)
       if (allocated(error)) return
-      call evaluate_all(learner%basis, constants, euler_deg, terms, learner%candidate_scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale)
       call set_candidates(learner%design, terms)
    end subroutine set_learner_candidates
 
@@ -93,49 +79,43 @@ contains
       end if
    end subroutine exclude_candidates
 
-   !> Learn moduli. If the design has `chosen` them, it expects them and the posterior mean follows with
-   !> `update_posterior_mean`; else each is an update of the posterior.
+   !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
+   !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
    subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :), scale(:), y(:)
+      real(wp), allocatable :: terms(:, :), scale(:)
       integer :: i
 
       if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
          call raise(error, 'a simulated modulus is not positive and finite', exit_bad_input)
          return
       end if
-      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
       if (.not. all(abs(terms) < huge(1.0_wp))) then
          call raise(error, 'a crystal to learn from is elastically unstable', exit_bad_input)
          return
       end if
-      y = learner%basis%to_y(modulus, scale)
-      if (chosen) then
-         call add_data(learner%design%regression, terms, y)
-      else
-         call absorb_choices(learner%design)
-         if (size(y) > refresh_interval) then
-            ! Once for all of them, not once in a while.
-            call add_data(learner%design%regression, terms, y)
-            call compute_posterior(learner%design%regression, error)
-         else
-            do i = 1, size(y)
-               call update_posterior(learner%design%regression, terms(:, i), y(i), error)
-               if (allocated(error)) return
-            end do
+      associate (regression => learner%design%regression)
+         call add_data(regression, terms, learner%basis%to_y(modulus, scale))
+         if (.not. chosen) then
+            if (size(modulus) <= refresh_interval) then
+               do i = regression%n_data - size(modulus) + 1, regression%n_data
+                  call condition_on(learner%design, regression%terms(:, i), 1)
+               end do
+            end if
+            call update_posterior_mean(learner%design, size(modulus) > refresh_interval, error)
+            if (allocated(error)) return
          end if
-         if (allocated(error)) return
-      end if
+      end associate
       associate (known => learner%simulations)
          call append_columns(known%constants, constants)
          call append_columns(known%euler_deg, euler_deg)
-         call append(known%modulus, modulus)
+         known%modulus = [known%modulus, modulus]
       end associate
-      call append(learner%scale, scale)
    end subroutine add_simulations
 
    !> Columns after others. An array constructor would be on the stack, and these may be large.
@@ -153,31 +133,18 @@ contains
       call move_alloc(longer, columns)
    end subroutine append_columns
 
-   !> Values after others.
-   subroutine append(values, more)
-      real(wp), allocatable, intent(inout) :: values(:)
-      real(wp), intent(in) :: more(:)
-      real(wp), allocatable :: longer(:)
-      integer :: n
-
-      n = size(values)
-      allocate (longer(n + size(more)))
-      longer(:n) = values
-      longer(n + 1:) = more
-      call move_alloc(longer, values)
-   end subroutine append
-
-   !> Forget the last simulations, which the design does not have: it was put back to what it was before them.
-   subroutine forget_last(learner)
+   !> Revert to an earlier design; simulations that it does not have are dropped.
+   subroutine revert(learner, design)
       type(learner_type), intent(inout) :: learner
+      type(design_type), intent(in) :: design
 
-      associate (n => learner%design%regression%n_data, known => learner%simulations)
+      learner%design = design
+      associate (n => design%regression%n_data, known => learner%simulations)
          known%constants = known%constants(:, :n)
          known%euler_deg = known%euler_deg(:, :n)
          known%modulus = known%modulus(:n)
-         learner%scale = learner%scale(:n)
       end associate
-   end subroutine forget_last
+   end subroutine revert
 
    !> Posterior from all simulations, and the variances of all candidates, at alpha and beta of largest evidence or as given.
    subroutine fit_learner(learner, error, precisions)
@@ -185,14 +152,21 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> alpha and beta, in units of y.
       real(wp), intent(in), optional :: precisions(2)
+      real(wp) :: ratio(learner%basis%n_terms)
 
-      call absorb_choices(learner%design)
-      if (present(precisions)) then
-         call set_precisions(learner%design%regression, precisions(1), precisions(2), error)
-         if (.not. allocated(error)) call compute_variances(learner%design)
-      else
-         call refit(learner%design, learner%log_evidence, error)
-      end if
+      associate (design => learner%design, regression => learner%design%regression)
+         call absorb_choices(design)
+         ratio = 1.0_wp/regression%prior_width
+         if (present(precisions)) then
+            call set_precisions(regression, precisions(1), precisions(2), error)
+         else
+            call maximise_evidence(regression, error, learner%log_evidence)
+         end if
+         if (allocated(error)) return
+         ratio = ratio*regression%prior_width
+         if (any(abs(ratio - 1.0_wp) > 0.0_wp)) call scale_columns(ratio, design%candidates)
+         call compute_variances(design)
+      end associate
    end subroutine fit_learner
 
    !> ln evidence of all simulations at pairs of alpha and beta.
@@ -204,14 +178,10 @@ contains
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
       type(spectrum_type) :: spectrum
-      integer :: i
 
       values = 0.0_wp
       call compute_spectrum(learner%design%regression, spectrum, error)
-      if (allocated(error)) return
-      do i = 1, size(values)
-         values(i) = log_evidence(spectrum, alpha(i), beta(i))
-      end do
+      if (.not. allocated(error)) values = log_evidence(spectrum, alpha, beta)
    end subroutine evaluate_evidence
 
    !> The next candidates by the rule, each given all chosen before.
@@ -223,33 +193,29 @@ contains
       !> Variance of y at each before it was chosen.
       real(wp), intent(out) :: variance(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: y(:), importance(:)
 
       if (.not. allocated(learner%rule)) then
          call raise(error, 'there are no candidates to choose from')
-         return
-      end if
-      allocate (y(size(learner%candidate_scale)), source=0.0_wp)
-      if (learner%rule%needs_prediction(learner%basis)) y = matmul(learner%design%regression%mean, learner%design%candidates)
-      importance = learner%rule%importance(learner%basis, y, learner%candidate_scale)
-      if (learner%rule%for_all) then
-         call choose_for_all(learner%design, importance, chosen, variance, threads, error)
       else
-         call choose_candidates(learner%design, importance, chosen, variance, threads, error)
+         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, threads, chosen, variance, error)
       end if
    end subroutine choose_next
 
-   !> Moduli (GPa) of crystals by the posterior mean.
-   subroutine predict_moduli(learner, constants, euler_deg, modulus)
+   !> Moduli (GPa) of crystals by the posterior mean, or by other coefficients.
+   subroutine predict_moduli(learner, constants, euler_deg, modulus, coefficients)
       type(learner_type), intent(in) :: learner
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
       !> (n).
       real(wp), intent(out) :: modulus(:)
-      real(wp), allocatable :: terms(:, :), scale(:)
+      !> (n_terms).
+      real(wp), intent(in), optional :: coefficients(:)
+      real(wp), allocatable :: terms(:, :), scale(:), mean(:)
 
-      call evaluate_all(learner%basis, constants, euler_deg, terms, scale)
-      modulus = learner%basis%to_modulus(matmul(coefficient_mean(learner%design%regression), terms), scale)
+      mean = coefficient_mean(learner%design%regression)
+      if (present(coefficients)) mean = coefficients
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
+      modulus = learner%basis%to_modulus(matmul(mean, terms), scale)
    end subroutine predict_moduli
 
    !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
@@ -270,13 +236,13 @@ contains
       call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
-      associate (basis => learner%basis)
-         modulus = basis%to_modulus(basis%to_y(learner%simulations%modulus, learner%scale) - residual, learner%scale)
+      associate (basis => learner%basis, y => learner%design%regression%targets(:size(groups)))
+         modulus = learner%simulations%modulus*(basis%to_modulus(y - residual, 1.0_wp)/basis%to_modulus(y, 1.0_wp))
       end associate
       z = residual/sd
    end subroutine leave_out
 
-   !> The surrogate of what was learnt.
+   !> The surrogate from these simulations.
    subroutine surrogate_of(learner, provenance, surrogate, error)
       type(learner_type), intent(inout) :: learner
       !> Where it comes from: a JSON object.
@@ -295,9 +261,8 @@ contains
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
          surrogate%beta = regression%beta
-         surrogate%fall = regression%fall
+         surrogate%decay_rate = regression%decay_rate
          surrogate%coefficients = coefficient_mean(regression)
-         allocate (surrogate%covariance(regression%n_terms, regression%n_terms))
          call coefficient_covariance(regression, surrogate%covariance)
       end associate
       surrogate%simulations = learner%simulations
@@ -313,7 +278,7 @@ contains
          call visitor%put('alpha', regression%alpha)
          call visitor%put('beta', regression%beta)
          call visitor%put('log_evidence', learner%log_evidence)
-         call visitor%put('fall', regression%fall)
+         call visitor%put('fall', regression%decay_rate)
       end associate
    end subroutine describe_learner
 
@@ -324,6 +289,7 @@ contains
       real(wp), allocatable, intent(out) :: values(:)
       real(wp), allocatable :: covariance(:, :)
 
+      call absorb_choices(learner%design)
       associate (regression => learner%design%regression)
          select case (name)
          case ('prior_width')
@@ -331,11 +297,8 @@ contains
          case ('mean')
             values = coefficient_mean(regression)
          case ('variances')
-            call absorb_choices(learner%design)
             values = learner%design%variance
          case default
-            call absorb_choices(learner%design)
-            allocate (covariance(regression%n_terms, regression%n_terms))
             call coefficient_covariance(regression, covariance)
             values = reshape(covariance, [size(covariance)])
          end select

@@ -4,18 +4,20 @@
 !> is that of a simulated modulus: it includes 1/beta.
 module surrogate_model
    use abstract_basis, only: basis_type, grain_model_type
-   use crystal_class, only: crystal_class_type
+   use bases, only: new_basis
+   use crystal_class, only: crystal_class_type, general_class
    use crystal_elasticity, only: check_stiffness, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
+   use settings_groups, only: surrogate_settings_type
+   use surrogate_domain, only: domain_type, new_wide_domain
    use text, only: to_text
-   use theory_basis, only: new_theory_basis, theory_basis_type
    implicit none
    private
    public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model
 
-   !> What a surrogate has learnt from.
+   !> What a surrogate was trained on.
    type :: simulations_type
       !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
@@ -27,8 +29,8 @@ module surrogate_model
       real(wp), allocatable :: coefficients(:), covariance(:, :)
       !> Precision of the prior (of a term of degree 1) and of the noise, in units of y.
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
-      !> What the prior's sd of a coefficient falls by from degree to degree.
-      real(wp) :: fall = 1.0_wp
+      !> Of the prior's sd of a coefficient: its ratio from degree to degree.
+      real(wp) :: decay_rate = 1.0_wp
       !> At the last depth of the simulations, on a half-space, um; 0 where the specimen has no length of its own.
       real(wp) :: contact_radius = 0.0_wp
       type(simulations_type) :: simulations
@@ -40,17 +42,18 @@ module surrogate_model
 
 contains
 
-   !> The exact theory of the half-space, which has nothing to learn.
+   !> The exact theory of the half-space, which needs no simulation.
    subroutine new_theory_surrogate(surrogate, error)
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      type(theory_basis_type), allocatable :: basis
+      type(domain_type) :: domain
+      type(surrogate_settings_type) :: settings
 
-      allocate (basis)
-      call new_theory_basis(basis, error)
-      call move_alloc(basis, surrogate%basis)
-      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0))
-      allocate (surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
+      settings%model = 'halfspace'
+      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], domain, error)
+      if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
+      allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), surrogate%simulations%constants(21, 0), &
+         & surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
       surrogate%beta = huge(1.0_wp)
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
@@ -73,11 +76,9 @@ contains
       first = huge(first)
       !$omp parallel do num_threads(threads) schedule(static) reduction(min: first)
       do i = 1, size(stiffness, 3)
-         if (.not. is_stable(stiffness(:, :, i))) then
-            first = min(first, i)
-         else if (.not. surrogate%basis%domain%is_of_class(stiffness(:, :, i))) then
-            first = min(first, i)
-         end if
+         associate (c => stiffness(:, :, i))
+            if (.not. (is_stable(c) .and. surrogate%basis%domain%is_of_class(c))) first = min(first, i)
+         end associate
       end do
       !$omp end parallel do
       if (first < huge(first)) then
@@ -132,17 +133,12 @@ contains
       !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
       real(wp), intent(in) :: c(6, 6), euler(3)
       real(wp), intent(out) :: modulus, sd
-      real(wp) :: terms(surrogate%basis%n_terms), scale, variance
-      integer :: j
+      real(wp), allocatable :: factor(:, :)
+      real(wp) :: moduli(1), sds(1)
 
-      call surrogate%basis%evaluate_terms(c, euler, terms, scale)
-      modulus = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms), scale)
-      variance = 0.0_wp
-      do j = 1, size(terms)
-         variance = variance + terms(j)*(terms(j)*surrogate%covariance(j, j) &
-            & + 2.0_wp*dot_product(surrogate%covariance(j + 1:, j), terms(j + 1:)))
-      end do
-      sd = merge(modulus, scale, surrogate%basis%logarithmic)*sqrt(max(0.0_wp, variance) + 1.0_wp/surrogate%beta)
+      call predict_side_by_side(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), moduli, sds, factor)
+      modulus = moduli(1)
+      sd = sds(1)
    end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.

@@ -1,27 +1,24 @@
-!> The exact theory of the half-space as a basis without terms: M = scale exp(0) with the theory's modulus as the scale. It knows every
-!> stable crystal of every class, and its error is that of the expansion of the surface compliance, see `compliance_field`.
+!> The exact theory of the half-space as a basis without terms: M = scale exp(0) with the theory's modulus as the scale. It is valid for
+!> every stable crystal of every class, and its error is that of the expansion of the surface compliance, see `compliance_field`.
 module theory_basis
    use abstract_basis, only: basis_type, grain_model_type
    use compliance_field, only: field_moduli, field_type, new_field
-   use crystal_class, only: crystal_class_type, general_class
-   use crystal_elasticity, only: is_stable, log_anisotropy
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use modulus_expansion, only: modulus_expansion_type, new_modulus_expansion
-   use surrogate_domain, only: new_wide_domain
    implicit none
    private
-   public :: theory_basis_type, new_theory_basis, theory_grain_model_type
+   public :: theory_basis_type, theory_grain_model_type
 
    type, extends(basis_type) :: theory_basis_type
    contains
-      procedure :: evaluate_terms
-      procedure :: reach
-      procedure :: covers
-      procedure :: term_degrees
+      procedure :: set_up
       procedure :: exchange
+      procedure :: evaluate_many
       procedure :: new_grain_model
    end type theory_basis_type
 
@@ -34,66 +31,42 @@ module theory_basis
       real(wp), allocatable :: euler(:, :)
    contains
       procedure :: set_grains
-      procedure :: evaluate_moduli
-      procedure :: evaluate_columns
       procedure :: evaluate_independent
+      procedure :: evaluate_columns
       procedure :: expand
    end type theory_grain_model_type
 
 contains
 
-   subroutine new_theory_basis(basis, error)
-      type(theory_basis_type), intent(out) :: basis
+   subroutine set_up(self, error)
+      class(theory_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      basis%logarithmic = .true.
-      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], basis%domain, error)
-   end subroutine new_theory_basis
-
-   subroutine evaluate_terms(self, c, euler, terms, scale)
-      class(theory_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      !> None; GPa.
-      real(wp), intent(out) :: terms(:), scale
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-
-      terms = 0.0_wp*self%n_terms
-      call halfspace_modulus(c, euler, theory, error)
-      scale = theory%modulus
-   end subroutine evaluate_terms
-
-   pure real(wp) function reach(self, c)
-      class(theory_basis_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-
-      reach = 0.0_wp*c(1, 1)*self%n_terms
-   end function reach
-
-   pure logical function covers(self, c)
-      class(theory_basis_type), intent(in) :: self
-      !> Stiffness in crystal axes, GPa.
-      real(wp), intent(in) :: c(6, 6)
-
-      covers = self%n_terms == 0 .and. is_stable(c)
-   end function covers
-
-   pure subroutine term_degrees(self, directional, polynomial)
-      class(theory_basis_type), intent(in) :: self
-      !> None.
-      integer, intent(out) :: directional(:), polynomial(:)
-
-      directional = self%n_terms
-      polynomial = self%n_terms
-   end subroutine term_degrees
+      self%logarithmic = .not. allocated(error)
+   end subroutine set_up
 
    subroutine exchange(self, file)
       class(theory_basis_type), intent(inout) :: self
       class(labelled_values_type), intent(inout) :: file
 
-      self%logarithmic = .true.
-      if (allocated(file%error)) return
+      self%logarithmic = .not. allocated(file%error)
    end subroutine exchange
+
+   !> The scale alone.
+   subroutine evaluate_many(self, c, euler, terms, scale)
+      class(theory_basis_type), intent(in) :: self
+      real(wp), intent(in) :: c(:, :, :), euler(:, :)
+      real(wp), intent(out) :: terms(:, :), scale(:)
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      integer :: i
+
+      terms(:self%n_terms, :) = 0.0_wp
+      do i = 1, size(scale)
+         call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
+         scale(i) = theory%modulus
+      end do
+   end subroutine evaluate_many
 
    subroutine new_grain_model(self, class, coefficients, covariance, model, error)
       class(theory_basis_type), intent(in) :: self
@@ -132,18 +105,6 @@ contains
       self%field_cost = self%field_cost + size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*self%n_independent) &
          & + 0.07_wp*self%n_independent
    end subroutine set_grains
-
-   pure subroutine evaluate_moduli(self, c, modulus, slope)
-      class(theory_grain_model_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      !> GPa, (n).
-      real(wp), intent(out), contiguous :: modulus(:), slope(:)
-      real(wp) :: independent(self%n_independent)
-
-      call self%evaluate_independent(c, independent)
-      call self%expand(independent, modulus)
-      slope = modulus
-   end subroutine evaluate_moduli
 
    pure subroutine evaluate_independent(self, c, modulus)
       class(theory_grain_model_type), intent(in) :: self

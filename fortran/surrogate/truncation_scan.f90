@@ -47,10 +47,8 @@ contains
       allocate (list(size(items)))
       do i = 1, size(items)
          call read_integer(trim(items(i)), list(i), outcome)
-         if (outcome == number_ok) cycle
-         deallocate (list)
-         allocate (list(0))
-         return
+         if (outcome /= number_ok) exit
       end do
+      if (i <= size(items)) list = [integer ::]
    end subroutine read_list
 end module truncation_scan

@@ -1,47 +1,76 @@
-!> The largest predictive variance (paper's section 2.1), of the modulus or of its logarithm; or the mean over all candidates. Where the
-!> domain spreads crystals over their scale the latter is that of the logarithm: else the stiffest would decide for all.
+!> The candidate of largest predictive variance (paper's section 2.1; active learning, MacKay 1992), of the modulus or of its logarithm.
 module variance_acquisition
-   use abstract_acquisition, only: acquisition_type
+   use abstract_acquisition, only: acquisition_type, sensitivity
    use abstract_basis, only: basis_type
+   use errors, only: error_type, raise
    use kinds, only: wp
+   use sequential_design, only: condition_on, design_type, tie, update_variance
+   use settings_groups, only: design_settings_type
    implicit none
    private
-   public :: variance_acquisition_type
+   public :: new_variance_acquisition, variance_names
+
+   !> Of M, an older name, of log M, an older name.
+   character(len=*), parameter :: variance_names = 'variance, modulus, relative_variance, log_modulus'
 
    type, extends(acquisition_type) :: variance_acquisition_type
-      !> Of log M, not of M.
-      logical :: relative = .false.
    contains
-      procedure :: importance
-      procedure :: needs_prediction
+      procedure :: choose
    end type variance_acquisition_type
 
 contains
 
-   !> |dM/dy|, or |d log M/dy|.
-   pure elemental real(wp) function importance(self, basis, y, scale)
+   !> The rule that &design asks for.
+   pure function new_variance_acquisition(settings) result(rule)
+      type(design_settings_type), intent(in) :: settings
+      type(variance_acquisition_type) :: rule
+
+      rule%relative = settings%variance_of == 'relative_variance' .or. settings%variance_of == 'log_modulus'
+   end function new_variance_acquisition
+
+   subroutine choose(self, design, basis, scale, threads, chosen, variance, error)
       class(variance_acquisition_type), intent(in) :: self
+      type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      !> Predicted y, 0 if it is not needed; GPa.
-      real(wp), intent(in) :: y, scale
+      real(wp), intent(in) :: scale(:)
+      integer, intent(in) :: threads
+      integer, intent(out) :: chosen(:)
+      real(wp), intent(out) :: variance(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: factor(:)
+      integer :: k
 
-      importance = 1.0_wp
-      if (.not. is_relative(self, basis)) importance = merge(basis%to_modulus(y, scale), scale, basis%logarithmic)
-      if (is_relative(self, basis) .and. .not. basis%logarithmic) importance = 1.0_wp/max(tiny(1.0_wp), abs(y))
-   end function importance
+      factor = sensitivity(design, basis, scale, self%relative)**2
+      do k = 1, size(chosen)
+         chosen(k) = most_uncertain(design, factor)
+         if (chosen(k) == 0) then
+            call raise(error, 'no candidate is left to choose')
+            return
+         end if
+         variance(k) = design%variance(chosen(k))
+         design%available(chosen(k)) = .false.
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
+      end do
+   end subroutine choose
 
-   pure logical function needs_prediction(self, basis)
-      class(variance_acquisition_type), intent(in) :: self
-      class(basis_type), intent(in) :: basis
+   !> The available candidate of largest factor x variance, the lowest number of equals; 0 if there is none. A variance that lacks deferred
+   !> choices is an upper bound: only candidates that might still be the largest are updated.
+   integer function most_uncertain(design, factor) result(best)
+      type(design_type), intent(inout) :: design
+      real(wp), intent(in) :: factor(:)
+      real(wp) :: threshold
+      integer :: j
 
-      needs_prediction = is_relative(self, basis) .neqv. basis%logarithmic
-   end function needs_prediction
-
-   !> Whether log M counts.
-   pure logical function is_relative(self, basis)
-      class(variance_acquisition_type), intent(in) :: self
-      class(basis_type), intent(in) :: basis
-
-      is_relative = self%relative .or. (self%for_all .and. basis%domain%has_scale())
-   end function is_relative
+      best = maxloc(factor*design%variance, 1, mask=design%available)
+      if (best == 0) return
+      call update_variance(design, best)
+      threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
+      do j = 1, size(design%variance)
+         if (.not. design%available(j) .or. factor(j)*design%variance(j) < threshold) cycle
+         call update_variance(design, j)
+         threshold = max(threshold, (1.0_wp - tie)*factor(j)*design%variance(j))
+      end do
+      ! All that reach the last threshold are up to date.
+      best = findloc(design%available .and. factor*design%variance >= threshold, .true., 1)
+   end function most_uncertain
 end module variance_acquisition

@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"largest difference of mean and variances from a refit after all steps: {difference:.1e} (relative)")
     print_table("alpha, beta frozen", {"update": step, "Cholesky refit": cholesky})
     points = arguments.initial + arguments.steps // 2
-    for name, model, rule, n in (("paper", basis, "modulus", points), ("correction", Basis.from_keywords(), "all_moduli", 20)):
+    for name, model, rule, n in (("paper", basis, "variance", points), ("correction", Basis.from_keywords(), "imse", 20)):
         for candidates in arguments.many:
             print_table(
                 f"{name}: {model.n_terms} terms, {n} points, {candidates} candidates",

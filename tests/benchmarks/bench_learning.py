@@ -52,7 +52,7 @@ def main(argv=None) -> int:
     parser.add_argument("--seeds", type=int, default=5, help="corrections, each from other candidates (5)")
     parser.add_argument("--sizes", default="8,12,20,30,40,60,100,150", help="numbers of simulations")
     parser.add_argument("--without-paper", action="store_true", help="leave out the paper's model on the block")
-    parser.add_argument("--variance-of", default="all_moduli", help="what chooses, see &design (all_moduli)")
+    parser.add_argument("--variance-of", default="imse", help="what chooses, see &design (imse)")
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, help="folder (runs/learning_SPECIMEN)")
     arguments = parser.parse_args(argv)

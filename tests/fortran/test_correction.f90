@@ -1,11 +1,10 @@
-!> What a specimen adds to the theory: coordinates about the indenter's axis, the polynomials of them, the domain of all classes, the basis
-!> and its model of grains.
+!> The specimen correction: coordinates and polynomials about the indenter's axis, the basis, its model of grains, and its file.
 program test_correction
    use abstract_basis, only: basis_type, grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_axial, n_coordinates, n_waves, wave_orders
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use bases, only: new_basis
-   use correction_basis, only: correction_basis_type, new_correction_basis
+   use correction_basis, only: correction_basis_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: kelvin_form, logarithmic_mean, rotate_stiffness, rotation_matrix
    use errors, only: error_type
@@ -14,7 +13,7 @@ program test_correction
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
    use settings_groups, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain, spread_crystals
+   use surrogate_domain, only: new_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
@@ -35,7 +34,7 @@ program test_correction
    call test_polynomials(0.7_wp)
    call test_invariance()
    call test_invariance(any_scale)
-   call test_reach()
+   call test_distance()
    call test_basis()
    call test_grain_models()
    call test_grain_models(any_scale)
@@ -91,8 +90,10 @@ contains
       type(correction_basis_type) :: basis
       type(error_type), allocatable :: error
 
-      call new_correction_basis(wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], stiffness), degree_of_polynomials, basis, error)
-      if (allocated(error)) call check_success('new_correction_basis', error)
+      basis%domain = wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp], stiffness)
+      basis%settings = surrogate_settings_type(model='correction', degree=degree_of_polynomials, file='', truncation='', scan='')
+      call basis%set_up(error)
+      if (allocated(error)) call check_success('a correction', error)
    end function basis_of
 
    !> Coordinates turned by an angle about the axis, as waves are, and mirrored before.
@@ -308,9 +309,8 @@ contains
       scale = product(values)**(1.0_wp/6.0_wp)
    end function scale_of
 
-   subroutine test_reach()
+   subroutine test_distance()
       type(correction_basis_type) :: basis
-      type(domain_type) :: box
       type(error_type), allocatable :: error
       type(crystal_class_type) :: class
       real(wp) :: c(6, 6), poisson, anisotropy
@@ -320,29 +320,30 @@ contains
       c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
       call logarithmic_mean(c, poisson, anisotropy)
       call check_close('copper''s log-anisotropy', anisotropy, 1.28_wp, 5.0e-3_wp)
-      call check_close('is how far out it is', basis%reach(c), anisotropy/1.5_wp, 1.0e-12_wp)
-      call check('it is covered', basis%covers(c))
+      call check_close('is how far out it is', basis%domain%normalised_distance(c), anisotropy/1.5_wp, 1.0e-12_wp)
+      call check('it is covered', basis%domain%admits(c))
       ! Isotropic, nu = 0.45: at the end of the range.
       c = class%stiffness([0.55_wp, 0.45_wp, 0.05_wp])
-      call check_close('an end of the range', basis%reach(c), 1.0_wp, 1.0e-10_wp)
+      call check_close('an end of the range', basis%domain%normalised_distance(c), 1.0_wp, 1.0e-10_wp)
       c = class%stiffness([0.54_wp, 0.46_wp, 0.04_wp])
-      call check('beyond it', basis%reach(c) > 1.0_wp .and. .not. basis%covers(c))
+      call check('beyond it', basis%domain%normalised_distance(c) > 1.0_wp .and. .not. basis%domain%admits(c))
       c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
-      basis = basis_of(2, scale_of(c)*[0.1_wp, 10.0_wp])
-      call check_close('the scale in its middle', basis%reach(c), anisotropy/1.5_wp, 1.0e-12_wp)
-      call check_close('at its end', basis%reach(10.0_wp*c), 1.0_wp, 1.0e-10_wp)
-      call check_close('at the other', basis%reach(0.1_wp*c), 1.0_wp, 1.0e-10_wp)
-      call check('beyond that', basis%covers(0.101_wp*c) .and. .not. basis%covers(0.099_wp*c))
-      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error)
-      call new_correction_basis(box, 3, basis, error)
+      basis = basis_of(3, scale_of(c)*[0.1_wp, 10.0_wp])
+      call check_close('the scale in its middle', basis%domain%normalised_distance(c), anisotropy/1.5_wp, 1.0e-12_wp)
+      call check_close('at its end', basis%domain%normalised_distance(10.0_wp*c), 1.0_wp, 1.0e-10_wp)
+      call check_close('at the other', basis%domain%normalised_distance(0.1_wp*c), 1.0_wp, 1.0e-10_wp)
+      call check('beyond that', basis%domain%admits(0.101_wp*c) .and. .not. basis%domain%admits(0.099_wp*c))
+      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, basis%domain, error)
+      call basis%set_up(error)
       call check_success('a correction of one class between bounds', error)
-      c = class%stiffness([168.4_wp, 121.4_wp, 75.4_wp])
-      call check('covers what is between them', basis%covers(c) .and. .not. basis%covers(2.0_wp*c))
-      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, box, error, [1.0_wp, 2.0_wp])
-      call new_correction_basis(box, 3, basis, error)
-      call check('in a box of which the scale is no limit, but counts', basis%covers(c) .and. basis%n_terms == 176)
-      call check_close('a bound', basis%reach(class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])), 1.0_wp, 1.0e-12_wp)
-   end subroutine test_reach
+      call check('covers what is between them', basis%domain%admits(c) .and. .not. basis%domain%admits(2.0_wp*c))
+      call new_domain('cubic', [50.0_wp, 40.0_wp, 15.0_wp], [250.0_wp, 150.0_wp, 120.0_wp], 7.2_wp, basis%domain, error, &
+         & [1.0_wp, 2.0_wp])
+      call basis%set_up(error)
+      call check('in a box of which the scale is no limit, but counts', basis%domain%admits(c) .and. basis%n_terms == 176)
+      c = class%stiffness([168.4_wp, 121.4_wp, 120.0_wp])
+      call check_close('a bound', basis%domain%normalised_distance(c), 1.0_wp, 1.0e-12_wp)
+   end subroutine test_distance
 
    subroutine test_basis()
       type(correction_basis_type) :: basis
@@ -355,11 +356,12 @@ contains
       call check('degrees of the terms', all(directional == 0) .and. count(polynomial == 0) == 1 .and. count(polynomial == 1) == 4 &
          & .and. count(polynomial == 2) == 24 .and. count(polynomial == 3) == 112 .and. all(basis%prior_degrees == polynomial))
       call check_close('y and modulus', basis%to_modulus(basis%to_y(123.0_wp, 98.0_wp), 98.0_wp), 123.0_wp, 1.0e-10_wp)
-      call new_correction_basis(basis%domain, 0, basis, error)
+      basis%settings%degree = 0
+      call basis%set_up(error)
       call check_refused('no degree', error, 'degree = 0 is outside 1 .. 4')
-      call new_correction_basis(wide('triclinic', 1.5_wp, [0.05_wp, 0.45_wp]), 5, basis, error)
+      basis%settings%degree = 5
+      call basis%set_up(error)
       call check_refused('too high a degree', error, 'degree = 5 is outside 1 .. 4')
-      basis = basis_of(1)
       call new_basis(basis%domain, surrogate_settings_type(model='correction', degree=2, file='', truncation='', scan=''), &
          & other, error)
       call check('as the settings ask for', other%n_terms == 29 .and. other%logarithmic)
@@ -472,7 +474,7 @@ contains
 
       surrogate = random_surrogate(stiffness)
       surrogate%provenance = '{}'
-      surrogate%fall = 1.0_wp/3.0_wp
+      surrogate%decay_rate = 1.0_wp/3.0_wp
       surrogate%contact_radius = 0.3_wp
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
@@ -490,7 +492,8 @@ contains
       end associate
       call check('and its posterior', all(abs(copy%coefficients - surrogate%coefficients) <= 0.0_wp) &
          & .and. all(abs(copy%covariance - surrogate%covariance) <= 0.0_wp) &
-         & .and. all(abs([copy%alpha - surrogate%alpha, copy%beta - surrogate%beta, copy%fall - surrogate%fall]) <= 0.0_wp) &
+         & .and. all(abs([copy%alpha - surrogate%alpha, copy%beta - surrogate%beta]) <= 0.0_wp) &
+         & .and. copy%decay_rate == surrogate%decay_rate &
          & .and. copy%basis%n_terms == merge(176, 141, present(stiffness)) &
          & .and. all(copy%basis%prior_degrees == surrogate%basis%prior_degrees))
    end subroutine test_file

@@ -4,11 +4,11 @@ program test_surrogate
    use abstract_basis, only: basis_type, grain_model_type
    use bases, only: new_basis
    use crystal_elasticity, only: anisotropy_index, is_stable
-   use correction_basis, only: correction_basis_type, new_correction_basis
+   use correction_basis, only: correction_basis_type
    use errors, only: error_type, exit_bad_input
    use files, only: read_text_file
    use kinds, only: degree_unit => degree, pi, wp
-   use paper_basis, only: new_paper_basis, paper_basis_type
+   use paper_basis, only: paper_basis_type
    use random, only: new_random_stream, random_stream_type
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
@@ -54,9 +54,24 @@ contains
       type(paper_basis_type) :: basis
       type(error_type), allocatable :: error
 
-      call new_paper_basis(domain_of(symmetry), truncation, degree, bandlimit, basis, error)
-      if (allocated(error)) call check_success('new_paper_basis', error)
+      call make_basis(domain_of(symmetry), truncation, degree, bandlimit, basis, error)
+      if (allocated(error)) call check_success('a basis', error)
    end function basis_of
+
+   subroutine make_basis(domain, truncation, degree, bandlimit, basis, error)
+      type(domain_type), intent(in) :: domain
+      character(len=*), intent(in) :: truncation
+      integer, intent(in) :: degree, bandlimit
+      type(paper_basis_type), intent(out) :: basis
+      type(error_type), allocatable, intent(out) :: error
+
+      basis%domain = domain
+      basis%settings%model = 'paper'
+      basis%settings%truncation = truncation
+      basis%settings%degree = degree
+      basis%settings%bandlimit = bandlimit
+      call basis%set_up(error)
+   end subroutine make_basis
 
    subroutine test_domain()
       type(domain_type) :: domain, none
@@ -110,14 +125,14 @@ contains
          & .and. polynomial(6) == 1 .and. polynomial(135) == 6)
       basis = basis_of('hexagonal', 'tensor', 2, 4)
       call check('paper, hexagonal: 243 x 3', basis%n_terms == 729)
-      call new_paper_basis(domain_of('cubic'), 'tensor', 2, 5, basis, error)
+      call make_basis(domain_of('cubic'), 'tensor', 2, 5, basis, error)
       call check_refused('an odd bandlimit is refused', error, 'bandlimit = 5')
-      call new_paper_basis(domain_of('hexagonal'), 'tensor', 12, 20, basis, error)
+      call make_basis(domain_of('hexagonal'), 'tensor', 12, 20, basis, error)
       call check_refused('more terms than memory is refused before it is asked for', error, '4.084E+006 terms; at most 20000')
-      call new_paper_basis(domain_of('cubic'), 'round', 2, 4, basis, error)
+      call make_basis(domain_of('cubic'), 'round', 2, 4, basis, error)
       call check_refused('an unknown truncation', error, '''round'' is unknown; allowed: tensor, total')
       call new_wide_domain('cubic', 'cubic', 1.5_wp, [0.05_wp, 0.45_wp], wide, error)
-      call new_paper_basis(wide, 'tensor', 2, 4, basis, error)
+      call make_basis(wide, 'tensor', 2, 4, basis, error)
       call check_refused('no bounds', error, 'needs bounds of all constants')
       call new_basis(domain_of('cubic'), surrogate_settings_type(model='paper', truncation='total', degree=3, bandlimit=4, &
          & file='', scan=''), other, error)
@@ -152,7 +167,8 @@ contains
             p(q) = p(q) - product(sqrt(2.0_wp*basis%polynomials%degrees(:, q) + 1))
          end do
          call check_close('products at a corner', maxval(abs(p)), 0.0_wp, 1.0e-12_wp)
-         call check_close('a corner is on the boundary', basis%reach(domain%class%stiffness(domain%upper)), 1.0_wp, 1.0e-14_wp)
+         call check_close('a corner is on the boundary', domain%normalised_distance(domain%class%stiffness(domain%upper)), 1.0_wp, &
+            & 1.0e-14_wp)
       end associate
       do q = 2, 27
          if (sum(basis%polynomials%degrees(:, q)) < sum(basis%polynomials%degrees(:, q - 1))) exit
@@ -177,14 +193,17 @@ contains
       if (model == 'paper') then
          allocate (surrogate%basis, source=basis_of('cubic', 'total', 2, 4))
       else
-         call new_correction_basis(domain_of('cubic'), 2, correction, error)
-         if (allocated(error)) call check_success('new_correction_basis', error)
+         correction%domain = domain_of('cubic')
+         correction%settings%model = 'correction'
+         correction%settings%degree = 2
+         call correction%set_up(error)
+         if (allocated(error)) call check_success('a correction', error)
          allocate (surrogate%basis, source=correction)
       end if
       n = surrogate%basis%n_terms
       surrogate%alpha = 3.0_wp
       surrogate%beta = 1.0e4_wp
-      surrogate%fall = 0.3125_wp
+      surrogate%decay_rate = 0.3125_wp
       allocate (surrogate%coefficients(n), factor(n, n))
       stream = new_random_stream(5, 1)
       do j = 1, n
@@ -231,11 +250,12 @@ contains
             call check_close('modulus is s exp(y)', modulus, scale*exp(y), 1.0e-10_wp)
             call check_close('sd by the delta method', sd, scale*exp(y)*sqrt(variance), 1.0e-9_wp)
          end if
-         call check('copper is covered', basis%covers(c))
-         call check('an unstable crystal is not', .not. basis%covers(basis%domain%class%stiffness([100.0_wp, 120.0_wp, 50.0_wp])))
-         call check('nor one with a Zener ratio of 50', .not. basis%covers(basis%domain%class%stiffness([100.0_wp, 96.0_wp, &
+         call check('copper is covered', basis%domain%admits(c))
+         call check('an unstable crystal is not', .not. basis%domain%admits(basis%domain%class%stiffness([100.0_wp, 120.0_wp, &
+            & 50.0_wp])))
+         call check('nor one with a Zener ratio of 50', .not. basis%domain%admits(basis%domain%class%stiffness([100.0_wp, 96.0_wp, &
             & 100.0_wp])))
-         call check('nor copper three times as stiff', .not. basis%covers(3*c))
+         call check('nor copper three times as stiff', .not. basis%domain%admits(3*c))
          call new_grain_model(surrogate, surrogate%basis%domain%class, euler, .true., model, error)
          call check_success('a model of grains', error)
          ! Theory in full, where there is theory.
@@ -260,7 +280,7 @@ contains
       call predict(copy, c, euler(:, 1), again, again_sd)
       same = again == modulus .and. again_sd == sd .and. copy%basis%domain%anisotropy_cap == 7.2_wp &
          & .and. all(copy%coefficients == surrogate%coefficients) .and. all(copy%covariance == surrogate%covariance) &
-         & .and. copy%alpha == surrogate%alpha .and. copy%beta == surrogate%beta .and. copy%fall == surrogate%fall &
+         & .and. copy%alpha == surrogate%alpha .and. copy%beta == surrogate%beta .and. copy%decay_rate == surrogate%decay_rate &
          & .and. copy%basis%domain%members == 'cubic' .and. all(copy%basis%domain%poisson == surrogate%basis%domain%poisson) &
          & .and. all(copy%simulations%constants == surrogate%simulations%constants) &
          & .and. all(copy%simulations%euler_deg == surrogate%simulations%euler_deg) &

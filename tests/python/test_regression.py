@@ -185,7 +185,7 @@ def test_leaving_out_equals_brute_force(name, n_data):
         case.learner.leave_out([1, 2])
 
 
-@pytest.mark.parametrize("rule", ["modulus", "log_modulus", "all_moduli"])
+@pytest.mark.parametrize("rule", ["variance", "relative_variance", "imse"])
 @pytest.mark.parametrize("name", ["paper", "small"])
 def test_choices_equal_exhaustive_search(name, rule):
     case = Case(name, 20)
@@ -197,13 +197,13 @@ def test_choices_equal_exhaustive_search(name, rule):
     predicted = case.basis.to_modulus(case.learner.values("mean") @ terms, scale)
     # |dM/dy|, or |d log M/dy|.
     importance = predicted if case.basis.logarithmic else np.ones(50)
-    if rule == "log_modulus":
+    if rule == "relative_variance":
         importance = importance / predicted
 
     def worth(covariance, j):
         """What the choice of j would take from the mean variance of all; or its own variance."""
         reach = covariance @ terms[:, j]
-        if rule != "all_moduli":
+        if rule != "imse":
             return importance[j] ** 2 * terms[:, j] @ reach
         after = covariance - np.outer(reach, reach) / (1 / beta + terms[:, j] @ reach)
         before, left = (np.einsum("ij,ik,kj->j", terms, matrix, terms) for matrix in (covariance, after))
@@ -230,7 +230,7 @@ def test_choices_equal_exhaustive_search(name, rule):
     assert np.abs(case.learner.covariance() - covariance).max() <= 1e-7 * np.abs(covariance).max()
 
 
-@pytest.mark.parametrize("rule", ["log_modulus", "all_moduli"])
+@pytest.mark.parametrize("rule", ["relative_variance", "imse"])
 def test_equal_candidates_lowest_first_and_threads_alike(rule):
     basis = BASES["small"]
     one, angle = (part[:1] for part in basis.crystals(1, 7))
@@ -250,7 +250,7 @@ def test_equal_candidates_lowest_first_and_threads_alike(rule):
     learner.fit(1.0, 1e-4)
     order = [number for _ in range(4) for number in learner.choose(5)[0] if number in {*copies, first}]
     expected = sorted({*copies, first})
-    assert order == expected[: len(order)] and len(order) >= (3 if rule == "log_modulus" else 1)
+    assert order == expected[: len(order)] and len(order) >= (3 if rule == "relative_variance" else 1)
     sequences = []
     for threads in (1, 2, 4):
         learner = Learner(BASES["large"])

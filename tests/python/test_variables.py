@@ -250,7 +250,7 @@ EFFECTS = {
         "initial_set": (built, {}, "latin"),
         "orientations": (built, BOUNDED, "declination"),
         "n_directions": (built, FACTORIAL, 5),
-        "variance_of": (built, {"design": {"budget": 20}}, "modulus"),
+        "variance_of": (built, {"design": {"budget": 20}}, "variance"),
         "budget": (built, {}, 14),
         "batch": (built, {"design": {"budget": 20, "initial": 2}}, 6),
         "refit": (built, {"design": {"budget": 20}}, 7),

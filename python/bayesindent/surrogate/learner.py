@@ -21,7 +21,7 @@ class Learner(NativeObject):
         self.basis = basis
         self._hold(basis._call("learner")["handle"])
 
-    def set_candidates(self, constants: ArrayLike, euler_deg: ArrayLike, variance_of: str = "all_moduli") -> None:
+    def set_candidates(self, constants: ArrayLike, euler_deg: ArrayLike, variance_of: str = "imse") -> None:
         """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the choice, see &design."""
         self._call("set_candidates", rule=variance_of, **self.basis.rows(constants, euler_deg))
 

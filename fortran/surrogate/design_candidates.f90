@@ -1,9 +1,10 @@
 !> The crystals and orientations that a design chooses from, and those that it begins with.
-module build_candidates
+module design_candidates
    use abstract_basis, only: basis_type
    use distinct_directions, only: new_region, region_type, spread_of_directions
    use errors, only: error_type
    use kinds, only: degree, wp
+   use point_index, only: number_equal
    use problem, only: problem_type
    use settings_groups, only: design_settings_type
    use sorting, only: sort_order
@@ -16,8 +17,6 @@ module build_candidates
    type :: candidates_type
       !> Constants of the domain's class (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :)
-   contains
-      procedure :: n => count_candidates
    end type candidates_type
 
    !> Between the seeds of the two blocks of a Latin hypercube.
@@ -40,7 +39,7 @@ contains
       seed = problem%settings%problem%seed
       associate (design => problem%settings%design)
          if (allocated(problem%candidates)) then
-            call take_table(problem, basis, candidates, warning)
+            call take_table(problem, basis%domain, candidates, warning)
          else if (design%candidates == 'factorial') then
             call factorial(basis%domain, design, seed, candidates, error)
          else
@@ -61,33 +60,24 @@ contains
       end associate
    end subroutine new_candidates
 
-   pure integer function count_candidates(self)
-      class(candidates_type), intent(in) :: self
-
-      count_candidates = size(self%euler_deg, 2)
-   end function count_candidates
-
-   !> The rows of the user's table that the basis covers.
-   subroutine take_table(problem, basis, candidates, warning)
+   !> The rows of the user's table that are in the domain.
+   subroutine take_table(problem, domain, candidates, warning)
       type(problem_type), intent(in) :: problem
-      class(basis_type), intent(in) :: basis
+      type(domain_type), intent(in) :: domain
       type(candidates_type), intent(out) :: candidates
       character(len=:), allocatable, intent(inout) :: warning
-      logical, allocatable :: kept(:)
-      integer :: i, j
+      integer, allocatable :: rows(:)
+      integer :: i
 
-      associate (table => problem%candidates, class => basis%domain%class)
-         kept = [(basis%covers(table%stiffness(:, :, i)), i=1, table%n)]
-         allocate (candidates%constants(class%n_constants, count(kept)), candidates%euler_deg(3, count(kept)))
-         j = 0
-         do i = 1, table%n
-            if (.not. kept(i)) cycle
-            j = j + 1
-            candidates%constants(:, j) = class%constants_of(table%stiffness(:, :, i))
-            candidates%euler_deg(:, j) = table%euler_deg(:, i)
+      associate (table => problem%candidates)
+         rows = pack([(i, i=1, table%n)], [(domain%admits(table%stiffness(:, :, i)), i=1, table%n)])
+         allocate (candidates%constants(domain%class%n_constants, size(rows)))
+         do i = 1, size(rows)
+            candidates%constants(:, i) = domain%class%constants_of(table%stiffness(:, :, rows(i)))
          end do
-         if (j < table%n) warning = to_text(table%n - j)//' of '//to_text(table%n)//' candidates are outside the domain and are ' &
-            & //'left out'
+         candidates%euler_deg = table%euler_deg(:, rows)
+         if (size(rows) < table%n) warning = to_text(table%n - size(rows))//' of '//to_text(table%n) &
+            & //' candidates are outside the domain and are left out'
       end associate
    end subroutine take_table
 
@@ -126,36 +116,28 @@ contains
       type(design_settings_type), intent(in) :: design
       !> From 1.
       integer, allocatable, intent(out) :: numbers(:)
-      real(wp), allocatable :: reach(:)
-      integer, allocatable :: order(:), crystal(:), members(:)
-      integer :: i, j, n_crystals, round, rounds, wanted
+      integer, allocatable :: order(:), crystal(:), firsts(:), members(:)
+      integer :: i, j, n, round, wanted
 
-      wanted = min(design%initial, candidates%n())
+      n = size(candidates%euler_deg, 2)
+      wanted = min(design%initial, n)
+      allocate (numbers(0))
       if (design%initial_set == 'latin') numbers = [(i, i=1, wanted)]
-      if (.not. allocated(numbers)) allocate (numbers(0))
       if (design%initial_set /= 'boundary') return
-      reach = [(basis%reach(basis%domain%class%stiffness(candidates%constants(:, i))), i=1, candidates%n())]
-      allocate (order(size(reach)), crystal(size(reach)))
-      call sort_order(-reach, order)
-      n_crystals = 0
-      do i = 1, size(order)
-         crystal(i) = 0
-         do j = i - 1, 1, -1
-            if (any(abs(candidates%constants(:, order(i)) - candidates%constants(:, order(j))) > 0.0_wp)) cycle
-            crystal(i) = crystal(j)
-            exit
-         end do
-         if (crystal(i) > 0) cycle
-         n_crystals = n_crystals + 1
-         crystal(i) = n_crystals
-      end do
-      rounds = maxval([(count(crystal == j), j=1, n_crystals)])
-      do round = 0, rounds - 1
-         do j = 1, n_crystals
-            if (size(numbers) == wanted) return
-            members = pack(order, crystal == j)
+      allocate (order(n))
+      associate (domain => basis%domain, constants => candidates%constants)
+         call sort_order([(-domain%normalised_distance(domain%class%stiffness(constants(:, i))), i=1, n)], order)
+      end associate
+      crystal = number_equal(candidates%constants(:, order))
+      firsts = pack(crystal, crystal == [(i, i=1, n)])
+      round = 0
+      do while (size(numbers) < wanted)
+         do j = 1, size(firsts)
+            members = pack(order, crystal == firsts(j))
             if (round < size(members)) numbers = [numbers, members(1 + mod(j - 1 + round, size(members)))]
          end do
+         round = round + 1
       end do
+      numbers = numbers(:wanted)
    end subroutine initial_set
-end module build_candidates
+end module design_candidates
