@@ -12,7 +12,7 @@ module labelled_text
    use files, only: printable
    use kinds, only: i8, wp
    use labelled_values, only: labelled_values_type
-   use numbers, only: number_ok, read_integer
+   use numbers, only: number_ok, read_integer, read_real
    use text, only: to_text
    implicit none
    private
@@ -226,19 +226,15 @@ contains
       end if
    end subroutine expect
 
-   !> A finite number as `to_text` writes it.
+   !> A finite number.
    subroutine parse(self, string, label, value)
       class(labelled_text_type), intent(inout) :: self
       character(len=*), intent(in) :: string, label
       real(wp), intent(out) :: value
-      integer :: status
+      integer :: outcome
 
-      value = 0.0_wp
-      status = 1
-      if (verify(string, '+-.0123456789E') == 0) read (string, '(f40.0)', iostat=status) value
-      if (status /= 0 .or. .not. abs(value) <= huge(value)) then
-         call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
-      end if
+      call read_real(string, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
    end subroutine parse
 
    !> Append to the content.
