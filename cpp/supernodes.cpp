@@ -4,6 +4,7 @@
 #include <suitesparse/cholmod.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstring>
 
 namespace bayesindent {
@@ -62,6 +63,33 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row, int 
   return a;
 }
 
+// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that act only once. Here they stay what they
+// were, and a SIGTERM to this thread waits.
+class signal_keeper {
+public:
+  signal_keeper() : alone(one_at_a_time) {
+    sigset_t waiting;
+    sigemptyset(&waiting);
+    sigaddset(&waiting, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &waiting, &mask);
+    sigaction(SIGTERM, nullptr, &terminate);
+    sigaction(SIGABRT, nullptr, &abort);
+  }
+  ~signal_keeper() {
+    sigaction(SIGTERM, &terminate, nullptr);
+    sigaction(SIGABRT, &abort, nullptr);
+    pthread_sigmask(SIG_SETMASK, &mask, nullptr);
+  }
+  signal_keeper(const signal_keeper &) = delete;
+  signal_keeper &operator=(const signal_keeper &) = delete;
+
+private:
+  static inline std::mutex one_at_a_time;
+  const std::lock_guard<std::mutex> alone;
+  sigset_t mask;
+  struct sigaction terminate, abort;
+};
+
 // Nested dissection of the graph of the groups.
 std::vector<integer> order_groups(integer n, const integer *start, const integer *row, const integer *group, analyser &tool) {
   const integer groups = 1 + *std::max_element(group, group + n);
@@ -82,6 +110,7 @@ std::vector<integer> order_groups(integer n, const integer *start, const integer
   }
   cholmod_sparse graph = pattern(groups, group_start.data(), group_row.data(), -1);
   std::vector<integer> order(groups);
+  const signal_keeper kept;
   tool.check(cholmod_metis(&graph, nullptr, 0, 0, order.data(), &tool.common) != 0);
   return order;
 }
