@@ -63,8 +63,8 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row, int 
   return a;
 }
 
-// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that act only once. Here they stay what they
-// were, and a SIGTERM to this thread waits.
+// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that act only once. Here they stay
+// what they were, and a SIGTERM to this thread waits.
 class signal_keeper {
 public:
   signal_keeper() : alone(one_at_a_time) {
