@@ -18,10 +18,12 @@ module files
    abstract interface
       subroutine on_path(path) bind(c)
          import :: c_char
+         !> With a zero at its end.
          character(kind=c_char), intent(in) :: path(*)
       end subroutine on_path
       subroutine on_paths(path, other) bind(c)
          import :: c_char
+         !> With a zero at their ends.
          character(kind=c_char), intent(in) :: path(*), other(*)
       end subroutine on_paths
    end interface
