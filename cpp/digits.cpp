@@ -1,11 +1,11 @@
 // Numbers to text and back, whatever the country that is set. A C interface, for Fortran.
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 #include <string>
 
@@ -14,41 +14,49 @@ namespace {
 // As the Fortran side has them.
 enum form { fewest_digits, few_digits, significant, fixed_point };
 enum outcome { ok, not_finite, malformed };
+// Of a number with sixty decimals.
+constexpr int longest = 400;
 
-// A finite number that is not negative.
-std::string written(double size, int form, int n) {
+// Writes a finite number that is not negative; returns the end.
+char *write(double size, int form, int n, char *out) {
   constexpr auto exponential = std::chars_format::scientific;
   constexpr int digits_for_people = 10, longest_of_python = 16;
-  char text[400];
-  char *const last = text + sizeof text;
   if (form == fixed_point)
-    return {text, std::to_chars(text, last, size, std::chars_format::fixed, std::min(n, 60)).ptr};
-  const int most = form == significant ? n : digits_for_people, longest = form == significant ? n : longest_of_python;
-  const auto done =
-      form == fewest_digits ? std::to_chars(text, last, size, exponential) : std::to_chars(text, last, size, exponential, most - 1);
-  const std::string whole(text, done.ptr), mantissa = whole.substr(0, whole.find('e'));
-  const int exponent = std::atoi(whole.c_str() + mantissa.size() + 1);
-  std::string digits = mantissa.substr(0, 1) + (mantissa.size() > 1 ? mantissa.substr(2) : "");
-  digits.resize(std::max<std::size_t>(1, digits.find_last_not_of('0') + 1));
-  const int count = static_cast<int>(digits.size());
-  if (exponent < -4 || exponent >= longest) {
-    std::snprintf(text, sizeof text, form == significant ? "E%+04d" : "e%+03d", exponent);
-    if (form == significant)
-      return mantissa + (n > 1 ? "" : ".") + text;
-    return digits.substr(0, 1) + (count > 1 ? "." : "") + digits.substr(1) + text;
-  }
-  if (exponent < 0)
-    return "0." + std::string(-exponent - 1, '0') + digits;
-  if (count > exponent + 1)
-    return digits.substr(0, exponent + 1) + "." + digits.substr(exponent + 1);
-  digits += std::string(exponent + 1 - count, '0');
+    return std::to_chars(out, out + longest, size, std::chars_format::fixed, std::min(n, 60)).ptr;
+  char text[64] = {};
+  const int most = form == significant ? n : digits_for_people, whole = form == significant ? n : longest_of_python;
+  const auto done = form == fewest_digits ? std::to_chars(text, text + 40, size, exponential)
+                                          : std::to_chars(text, text + 40, size, exponential, most - 1);
+  char *last = std::find(text, done.ptr, 'e');
+  const int exponent = std::atoi(last + 1);
+  const bool is_long = exponent < -4 || exponent >= whole;
+  if (is_long && form == significant)
+    return std::copy(text, last, out) + std::sprintf(out + (last - text), n > 1 ? "E%+04d" : ".E%+04d", exponent);
+  // The digits, without their point and zeros at their end.
+  if (last > text + 1)
+    last = std::copy(text + 2, last, text + 1);
+  while (last > text + 1 && last[-1] == '0')
+    --last;
+  const int count = static_cast<int>(last - text);
+  if (exponent < 0 && !is_long)
+    return std::copy(text, last, std::copy_n("0.000", 1 - exponent, out));
+  const int before = is_long ? 1 : std::min(count, exponent + 1);
+  out = std::copy_n(text, before, out);
+  if (!is_long)
+    out = std::fill_n(out, exponent + 1 - before, '0');
+  if (count > before)
+    *out++ = '.';
+  out = std::copy(text + before, last, out);
+  if (is_long)
+    return out + std::sprintf(out, "e%+03d", exponent);
   // Fortran has nothing after a point that follows the last of its digits.
-  return digits + (form == few_digits ? "" : form == significant && exponent == n - 1 ? "." : ".0");
+  const char *const end = count > before || form == few_digits ? "" : form == significant && exponent == n - 1 ? "." : ".0";
+  return std::copy_n(end, std::strlen(end), out);
 }
 
 // Whether these digits, with their exponent, are a number of 1 or more.
 bool is_large(const std::string &digits) {
-  const std::size_t mark = std::min(digits.find('e'), digits.size()), point = std::min(digits.find('.'), mark);
+  const std::size_t mark = std::min(digits.find_first_of("eE"), digits.size()), point = std::min(digits.find('.'), mark);
   const double exponent = mark < digits.size() ? static_cast<double>(std::strtol(digits.c_str() + mark + 1, nullptr, 10)) : 0.0;
   return static_cast<double>(point) - static_cast<double>(digits.find_first_of("123456789")) + exponent > 0.0;
 }
@@ -61,37 +69,38 @@ extern "C" {
 // digits: ten at most, for people: 16; nothing where it is not finite. Significant: `n` digits, without zeros at their end, as
 // Fortran writes them: 16.0, 1.00000E-005. Fixed point: `n` decimals, and no point without them.
 void bayesindent_write_real(double value, std::int32_t form, std::int32_t n, char *text, std::int32_t length) {
-  std::string string;
+  char written[longest + 8], *end = written;
   if (form == few_digits && std::abs(value) < std::numeric_limits<double>::min())
-    string = "0";
+    *end++ = '0';
   else if (std::isfinite(value))
-    string = (std::signbit(value) ? "-" : "") + written(std::abs(value), form, n);
+    end = write(std::abs(value), form, n, std::fill_n(written, std::signbit(value), '-'));
   else if (form != few_digits)
-    string = std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity";
-  string.resize(length, ' ');
-  string.copy(text, length);
+    end += std::sprintf(written, "%s", std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity");
+  end = std::min(end, written + length);
+  std::fill(std::copy(written, end, text), text + length, ' ');
 }
 
 // A real in the syntax of Fortran or C, the whole text: 1, 1., .5, 1.0e-3, 1d0. Where it is none, the value is 0.
 void bayesindent_read_real(const char *text, std::int32_t length, double *value, std::int32_t *outcome) {
   *value = 0.0;
-  std::string digits(text, length);
-  std::transform(digits.begin(), digits.end(), digits.begin(), [](unsigned char c) { return std::tolower(c); });
-  if (digits[0] == '-' || digits[0] == '+')
-    digits.erase(0, 1);
-  *outcome = not_finite;
-  if (digits == "nan" || digits == "inf" || digits == "infinity" || digits.compare(0, 4, "nan(") == 0)
-    return;
   *outcome = malformed;
-  std::replace(digits.begin(), digits.end(), 'd', 'e');
-  if (digits.find_first_not_of(".0123456789e+-") < digits.size() || digits[0] == '-')
-    return;
+  const char *first = text + (length > 0 && (text[0] == '-' || text[0] == '+')), *last = text + length;
   double size = 0.0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), size);
-  if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
+  auto done = std::from_chars(first, last, size);
+  std::string digits;
+  if (done.ptr != last) {
+    digits.assign(first, last);
+    std::replace(digits.begin(), digits.end(), 'd', 'e');
+    std::replace(digits.begin(), digits.end(), 'D', 'e');
+    first = digits.data();
+    last = first + digits.size();
+    done = std::from_chars(first, last, size);
+  }
+  // A second sign is none.
+  if (done.ec == std::errc::invalid_argument || done.ptr != last || *first == '-')
     return;
   // Out of range is what is too small, too.
-  *outcome = std::isfinite(size) && (error == std::errc() || !is_large(digits)) ? ok : not_finite;
+  *outcome = std::isfinite(size) && (done.ec == std::errc() || !is_large({first, last})) ? ok : not_finite;
   if (*outcome == ok)
     *value = text[0] == '-' ? -size : size;
 }

@@ -51,16 +51,16 @@ contains
    !> The fewest digits that bring the number back, written as Python does: 16.0, 1e-05, 0.1.
    pure function number_text(number) result(string)
       real(wp), intent(in) :: number
-      character(len=len_trim(real_text(number, fewest_digits, 0))) :: string
+      character(len=:), allocatable :: string
 
-      string = real_text(number, fewest_digits, 0)
+      string = trim(real_text(number, fewest_digits, 0))
    end function number_text
 
    !> A number for people: ten digits at most, nothing where it is not finite.
    pure function short_text(number) result(string)
       real(wp), intent(in) :: number
-      character(len=len_trim(real_text(number, few_digits, 0))) :: string
+      character(len=:), allocatable :: string
 
-      string = real_text(number, few_digits, 0)
+      string = trim(real_text(number, few_digits, 0))
    end function short_text
 end module numbers
