@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <csignal>
 #include <cstring>
+#include <numeric>
 
 namespace bayesindent {
 
@@ -80,8 +81,6 @@ public:
     sigaction(SIGABRT, &abort, nullptr);
     pthread_sigmask(SIG_SETMASK, &mask, nullptr);
   }
-  signal_keeper(const signal_keeper &) = delete;
-  signal_keeper &operator=(const signal_keeper &) = delete;
 
 private:
   static inline std::mutex one_at_a_time;
@@ -125,8 +124,7 @@ std::vector<integer> order_unknowns(integer n, const integer *start, const integ
     place[order[k]] = k;
   for (integer i = 0; i < n - kept; ++i)
     ++count[place[group[i]] + 1];
-  for (integer k = 0; k < groups; ++k)
-    count[k + 1] += count[k];
+  std::partial_sum(count.begin(), count.end(), count.begin());
   for (integer i = 0; i < n - kept; ++i)
     given[count[place[group[i]]]++] = i;
   for (integer i = n - kept; i < n; ++i)

@@ -54,13 +54,11 @@ std::filesystem::path own_folder() {
 
 // Start the program of this file with the arguments of this one; return where that is not possible.
 void restart(const std::string &file) {
-  std::ifstream line("/proc/self/cmdline");
-  std::vector<std::string> words;
-  for (std::string word; std::getline(line, word, '\0');)
-    words.push_back(word);
+  std::ifstream started("/proc/self/cmdline");
+  std::string line(std::istreambuf_iterator<char>(started), {});
   std::vector<char *> arguments;
-  for (std::string &word : words)
-    arguments.push_back(word.data());
+  for (std::size_t at = 0; at < line.size(); at = line.find('\0', at) + 1)
+    arguments.push_back(&line[at]);
   arguments.push_back(nullptr);
   execv(file.c_str(), arguments.data());
 }
@@ -121,15 +119,13 @@ void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
                                         : std::strerror(self->error));
 }
 
-// Let the file `beside` have the name `path` if there is none of that name; else it is removed.
-void bayesindent_place_file(const char *beside, const char *path) {
+// Let the file `beside` have the name `path` if it is whole and there is none of that name; else it is removed.
+void bayesindent_place_file(const char *beside, const char *path, bool whole) {
   // Not every file system has links.
-  if (link(beside, path) != 0 && access(path, F_OK) != 0)
+  if (whole && link(beside, path) != 0 && access(path, F_OK) != 0)
     std::rename(beside, path);
   unlink(beside);
 }
-
-void bayesindent_remove_file(const char *path) { unlink(path); }
 
 // And those above it, where they are missing.
 void bayesindent_make_folder(const char *path) {

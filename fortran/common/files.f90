@@ -1,12 +1,11 @@
 !> Whole files in, whole files out, and the paths between them.
 module files
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, &
-      & place_new_file, remove_file
+   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, place_new_file
    public :: folder_of, resolve_path, file_exists, is_folder, printable, process_number
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
@@ -15,23 +14,16 @@ module files
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
 
-   abstract interface
-      subroutine on_path(path) bind(c)
-         import :: c_char
-         !> With a zero at its end.
-         character(kind=c_char), intent(in) :: path(*)
-      end subroutine on_path
-      subroutine on_paths(path, other) bind(c)
-         import :: c_char
-         !> With a zero at their ends.
-         character(kind=c_char), intent(in) :: path(*), other(*)
-      end subroutine on_paths
-   end interface
-   procedure(on_path), bind(c, name='bayesindent_make_folder') :: c_make_folder
-   procedure(on_path), bind(c, name='bayesindent_remove_file') :: c_remove_file
-   procedure(on_paths), bind(c, name='bayesindent_place_file') :: c_place_file
-
    interface
+      subroutine c_make_folder(path) bind(c, name='bayesindent_make_folder')
+         import :: c_char
+         character(kind=c_char), intent(in) :: path(*)
+      end subroutine c_make_folder
+      subroutine c_place_file(beside, path, whole) bind(c, name='bayesindent_place_file')
+         import :: c_bool, c_char
+         character(kind=c_char), intent(in) :: beside(*), path(*)
+         logical(c_bool), value :: whole
+      end subroutine c_place_file
       integer(c_int) function c_read_file(path, largest, n) bind(c, name='bayesindent_read_file')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: path(*)
@@ -205,19 +197,14 @@ contains
       name = folder_of(path)//unfinished//to_text(process_number())//'-'//path(index(path, '/', back=.true.) + 1:)
    end function name_beside
 
-   !> Let the file `beside` have the name `path` if there is none of that name; else it is removed.
-   subroutine place_new_file(beside, path)
-      character(len=*), intent(in) :: beside, path
-
-      call c_place_file(beside//c_null_char, path//c_null_char)
-   end subroutine place_new_file
-
-   !> Remove a file, if it is there.
-   subroutine remove_file(path)
+   !> Give the file that was made at `name_beside` its name, `path`, if it is whole and there is none of that name; else it is removed.
+   subroutine place_new_file(path, whole)
       character(len=*), intent(in) :: path
+      !> Whether all of it was written.
+      logical, intent(in) :: whole
 
-      call c_remove_file(path//c_null_char)
-   end subroutine remove_file
+      call c_place_file(name_beside(path)//c_null_char, path//c_null_char, logical(whole, c_bool))
+   end subroutine place_new_file
 
    !> Make a folder and those above it, where they are missing.
    subroutine make_folder(path, error)

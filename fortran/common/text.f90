@@ -7,7 +7,7 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, fixed, real_text, lower, join, split_list
+   public :: to_text, fixed, real_text, lower, join, split_list, append
 
    !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
@@ -139,4 +139,22 @@ contains
          first = first + comma
       end do
    end function split_list
+
+   !> Let a `piece` follow the first `filled` characters of a `page`, which grows.
+   pure subroutine append(page, filled, piece)
+      character(len=:), allocatable, intent(inout) :: page
+      integer, intent(inout) :: filled
+      character(len=*), intent(in) :: piece
+      integer, parameter :: shortest = 4096
+      character(len=:), allocatable :: larger
+
+      if (.not. allocated(page)) allocate (character(len=shortest) :: page)
+      if (filled + len(piece) > len(page)) then
+         allocate (character(len=2*(filled + len(piece))) :: larger)
+         larger(:filled) = page(:filled)
+         call move_alloc(larger, page)
+      end if
+      page(filled + 1:filled + len(piece)) = piece
+      filled = filled + len(piece)
+   end subroutine append
 end module text
