@@ -94,6 +94,7 @@ void bayesindent_read_real(const char *text, std::int32_t length, double *value,
     std::replace(digits.begin(), digits.end(), 'D', 'e');
     first = digits.data();
     last = first + digits.size();
+    size = 0.0;
     done = std::from_chars(first, last, size);
   }
   // A second sign is none.

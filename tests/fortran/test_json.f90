@@ -9,6 +9,7 @@ program test_json
 
    character, parameter :: newline = achar(10)
    type(json_type) :: document
+   real(wp) :: tiny_value
    integer :: i
 
    call check('nothing written', document%text() == '')
@@ -47,6 +48,8 @@ program test_json
    ! Out of range is also what has no exponent, or one that does not decide alone.
    call check('too large', all([outcome_of('1d400'), outcome_of(repeat('1', 400)//'e-5'), outcome_of('-inf')] == number_not_finite))
    call check('too small', all([outcome_of('1e-400'), outcome_of('0.'//repeat('0', 400)//'1e5')] == number_ok))
+   call read_real('1d-400', tiny_value, i)
+   call check('too small is zero', i == number_ok .and. .not. abs(tiny_value) > 0.0_wp)
    call check('no number', all([outcome_of('+-1'), outcome_of('1e'), outcome_of('.'), outcome_of('')] == number_malformed))
 
    document = json_type()
