@@ -2,6 +2,7 @@
 #include "multifrontal.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace bayesindent {
 
@@ -32,8 +33,7 @@ void analysis::build_tree() {
       ++child_start[parent[k] + 1];
     }
   }
-  for (integer k = 0; k < supernodes; ++k)
-    child_start[k + 1] += child_start[k];
+  std::partial_sum(child_start.begin(), child_start.end(), child_start.begin());
   child.resize(child_start[supernodes]);
   std::vector<integer> next(child_start.begin(), child_start.end() - 1);
   for (integer k = 0; k < supernodes; ++k)
@@ -92,8 +92,7 @@ void analysis::map_entries(const integer *start, const integer *row) {
       ++column_count[column_of[p] + 1];
     }
   }
-  for (integer j = 0; j < n; ++j)
-    column_count[j + 1] += column_count[j];
+  std::partial_sum(column_count.begin(), column_count.end(), column_count.begin());
   entry.resize(given);
   target.resize(given);
   entry_start.resize(supernodes + 1);

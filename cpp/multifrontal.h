@@ -2,12 +2,32 @@
 #ifndef BAYESINDENT_MULTIFRONTAL_H
 #define BAYESINDENT_MULTIFRONTAL_H
 
-#include "sparse_cholesky.h"
-
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <vector>
+
+enum bayesindent_cholesky_status {
+  bayesindent_cholesky_ok = 0,
+  bayesindent_cholesky_indefinite = 1,
+  bayesindent_cholesky_no_memory = 2,
+  bayesindent_cholesky_bad_input = 3,
+  bayesindent_cholesky_internal = 4
+};
+
+// The procedures of BLAS and LAPACK that the factorisation calls.
+extern "C" {
+void spotrf_(const char *, const int *, float *, const int *, int *);
+void strsv_(const char *, const char *, const char *, const int *, const float *, const int *, float *, const int *);
+void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
+            const float *, float *, const int *);
+void strtri_(const char *, const char *, const int *, float *, const int *, int *);
+void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *, float *,
+            const int *);
+void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
+            const float *, const int *, const float *, float *, const int *);
+}
 
 namespace bayesindent {
 

@@ -1,5 +1,4 @@
 // Numeric factorisation of one matrix.
-#include "dense_kernels.h"
 #include "multifrontal.h"
 
 #include <algorithm>

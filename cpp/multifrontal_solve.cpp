@@ -1,5 +1,4 @@
 // What is read off a factor: its trailing block, and solutions.
-#include "dense_kernels.h"
 #include "multifrontal.h"
 
 #include <algorithm>

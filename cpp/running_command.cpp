@@ -1,7 +1,9 @@
-#include "running_command.h"
-
+// What a running command has of the operating system: an output folder to itself, and an end at once on a signal. A C interface,
+// for Fortran.
 #include <atomic>
 #include <cerrno>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -9,6 +11,7 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <mutex>
+#include <string>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -19,10 +22,10 @@ namespace {
 struct watched_signal {
   int number;
   const char *name;
+  bool taken = false;
+  struct sigaction before = {};
 };
-constexpr watched_signal watched[] = {{SIGINT, "SIGINT"}, {SIGTERM, "SIGTERM"}, {SIGHUP, "SIGHUP"}};
-struct sigaction before[3];
-bool taken[3] = {false, false, false};
+watched_signal watched[] = {{SIGINT, "SIGINT"}, {SIGTERM, "SIGTERM"}, {SIGHUP, "SIGHUP"}};
 
 constexpr std::size_t longest = 8192;
 // Two of each, so that what a signal reads is never half-written.
@@ -61,29 +64,27 @@ struct line_buffer {
   }
 };
 
-// '2026-11-22 07:00:00,000' of the local clock, as the log writes it. The days of the calendar after H. Hinnant, chrono-compatible
-// low-level date algorithms: years that begin in March, eras of 400.
+// '2026-11-22 07:00:00,000' of the local clock, as the log writes it.
 void add_time(line_buffer &line) {
+  using namespace std::chrono;
   timespec now;
   clock_gettime(CLOCK_REALTIME, &now);
-  const long local = now.tv_sec + seconds_east, second = local % 86400, days = local / 86400 + 719468;
-  const long era = days / 146097, of_era = days % 146097;
-  const long year = (of_era - of_era / 1460 + of_era / 36524 - of_era / 146096) / 365,
-             of_year = of_era - (365 * year + year / 4 - year / 100);
-  const long shifted = (5 * of_year + 2) / 153, month = shifted < 10 ? shifted + 3 : shifted - 9;
-  line.add(year + 400 * era + (month <= 2 ? 1 : 0), 4);
-  line.add("-");
-  line.add(month, 2);
-  line.add("-");
-  line.add(of_year - (153 * shifted + 2) / 5 + 1, 2);
-  line.add(" ");
-  line.add(second / 3600, 2);
-  line.add(":");
-  line.add(second / 60 % 60, 2);
-  line.add(":");
-  line.add(second % 60, 2);
-  line.add(",");
-  line.add(now.tv_nsec / 1000000, 3);
+  const sys_seconds local{seconds{now.tv_sec + seconds_east}};
+  const sys_days day = floor<days>(local);
+  const year_month_day date{day};
+  const hh_mm_ss time{local - day};
+  struct part {
+    long number;
+    int digits;
+    const char *after;
+  };
+  for (const part &one :
+       {part{static_cast<int>(date.year()), 4, "-"}, part{static_cast<unsigned>(date.month()), 2, "-"},
+        part{static_cast<unsigned>(date.day()), 2, " "}, part{time.hours().count(), 2, ":"}, part{time.minutes().count(), 2, ":"},
+        part{time.seconds().count(), 2, ","}, part{now.tv_nsec / 1000000, 3, ""}}) {
+    line.add(one.number, one.digits);
+    line.add(one.after);
+  }
 }
 
 void add_reason(line_buffer &line, int signal) {
@@ -144,14 +145,14 @@ template <typename question> void remove_files(const char *folder, const char *p
   closedir(listing);
 }
 
-} // namespace
-
-extern "C" {
-
-void bayesindent_watch_signals(const char *new_words, const char *log) {
+// From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal, unless they are ignored: one line on standard
+// error and in the log of the folder, if there is one. Calling it again changes the line.
+void watch(const std::string &folder, bool resumes) {
   const int other = 1 - current;
-  std::snprintf(words[other], longest, "%s", new_words);
-  std::snprintf(log_file[other], longest, "%s", log);
+  const std::string kept = resumes ? "; what was finished is kept in " + folder + ", and the same command goes on from there"
+                                   : "; the same command begins anew";
+  std::snprintf(words[other], longest, "%s", kept.c_str());
+  std::snprintf(log_file[other], longest, "%s", folder.empty() ? "" : (folder + "/run.log").c_str());
   const std::time_t now = std::time(nullptr);
   std::tm local;
   if (localtime_r(&now, &local) != nullptr)
@@ -162,19 +163,86 @@ void bayesindent_watch_signals(const char *new_words, const char *log) {
   action.sa_handler = end_at_once;
   for (const watched_signal &one : watched)
     sigaddset(&action.sa_mask, one.number);
-  for (int i = 0; i < 3; i++) {
-    if (taken[i] || sigaction(watched[i].number, nullptr, &before[i]) != 0 || before[i].sa_handler == SIG_IGN)
+  for (watched_signal &one : watched)
+    if (!one.taken && sigaction(one.number, nullptr, &one.before) == 0 && one.before.sa_handler != SIG_IGN)
+      one.taken = sigaction(one.number, &action, nullptr) == 0;
+}
+
+void unlock() {
+  if (descriptor >= 0)
+    close(descriptor);
+  descriptor = -1;
+}
+
+// Wait at most `milliseconds` for the lock of a file, which is made and has the process that holds it; the system frees the lock
+// with that process. 0: locked; 1: process `holder` (0: unknown) has it; 2: the file cannot be opened. A file system without locks
+// counts as locked.
+std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32_t *holder) {
+  constexpr std::int32_t step = 20;
+  *holder = 0;
+  unlock();
+  const int opened = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (opened < 0)
+    return 2;
+  while (flock(opened, LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EINTR)
       continue;
-    taken[i] = sigaction(watched[i].number, &action, nullptr) == 0;
+    if (errno != EWOULDBLOCK)
+      break;
+    if (milliseconds <= 0) {
+      char text[32] = "";
+      if (pread(opened, text, sizeof text - 1, 0) > 0)
+        *holder = static_cast<std::int32_t>(std::strtol(text, nullptr, 10));
+      close(opened);
+      return 1;
+    }
+    usleep(1000 * step);
+    milliseconds -= step;
   }
+  // Who it is only serves the message: a full disk is no reason to stop here.
+  if (ftruncate(opened, 0) == 0)
+    dprintf(opened, "%ld\n", static_cast<long>(getpid()));
+  descriptor = opened;
+  return 0;
 }
 
-void bayesindent_unwatch_signals() {
-  for (int i = 0; i < 3; i++)
-    if (taken[i])
-      taken[i] = sigaction(watched[i].number, &before[i], nullptr) != 0;
+} // namespace
+
+extern "C" {
+
+void bayesindent_watch_signals() { watch("", false); }
+
+// Wait for the lock of an output folder and say as it does what became of it. Then a signal is told in its log, too, and the files
+// are removed whose names are `prefix`, a process that is no more, and '-', and so on: what killed processes left half-written.
+std::int32_t bayesindent_take_folder(const char *folder, const char *prefix, std::int32_t milliseconds, std::int32_t resumes,
+                                     std::int32_t *holder) {
+  const std::int32_t status = lock(std::string(folder) + "/.lock", milliseconds, holder);
+  if (status != 0)
+    return status;
+  remove_files(folder, prefix, [](const char *rest) {
+    char *after;
+    const long process = std::strtol(rest, &after, 10);
+    return process > 0 && *after == '-' && kill(static_cast<pid_t>(process), 0) != 0 && errno == ESRCH;
+  });
+  watch(folder, resumes != 0);
+  return status;
 }
 
+// Remove all files of a folder whose names begin so.
+void bayesindent_remove_files(const char *folder, const char *prefix) {
+  remove_files(folder, prefix, [](const char *) { return true; });
+}
+
+// Leave the folder to others, and signals to what they did before.
+void bayesindent_end_command() {
+  for (watched_signal &one : watched)
+    if (one.taken)
+      one.taken = sigaction(one.number, &one.before, nullptr) != 0;
+  unlock();
+}
+
+// While somebody listens, SIGINT is noted before it goes to the handler that it had; without a handler, or where a command watches,
+// nothing is changed. Threads may listen at the same time; with the last what was noted is forgotten.
 void bayesindent_listen() {
   const std::lock_guard<std::mutex> guard(listening);
   if (listeners++ > 0)
@@ -204,54 +272,5 @@ void bayesindent_stop_listening() {
   listens = false;
 }
 
-std::int32_t bayesindent_stop_requested() { return requested ? 1 : 0; }
-
-std::int32_t bayesindent_lock_file(const char *file, std::int32_t milliseconds, std::int32_t *holder) {
-  constexpr std::int32_t step = 20;
-  *holder = 0;
-  bayesindent_unlock_file();
-  const int opened = open(file, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (opened < 0)
-    return 2;
-  while (flock(opened, LOCK_EX | LOCK_NB) != 0) {
-    if (errno == EINTR)
-      continue;
-    if (errno != EWOULDBLOCK)
-      break;
-    if (milliseconds <= 0) {
-      char text[32] = "";
-      if (pread(opened, text, sizeof text - 1, 0) > 0)
-        *holder = static_cast<std::int32_t>(std::strtol(text, nullptr, 10));
-      close(opened);
-      return 1;
-    }
-    usleep(1000 * step);
-    milliseconds -= step;
-  }
-  char text[32];
-  const int length = std::snprintf(text, sizeof text, "%ld\n", static_cast<long>(getpid()));
-  // Who it is only serves the message: a full disk is no reason to stop here.
-  if (pwrite(opened, text, static_cast<std::size_t>(length), 0) == length && ftruncate(opened, length) != 0)
-    errno = 0;
-  descriptor = opened;
-  return 0;
-}
-
-void bayesindent_unlock_file() {
-  if (descriptor >= 0)
-    close(descriptor);
-  descriptor = -1;
-}
-
-void bayesindent_remove_remains(const char *folder, const char *prefix) {
-  remove_files(folder, prefix, [](const char *rest) {
-    char *after;
-    const long process = std::strtol(rest, &after, 10);
-    return process > 0 && *after == '-' && kill(static_cast<pid_t>(process), 0) != 0 && errno == ESRCH;
-  });
-}
-
-void bayesindent_remove_files(const char *folder, const char *prefix) {
-  remove_files(folder, prefix, [](const char *) { return true; });
-}
+bool bayesindent_stop_requested() { return requested; }
 }

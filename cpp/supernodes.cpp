@@ -4,7 +4,9 @@
 #include <suitesparse/cholmod.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstring>
+#include <numeric>
 
 namespace bayesindent {
 
@@ -62,6 +64,31 @@ cholmod_sparse pattern(integer n, const integer *start, const integer *row, int 
   return a;
 }
 
+// METIS takes SIGTERM and SIGABRT for itself while it works, and gives them back to handlers that act only once. Here they stay
+// what they were, and a SIGTERM to this thread waits.
+class signal_keeper {
+public:
+  signal_keeper() : alone(one_at_a_time) {
+    sigset_t waiting;
+    sigemptyset(&waiting);
+    sigaddset(&waiting, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &waiting, &mask);
+    sigaction(SIGTERM, nullptr, &terminate);
+    sigaction(SIGABRT, nullptr, &abort);
+  }
+  ~signal_keeper() {
+    sigaction(SIGTERM, &terminate, nullptr);
+    sigaction(SIGABRT, &abort, nullptr);
+    pthread_sigmask(SIG_SETMASK, &mask, nullptr);
+  }
+
+private:
+  static inline std::mutex one_at_a_time;
+  const std::lock_guard<std::mutex> alone;
+  sigset_t mask;
+  struct sigaction terminate, abort;
+};
+
 // Nested dissection of the graph of the groups.
 std::vector<integer> order_groups(integer n, const integer *start, const integer *row, const integer *group, analyser &tool) {
   const integer groups = 1 + *std::max_element(group, group + n);
@@ -82,6 +109,7 @@ std::vector<integer> order_groups(integer n, const integer *start, const integer
   }
   cholmod_sparse graph = pattern(groups, group_start.data(), group_row.data(), -1);
   std::vector<integer> order(groups);
+  const signal_keeper kept;
   tool.check(cholmod_metis(&graph, nullptr, 0, 0, order.data(), &tool.common) != 0);
   return order;
 }
@@ -96,8 +124,7 @@ std::vector<integer> order_unknowns(integer n, const integer *start, const integ
     place[order[k]] = k;
   for (integer i = 0; i < n - kept; ++i)
     ++count[place[group[i]] + 1];
-  for (integer k = 0; k < groups; ++k)
-    count[k + 1] += count[k];
+  std::partial_sum(count.begin(), count.end(), count.begin());
   for (integer i = 0; i < n - kept; ++i)
     given[count[place[group[i]]]++] = i;
   for (integer i = n - kept; i < n; ++i)

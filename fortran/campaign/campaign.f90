@@ -10,7 +10,7 @@ module campaign
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
-   use numbers, only: number_ok, number_text, read_real
+   use numbers, only: number_ok, number_text, read_integer, read_real
    use simulate, only: outcome_done, outcome_failed, outcome_type
    use sqlite, only: database_type, statement_type
    use text, only: lower, to_text
@@ -373,11 +373,12 @@ contains
       integer, intent(out) :: position
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: found
+      integer :: outcome
 
       position = 0
       call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//to_text(self%physics), &
          & found, error)
-      if (.not. allocated(error)) read (found, *) position
+      if (.not. allocated(error)) call read_integer(found, position, outcome)
       call name_file(self%path, error)
    end subroutine next_position
 

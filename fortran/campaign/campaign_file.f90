@@ -1,7 +1,7 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 module campaign_file
    use errors, only: error_type, exit_bad_input, machine_failure, raise
-   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, remove_file
+   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file
    use sqlite, only: database_type
    implicit none
    private
@@ -72,11 +72,7 @@ contains
       call file%open(name_beside(path), error)
       if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
       call file%close()
-      if (allocated(error)) then
-         call remove_file(name_beside(path))
-      else
-         call place_new_file(name_beside(path), path)
-      end if
+      call place_new_file(path, whole=.not. allocated(error))
    end subroutine create
 
    !> That the file is a whole campaign of a version that is known.

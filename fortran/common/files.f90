@@ -1,14 +1,12 @@
 !> Whole files in, whole files out, and the paths between them.
 module files
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_int, c_null_char, c_ptr, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise
-   use kinds, only: i8
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_bytes, read_entry, new_file_type, replace_file, make_folder, name_beside, &
-      & place_new_file, remove_file
-   public :: folder_of, full_path, resolve_path, file_exists, is_folder, printable
+   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, place_new_file
+   public :: folder_of, full_path, resolve_path, file_exists, is_folder, printable, process_number
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
    character(len=*), parameter, public :: unfinished = '.part-'
@@ -16,65 +14,61 @@ module files
    !> Larger files are refused, bytes: an input that big is no input of ours.
    integer, parameter :: largest = 1000000000
 
-   integer(c_int), parameter :: read_only = 0
-
    interface
-      integer(c_int) function c_rename(from, to) bind(c, name='rename')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: from(*), to(*)
-      end function c_rename
-      integer(c_int) function c_mkdir(path, mode) bind(c, name='mkdir')
+      subroutine c_make_folder(path) bind(c, name='bayesindent_make_folder')
+         import :: c_char
+         character(kind=c_char), intent(in) :: path(*)
+      end subroutine c_make_folder
+      subroutine c_place_file(beside, path, whole) bind(c, name='bayesindent_place_file')
+         import :: c_bool, c_char
+         character(kind=c_char), intent(in) :: beside(*), path(*)
+         logical(c_bool), value :: whole
+      end subroutine c_place_file
+      integer(c_int) function c_read_file(path, largest, n) bind(c, name='bayesindent_read_file')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: path(*)
-         integer(c_int), value :: mode
-      end function c_mkdir
-      integer(c_int) function c_open(path, flags) bind(c, name='open')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: path(*)
-         integer(c_int), value :: flags
-      end function c_open
-      integer(c_int) function c_fsync(descriptor) bind(c, name='fsync')
-         import :: c_int
-         integer(c_int), value :: descriptor
-      end function c_fsync
-      integer(c_size_t) function c_read(descriptor, bytes, n) bind(c, name='read')
-         import :: c_char, c_int, c_size_t
-         integer(c_int), value :: descriptor
+         integer(c_int), value :: largest
+         integer(c_int), intent(out) :: n
+      end function c_read_file
+      subroutine c_take_bytes(bytes) bind(c, name='bayesindent_take_bytes')
+         import :: c_char
          ! allow(C072)
          character(kind=c_char), intent(out) :: bytes(*)
-         integer(c_size_t), value :: n
-      end function c_read
-      integer(c_int) function c_link(from, to) bind(c, name='link')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: from(*), to(*)
-      end function c_link
-      integer(c_int) function c_unlink(path) bind(c, name='unlink')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: path(*)
-      end function c_unlink
-      integer(c_int) function c_close(descriptor) bind(c, name='close')
+      end subroutine c_take_bytes
+      type(c_ptr) function c_begin_file(path, beside) bind(c, name='bayesindent_begin_file')
+         import :: c_char, c_ptr
+         character(kind=c_char), intent(in) :: path(*), beside(*)
+      end function c_begin_file
+      subroutine c_add_to_file(file, bytes, n) bind(c, name='bayesindent_add_to_file')
+         import :: c_char, c_int, c_ptr
+         type(c_ptr), value :: file
+         character(kind=c_char), intent(in) :: bytes(*)
+         integer(c_int), value :: n
+      end subroutine c_add_to_file
+      subroutine c_finish_file(file, reason, size) bind(c, name='bayesindent_finish_file')
+         import :: c_char, c_int, c_ptr
+         type(c_ptr), value :: file
+         ! allow(C072)
+         character(kind=c_char), intent(out) :: reason(*)
+         integer(c_int), value :: size
+      end subroutine c_finish_file
+      !> The number of this process.
+      integer(c_int) function process_number() bind(c, name='getpid')
          import :: c_int
-         integer(c_int), value :: descriptor
-      end function c_close
+      end function process_number
       type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
          import :: c_char, c_ptr
          character(kind=c_char), intent(in) :: path(*)
          ! allow(C072)
          character(kind=c_char), intent(out) :: resolved(*)
       end function c_realpath
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
    end interface
 
    !> A file that is written piece by piece, whole or not at all.
    type :: new_file_type
       private
-      character(len=:), allocatable :: path, beside
-      integer :: unit = 0, status = 0
-      integer(i8) :: bytes = 0
-      logical :: is_open = .false.
-      character(len=256) :: reason = ''
+      type(c_ptr) :: handle = c_null_ptr
+      character(len=:), allocatable :: path
    contains
       procedure :: begin
       procedure :: add
@@ -125,31 +119,14 @@ contains
       !> All of it.
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: grown
-      integer(c_int) :: descriptor, outcome
-      integer :: n, got
+      integer(c_int) :: outcome, n
 
-      descriptor = c_open(path//c_null_char, read_only)
-      if (descriptor < 0) then
-         call raise(error, 'the file cannot be opened for reading', exit_bad_input)
-         return
-      end if
-      allocate (character(len=65536) :: content)
-      n = 0
-      do
-         got = int(c_read(descriptor, content(n + 1:), int(len(content) - n, c_size_t)))
-         if (got <= 0) exit
-         n = n + got
-         if (n < len(content)) cycle
-         if (n > largest) exit
-         allocate (character(len=2*n) :: grown)
-         grown(:n) = content
-         call move_alloc(grown, content)
-      end do
-      outcome = c_close(descriptor)
-      if (got < 0) call raise(error, 'the file cannot be read', exit_bad_input)
+      outcome = c_read_file(path//c_null_char, largest, n)
+      allocate (character(len=n) :: content)
+      call c_take_bytes(content)
+      if (outcome == 1) call raise(error, 'the file cannot be opened for reading', exit_bad_input)
+      if (outcome == 2) call raise(error, 'the file cannot be read', exit_bad_input)
       if (n > largest) call raise(error, 'the file is too large; at most '//to_text(largest)//' bytes', exit_bad_input)
-      content = content(:n)
    end subroutine read_bytes
 
    !> Place of the first byte that UTF-8 does not allow there, 0 where there is none.
@@ -178,26 +155,6 @@ contains
       i = 0
    end function not_utf8
 
-   !> The rest of the first line that begins with `key` in a file of the system; '' where there is none.
-   subroutine read_entry(path, key, rest)
-      character(len=*), intent(in) :: path, key
-      character(len=:), allocatable, intent(out) :: rest
-      character(len=8192) :: line
-      integer :: unit, status
-
-      rest = ''
-      open (newunit=unit, file=path, action='read', status='old', iostat=status)
-      if (status /= 0) return
-      do
-         read (unit, '(a)', iostat=status) line
-         if (status /= 0) exit
-         if (index(line, key) /= 1) cycle
-         rest = trim(line(len(key) + 1:))
-         exit
-      end do
-      close (unit)
-   end subroutine read_entry
-
    !> Write a file of this `content` whole or not at all.
    subroutine replace_file(path, content, error)
       character(len=*), intent(in) :: path, content
@@ -215,10 +172,7 @@ contains
       character(len=*), intent(in) :: path
 
       self%path = path
-      self%beside = name_beside(path)
-      open (newunit=self%unit, file=self%beside, access='stream', form='unformatted', status='replace', action='write', &
-         & iostat=self%status, iomsg=self%reason)
-      self%is_open = self%status == 0
+      self%handle = c_begin_file(path//c_null_char, name_beside(path)//c_null_char)
    end subroutine begin
 
    !> Write the `content` that comes next; after a failure nothing.
@@ -226,48 +180,19 @@ contains
       class(new_file_type), intent(inout) :: self
       character(len=*), intent(in) :: content
 
-      if (self%status == 0) write (self%unit, iostat=self%status, iomsg=self%reason) content
-      self%bytes = self%bytes + len(content)
+      call c_add_to_file(self%handle, content, len(content))
    end subroutine add
 
    !> To the disk, then in its place; after a failure, which is told now, there is no new file.
    subroutine finish(self, error)
       class(new_file_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer(c_int) :: descriptor, outcome
-      integer(i8) :: bytes
-      integer :: status
+      character(kind=c_char, len=256) :: reason
 
-      if (self%status == 0) then
-         close (self%unit, iostat=self%status, iomsg=self%reason)
-         self%is_open = self%status /= 0
-         ! The library does not tell what happens to the last of its buffers.
-         inquire (file=self%beside, size=bytes)
-         if (self%status == 0 .and. bytes /= self%bytes) then
-            self%status = -1
-            self%reason = 'the disk is full'
-         end if
-      end if
-      if (self%status /= 0) then
-         ! What the library says of a disk that is full.
-         if (index(self%reason, 'No space left') > 0) self%reason = 'the disk is full'
-         call raise(error, self%path//': cannot be written: '//trim(self%reason), machine_failure)
-         if (self%is_open) close (self%unit, status='delete', iostat=status)
-         outcome = c_unlink(self%beside//c_null_char)
-         return
-      end if
-      descriptor = c_open(self%beside//c_null_char, read_only)
-      outcome = -1_c_int
-      if (descriptor >= 0) then
-         outcome = c_fsync(descriptor)
-         if (c_close(descriptor) /= 0) outcome = -1_c_int
-      end if
-      if (outcome /= 0) then
-         call raise(error, self%path//': cannot be written: the disk does not take it', machine_failure)
-      else if (c_rename(self%beside//c_null_char, self%path//c_null_char) /= 0) then
-         call raise(error, self%path//': cannot be replaced', machine_failure)
-      end if
-      if (allocated(error)) outcome = c_unlink(self%beside//c_null_char)
+      call c_finish_file(self%handle, reason, len(reason))
+      associate (n => index(reason, c_null_char) - 1)
+         if (n > 0) call raise(error, self%path//': cannot be written: '//reason(:n), machine_failure)
+      end associate
    end subroutine finish
 
    !> The name by which this process writes a file until it is whole.
@@ -275,40 +200,24 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: name
 
-      name = folder_of(path)//unfinished//to_text(int(c_getpid()))//'-'//path(index(path, '/', back=.true.) + 1:)
+      name = folder_of(path)//unfinished//to_text(process_number())//'-'//path(index(path, '/', back=.true.) + 1:)
    end function name_beside
 
-   !> Let the file `beside` have the name `path` if there is none of that name; else it is removed.
-   subroutine place_new_file(beside, path)
-      character(len=*), intent(in) :: beside, path
-      integer(c_int) :: outcome
-
-      outcome = c_link(beside//c_null_char, path//c_null_char)
-      ! Not every file system has links.
-      if (outcome /= 0 .and. .not. file_exists(path)) outcome = c_rename(beside//c_null_char, path//c_null_char)
-      outcome = c_unlink(beside//c_null_char)
-   end subroutine place_new_file
-
-   !> Remove a file, if it is there.
-   subroutine remove_file(path)
+   !> Give the file that was made at `name_beside` its name, `path`, if it is whole and there is none of that name; else it is removed.
+   subroutine place_new_file(path, whole)
       character(len=*), intent(in) :: path
-      integer(c_int) :: outcome
+      !> Whether all of it was written.
+      logical, intent(in) :: whole
 
-      outcome = c_unlink(path//c_null_char)
-   end subroutine remove_file
+      call c_place_file(name_beside(path)//c_null_char, path//c_null_char, logical(whole, c_bool))
+   end subroutine place_new_file
 
    !> Make a folder and those above it, where they are missing.
    subroutine make_folder(path, error)
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: all_may = 511
-      integer(c_int) :: status
-      integer :: i
 
-      do i = 2, len(path)
-         if (path(i:i) == '/') status = c_mkdir(path(:i - 1)//c_null_char, int(all_may, c_int))
-      end do
-      status = c_mkdir(path//c_null_char, int(all_may, c_int))
+      call c_make_folder(path//c_null_char)
       if (.not. is_folder(path)) call raise(error, path//': the folder cannot be made', machine_failure)
    end subroutine make_folder
 

@@ -2,7 +2,7 @@
 !> while somebody listens the signal is noted here, too, and then given to that handler. Long loops ask, leave, and their results are
 !> not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
 module interruption
-   use, intrinsic :: iso_c_binding, only: c_int32_t
+   use, intrinsic :: iso_c_binding, only: c_bool
    implicit none
    private
    public :: listen, stop_listening, stop_requested
@@ -14,15 +14,9 @@ module interruption
       !> As often as `listen`; with the last what was noted is forgotten.
       subroutine stop_listening() bind(c, name='bayesindent_stop_listening')
       end subroutine stop_listening
-      integer(c_int32_t) function c_requested() bind(c, name='bayesindent_stop_requested')
-         import :: c_int32_t
-      end function c_requested
+      !> Whether a signal came; it stays so while somebody listens.
+      logical(c_bool) function stop_requested() bind(c, name='bayesindent_stop_requested')
+         import :: c_bool
+      end function stop_requested
    end interface
-
-contains
-
-   !> Whether a signal came; it stays so while somebody listens.
-   logical function stop_requested()
-      stop_requested = c_requested() /= 0
-   end function stop_requested
 end module interruption

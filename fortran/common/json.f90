@@ -12,7 +12,7 @@ module json
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use kinds, only: wp
    use numbers, only: number_text
-   use text, only: to_text
+   use text, only: append, to_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -25,13 +25,14 @@ module json
       private
       character(len=:), allocatable :: page
       integer :: filled = 0, depth = 0
-      !> By depth: whether a value was written there.
+      !> By depth: whether a value was written there, and the bracket that ends it.
       logical :: begun(0:deepest) = .false.
+      character :: bracket(0:deepest) = ' '
    contains
       procedure :: begin_object
-      procedure :: end_object
+      procedure :: end_object => close_level
       procedure :: begin_array
-      procedure :: end_array
+      procedure :: end_array => close_level
       procedure :: put_null
       procedure :: put_if
       !> A value that is JSON already.
@@ -54,28 +55,16 @@ contains
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
 
-      call open_level(self, '{', key)
+      call open_level(self, '{}', key)
    end subroutine begin_object
-
-   pure subroutine end_object(self)
-      class(json_type), intent(inout) :: self
-
-      call close_level(self, '}')
-   end subroutine end_object
 
    !> Open an array, `key` its name in the object around it.
    pure subroutine begin_array(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
 
-      call open_level(self, '[', key)
+      call open_level(self, '[]', key)
    end subroutine begin_array
-
-   pure subroutine end_array(self)
-      class(json_type), intent(inout) :: self
-
-      call close_level(self, ']')
-   end subroutine end_array
 
    !> null under `key`.
    pure subroutine put_null(self, key)
@@ -102,7 +91,7 @@ contains
       character(len=*), intent(in) :: key, value
 
       call begin_value(self, key)
-      call append(self, value)
+      call append(self%page, self%filled, value)
    end subroutine put_json
 
    !> The text `value` under `key`.
@@ -148,12 +137,12 @@ contains
       integer :: i
 
       call begin_value(self, key)
-      call append(self, '[')
+      call append(self%page, self%filled, '[')
       do i = 1, size(values)
-         if (i > 1) call append(self, ', ')
-         call append(self, number(values(i)))
+         if (i > 1) call append(self%page, self%filled, ', ')
+         call append(self%page, self%filled, number(values(i)))
       end do
-      call append(self, ']')
+      call append(self%page, self%filled, ']')
    end subroutine put_reals
 
    !> A matrix `values` under `key`, as an array of its rows.
@@ -193,26 +182,25 @@ contains
       if (allocated(self%page)) text = self%page(:self%filled)//newline
    end function document_text
 
-   pure subroutine open_level(self, bracket, key)
+   pure subroutine open_level(self, brackets, key)
       class(json_type), intent(inout) :: self
-      character, intent(in) :: bracket
+      character(len=2), intent(in) :: brackets
       character(len=*), intent(in), optional :: key
 
       call begin_value(self, key)
-      call append(self, bracket)
+      call append(self%page, self%filled, brackets(1:1))
       self%depth = self%depth + 1
       self%begun(self%depth) = .false.
+      self%bracket(self%depth) = brackets(2:2)
    end subroutine open_level
 
-   pure subroutine close_level(self, bracket)
+   !> Close the object or the array that is open.
+   pure subroutine close_level(self)
       class(json_type), intent(inout) :: self
-      character, intent(in) :: bracket
-      logical :: filled
 
-      filled = self%begun(self%depth)
+      if (self%begun(self%depth)) call append(self%page, self%filled, newline//repeat(' ', self%depth - 1))
+      call append(self%page, self%filled, self%bracket(self%depth))
       self%depth = self%depth - 1
-      if (filled) call append(self, newline//repeat(' ', self%depth))
-      call append(self, bracket)
    end subroutine close_level
 
    !> Comma, line and key before a value.
@@ -220,27 +208,12 @@ contains
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
 
-      if (self%begun(self%depth)) call append(self, ',')
-      if (self%depth > 0) call append(self, newline//repeat(' ', self%depth))
+      if (self%begun(self%depth)) call append(self%page, self%filled, ',')
+      if (self%depth > 0) call append(self%page, self%filled, newline//repeat(' ', self%depth))
       self%begun(self%depth) = .true.
       if (.not. present(key)) return
-      if (len(key) > 0) call append(self, quoted(key)//': ')
+      if (len(key) > 0) call append(self%page, self%filled, quoted(key)//': ')
    end subroutine begin_value
-
-   pure subroutine append(self, piece)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: piece
-      character(len=:), allocatable :: larger
-
-      if (.not. allocated(self%page)) allocate (character(len=4096) :: self%page)
-      if (self%filled + len(piece) > len(self%page)) then
-         allocate (character(len=2*(self%filled + len(piece))) :: larger)
-         larger(:self%filled) = self%page(:self%filled)
-         call move_alloc(larger, self%page)
-      end if
-      self%page(self%filled + 1:self%filled + len(piece)) = piece
-      self%filled = self%filled + len(piece)
-   end subroutine append
 
    pure function number(value) result(string)
       real(wp), intent(in) :: value

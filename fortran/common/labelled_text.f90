@@ -12,8 +12,8 @@ module labelled_text
    use files, only: printable
    use kinds, only: i8, wp
    use labelled_values, only: labelled_values_type
-   use numbers, only: number_ok, read_integer
-   use text, only: to_text
+   use numbers, only: number_ok, read_integer, read_real
+   use text, only: append, to_text
    implicit none
    private
    public :: labelled_text_type
@@ -49,11 +49,24 @@ contains
       character(len=*), intent(in) :: label
       !> Given or taken.
       character(len=:), allocatable, intent(inout) :: value
+      integer :: length
 
-      if (self%reading) then
-         call expect(self, label, value)
-      else
+      if (.not. self%reading) then
          call put(self, label//' '//value//newline)
+         return
+      end if
+      value = ''
+      if (allocated(self%error)) return
+      length = index(self%content(self%position:), newline)
+      if (length == 0) then
+         call self%fail('the file ends where '''//label//''' is expected')
+      else if (index(self%content(self%position:self%position + length - 2), label//' ') /= 1) then
+         call self%fail(''''//label//''' is expected, not '''//printable(self%content(self%position:self%position + length - 2)) &
+            & //'''')
+      else
+         value = self%content(self%position + len(label) + 1:self%position + length - 2)
+         self%position = self%position + length
+         self%line = self%line + 1
       end if
    end subroutine exchange_text
 
@@ -66,16 +79,13 @@ contains
       character(len=:), allocatable, intent(inout) :: value
       integer :: n, i, first, length
 
+      n = 1
+      if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
+      call self%integer(label, n)
       if (.not. self%reading) then
-         n = 1
-         do i = 1, len(value)
-            if (value(i:i) == newline) n = n + 1
-         end do
-         call self%integer(label, n)
          call put(self, value//newline)
          return
       end if
-      call self%integer(label, n)
       first = self%position
       do i = 1, n
          if (allocated(self%error)) return
@@ -93,18 +103,14 @@ contains
       character(len=*), intent(in) :: label
       !> Given or taken.
       integer, intent(inout) :: value
-      character(len=:), allocatable :: rest
+      character(len=:), allocatable :: text
       integer :: outcome
 
-      if (.not. self%reading) then
-         call put(self, label//' '//to_text(value)//newline)
-         return
-      end if
-      value = 0
-      call expect(self, label, rest)
-      if (allocated(self%error)) return
-      call read_integer(rest, value, outcome)
-      if (outcome /= number_ok) call self%fail(''''//label//' '//printable(rest)//''': a whole number is needed')
+      if (.not. self%reading) text = to_text(value)
+      call self%text(label, text)
+      if (.not. self%reading) return
+      call read_integer(text, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//' '//printable(text)//''': a whole number is needed')
    end subroutine exchange_integer
 
    subroutine exchange_real(self, label, value)
@@ -113,15 +119,11 @@ contains
       character(len=*), intent(in) :: label
       !> Given or taken.
       real(wp), intent(inout) :: value
-      character(len=:), allocatable :: rest
+      character(len=:), allocatable :: text
 
-      if (.not. self%reading) then
-         call put(self, label//' '//to_text(value, all_digits)//newline)
-         return
-      end if
-      value = 0.0_wp
-      call expect(self, label, rest)
-      if (.not. allocated(self%error)) call parse(self, rest, label, value)
+      if (.not. self%reading) text = to_text(value, all_digits)
+      call self%text(label, text)
+      if (self%reading) call parse(self, text, label, value)
    end subroutine exchange_real
 
    !> Any number of values, their count first.
@@ -134,15 +136,14 @@ contains
       integer, parameter :: a_line = 4
       integer :: n, i, length
 
+      if (.not. self%reading) n = size(values)
+      call self%integer(label, n)
       if (.not. self%reading) then
-         n = size(values)
-         call self%integer(label, n)
          do i = 1, size(values)
             call put(self, to_text(values(i), all_digits)//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
          end do
          return
       end if
-      call self%integer(label, n)
       if (allocated(self%error)) return
       ! A value takes two bytes at least.
       if (n < 0 .or. n > (len(self%content) - self%position)/2) then
@@ -175,13 +176,10 @@ contains
       character(len=:), allocatable :: rest
       integer :: last
 
-      if (.not. self%reading) then
-         call put(self, 'checksum '//checksum(self%content(:self%filled))//newline)
-         return
-      end if
       last = self%position - 1
-      call expect(self, 'checksum', rest)
-      if (allocated(self%error)) return
+      if (.not. self%reading) rest = checksum(self%content(:self%filled))
+      call self%text('checksum', rest)
+      if (allocated(self%error) .or. .not. self%reading) return
       if (self%position <= len(self%content)) then
          call self%fail('goes on after its checksum')
       else if (rest /= checksum(self%content(:last))) then
@@ -203,62 +201,27 @@ contains
       end if
    end subroutine fail
 
-   !> The rest of the next line, which begins with the label.
-   subroutine expect(self, label, rest)
-      class(labelled_text_type), intent(inout) :: self
-      !> Of the value, see `labelled_values`.
-      character(len=*), intent(in) :: label
-      character(len=:), allocatable, intent(out) :: rest
-      integer :: length
-
-      rest = ''
-      if (allocated(self%error)) return
-      length = index(self%content(self%position:), newline)
-      if (length == 0) then
-         call self%fail('the file ends where '''//label//''' is expected')
-      else if (index(self%content(self%position:self%position + length - 2), label//' ') /= 1) then
-         call self%fail(''''//label//''' is expected, not '''//printable(self%content(self%position:self%position + length - 2)) &
-            & //'''')
-      else
-         rest = self%content(self%position + len(label) + 1:self%position + length - 2)
-         self%position = self%position + length
-         self%line = self%line + 1
-      end if
-   end subroutine expect
-
-   !> A finite number as `to_text` writes it.
+   !> A finite number.
    subroutine parse(self, string, label, value)
       class(labelled_text_type), intent(inout) :: self
       character(len=*), intent(in) :: string, label
       real(wp), intent(out) :: value
-      integer :: status
+      integer :: outcome
 
-      value = 0.0_wp
-      status = 1
-      if (verify(string, '+-.0123456789E') == 0) read (string, '(f40.0)', iostat=status) value
-      if (status /= 0 .or. .not. abs(value) <= huge(value)) then
-         call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
-      end if
+      call read_real(string, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
    end subroutine parse
 
    !> Append to the content.
    subroutine put(self, piece)
       class(labelled_text_type), intent(inout) :: self
       character(len=*), intent(in) :: piece
-      character(len=:), allocatable :: larger
 
       if (allocated(self%error)) return
       if (int(self%filled, i8) + len(piece) > largest) then
          call self%fail('would be larger than '//to_text(largest)//' bytes')
-         return
+      else
+         call append(self%content, self%filled, piece)
       end if
-      if (.not. allocated(self%content)) allocate (character(len=65536) :: self%content)
-      if (self%filled + len(piece) > len(self%content)) then
-         allocate (character(len=2*(self%filled + len(piece))) :: larger)
-         larger(:self%filled) = self%content(:self%filled)
-         call move_alloc(larger, self%content)
-      end if
-      self%content(self%filled + 1:self%filled + len(piece)) = piece
-      self%filled = self%filled + len(piece)
    end subroutine put
 end module labelled_text

@@ -1,15 +1,20 @@
 !> What the machine has left. Sizes come from users: what cannot be had is refused in words before it is asked for, since the
 !> system would end the process when it is used, not when it is allocated.
 module memory
+   use, intrinsic :: iso_c_binding, only: c_double
    use errors, only: error_type, machine_failure, raise
-   use files, only: read_entry
    use kinds, only: wp
    use text, only: to_text
    implicit none
    private
    public :: check_memory, free_memory, memory_text, raise_no_memory
 
-   real(wp), parameter :: unlimited = 1.0e300_wp
+   interface
+      !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
+      real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')
+         import :: c_double
+      end function free_memory
+   end interface
 
 contains
 
@@ -36,30 +41,6 @@ contains
 
       call raise(error, 'too little memory for '//what, machine_failure)
    end subroutine raise_no_memory
-
-   !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
-   real(wp) function free_memory() result(bytes)
-      real(wp), parameter :: kilobyte = 1024.0_wp
-      real(wp) :: group, space
-
-      bytes = kilobyte*entry_of('/proc/meminfo', 'MemAvailable:')
-      group = entry_of('/sys/fs/cgroup/memory.max', '')
-      if (group < unlimited) bytes = min(bytes, group - entry_of('/sys/fs/cgroup/memory.stat', 'anon '))
-      space = entry_of('/proc/self/limits', 'Max address space')
-      if (space < unlimited) bytes = min(bytes, space - kilobyte*entry_of('/proc/self/status', 'VmSize:'))
-      bytes = max(bytes, 0.0_wp)
-   end function free_memory
-
-   !> The number after a key at the beginning of a line; `unlimited` where there is none.
-   real(wp) function entry_of(path, key) result(number)
-      character(len=*), intent(in) :: path, key
-      character(len=:), allocatable :: rest
-      integer :: status
-
-      call read_entry(path, key, rest)
-      read (rest, *, iostat=status) number
-      if (status /= 0) number = unlimited
-   end function entry_of
 
    !> A number of `bytes` in words: '5.6 GB'.
    pure function memory_text(bytes) result(string)

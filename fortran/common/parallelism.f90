@@ -1,19 +1,13 @@
 !> How many threads work.
 module parallelism
-   use, intrinsic :: iso_c_binding, only: c_int
+   use files, only: process_number
    use omp_lib, only: omp_get_num_procs
    implicit none
    private
    public :: thread_count
 
-   interface
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
-   end interface
-
    !> The process in which threads were first asked for.
-   integer(c_int) :: first_process = 0
+   integer :: first_process = 0
 
 contains
 
@@ -25,8 +19,8 @@ contains
       thread_count = min(wanted, 4*omp_get_num_procs())
       if (wanted <= 0) thread_count = omp_get_num_procs()
       !$omp critical (parallelism)
-      if (first_process == 0) first_process = c_getpid()
-      if (first_process /= c_getpid()) thread_count = 1
+      if (first_process == 0) first_process = process_number()
+      if (first_process /= process_number()) thread_count = 1
       !$omp end critical (parallelism)
    end function thread_count
 end module parallelism

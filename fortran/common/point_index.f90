@@ -11,6 +11,8 @@ module point_index
       real(wp), allocatable :: points(:, :)
       !> Numbers of points, 0 where a place is free; a point is in the first free place from that of its hash on.
       integer, allocatable :: places(:)
+      !> The next point that is the same as each, 0 where there is none.
+      integer, allocatable :: next(:)
    contains
       procedure :: find
    end type point_index_type
@@ -22,16 +24,18 @@ contains
       !> (coordinate, point).
       real(wp), intent(in) :: points(:, :)
       type(point_index_type), intent(out) :: index
-      integer :: j, k
+      integer :: last(size(points, 2)), j, k
 
       index%points = points
-      allocate (index%places(0:2*size(points, 2)), source=0)
+      allocate (index%places(0:2*size(points, 2)), index%next(size(points, 2)), source=0)
       do j = 1, size(points, 2)
          k = place_of(index, points(:, j))
-         do while (index%places(k) > 0)
-            k = modulo(k + 1, size(index%places))
-         end do
-         index%places(k) = j
+         if (index%places(k) == 0) then
+            index%places(k) = j
+         else
+            index%next(last(index%places(k))) = j
+         end if
+         last(index%places(k)) = j
       end do
    end subroutine new_point_index
 
@@ -39,21 +43,12 @@ contains
    pure function number_equal(points) result(numbers)
       !> (coordinate, point).
       real(wp), intent(in) :: points(:, :)
-      integer, allocatable :: numbers(:)
+      integer :: numbers(size(points, 2))
       type(point_index_type) :: index
-      integer :: j, k
+      integer :: j
 
-      allocate (numbers(size(points, 2)), index%places(0:2*size(points, 2)))
-      index%places = 0
-      do j = 1, size(points, 2)
-         k = place_of(index, points(:, j))
-         do while (index%places(k) > 0)
-            if (.not. any(abs(points(:, index%places(k)) - points(:, j)) > 0.0_wp)) exit
-            k = modulo(k + 1, size(index%places))
-         end do
-         if (index%places(k) == 0) index%places(k) = j
-         numbers(j) = index%places(k)
-      end do
+      call new_point_index(points, index)
+      numbers = [(index%places(place_of(index, points(:, j))), j=1, size(points, 2))]
    end function number_equal
 
    !> The numbers of all that are this `point`, none if there is none.
@@ -62,17 +57,18 @@ contains
       !> (coordinate).
       real(wp), intent(in) :: point(:)
       integer, allocatable, intent(out) :: numbers(:)
-      integer :: k
+      integer :: j
 
       allocate (numbers(0))
-      k = place_of(self, point)
-      do while (self%places(k) > 0)
-         if (.not. any(abs(self%points(:, self%places(k)) - point) > 0.0_wp)) numbers = [numbers, self%places(k)]
-         k = modulo(k + 1, size(self%places))
+      j = self%places(place_of(self, point))
+      do while (j > 0)
+         numbers = [numbers, j]
+         j = self%next(j)
       end do
    end subroutine find
 
-   !> Where to begin to look: by Fowler, Noll and Vo's hash over numbers, its high bits mixed into the low ones; products wrap around.
+   !> The place of a point, or the free one where it would be: from that of its hash on (Fowler, Noll and Vo's over numbers, its high bits
+   !> mixed into the low ones; products wrap around).
    pure integer function place_of(self, point) result(place)
       type(point_index_type), intent(in) :: self
       real(wp), intent(in) :: point(:)
@@ -87,5 +83,9 @@ contains
          hash = ieor(hash, ishft(hash, -32))
       end do
       place = int(modulo(hash, size(self%places, kind=i8)))
+      do while (self%places(place) > 0)
+         if (.not. any(abs(self%points(:, self%places(place)) - point) > 0.0_wp)) return
+         place = modulo(place + 1, size(self%places))
+      end do
    end function place_of
 end module point_index

@@ -8,6 +8,9 @@ module random
    private
    public :: random_stream_type, new_random_stream, draw_normal, place_normal
 
+   !> 2^64 by the golden ratio, odd: z'9E3779B97F4A7C15'.
+   integer(i8), parameter :: golden = -7046029254386353131_i8
+
    type :: random_stream_type
       private
       integer(i8) :: s(4) = 0_i8
@@ -32,16 +35,12 @@ contains
       integer :: i
 
       state = ieor(int(seed, i8), ishft(int(stream, i8), 32))
-      state = mixed(state + golden())
+      state = mixed(state + golden)
       do i = 1, 4
-         state = state + golden()
+         state = state + golden
          self%s(i) = mixed(state)
       end do
    end function new_random_stream
-
-   pure integer(i8) function golden()
-      golden = ior(ishft(int(z'9E3779B9', i8), 32), int(z'7F4A7C15', i8))
-   end function golden
 
    pure integer(i8) function mixed(state)
       integer(i8), intent(in) :: state

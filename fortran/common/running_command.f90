@@ -4,7 +4,7 @@
 !> so that the handler can tell the user and end the process, which nothing can keep from happening. Programs call this and the
 !> library does not: there signals are the user's. One command at a time.
 module running_command
-   use, intrinsic :: iso_c_binding, only: c_char, c_int32_t, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    use errors, only: error_type, exit_bad_input, raise
    use files, only: make_folder, unfinished
    use text, only: to_text
@@ -12,40 +12,26 @@ module running_command
    private
    public :: watch_signals, take_folder, remove_files, end_command
 
-   !> The lock of a folder, and what the programs tell of a run.
-   character(len=*), parameter :: lock_name = '/.lock', log_name = '/run.log'
-
    interface
-      subroutine c_watch(words, log) bind(c, name='bayesindent_watch_signals')
-         import :: c_char
-         character(kind=c_char), intent(in) :: words(*), log(*)
-      end subroutine c_watch
-      subroutine c_unwatch() bind(c, name='bayesindent_unwatch_signals')
-      end subroutine c_unwatch
-      integer(c_int32_t) function c_lock(file, milliseconds, holder) bind(c, name='bayesindent_lock_file')
-         import :: c_char, c_int32_t
-         character(kind=c_char), intent(in) :: file(*)
-         integer(c_int32_t), value :: milliseconds
-         integer(c_int32_t), intent(out) :: holder
-      end function c_lock
-      subroutine c_unlock() bind(c, name='bayesindent_unlock_file')
-      end subroutine c_unlock
-      subroutine c_remove_remains(folder, prefix) bind(c, name='bayesindent_remove_remains')
-         import :: c_char
+      !> From now on a signal ends the process, with status 128 + signal and one line.
+      subroutine watch_signals() bind(c, name='bayesindent_watch_signals')
+      end subroutine watch_signals
+      integer(c_int) function c_take_folder(folder, prefix, milliseconds, resumes, holder) bind(c, name='bayesindent_take_folder')
+         import :: c_char, c_int
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
-      end subroutine c_remove_remains
+         integer(c_int), value :: milliseconds, resumes
+         integer(c_int), intent(out) :: holder
+      end function c_take_folder
       subroutine c_remove_files(folder, prefix) bind(c, name='bayesindent_remove_files')
          import :: c_char
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
       end subroutine c_remove_files
+      !> Leave the folder to others, and signals to what they did before.
+      subroutine end_command() bind(c, name='bayesindent_end_command')
+      end subroutine end_command
    end interface
 
 contains
-
-   !> From now on a signal ends the process, with status 128 + signal and one line.
-   subroutine watch_signals()
-      call c_watch('; the same command begins anew'//c_null_char, c_null_char)
-   end subroutine watch_signals
 
    !> Make an output folder and have it alone: wait for another process, or refuse in words that name it. Then a signal is told in its log,
    !> too, and what killed processes left unfinished there is gone.
@@ -57,25 +43,20 @@ contains
       logical, intent(in) :: resumes
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: words
-      integer(c_int32_t), parameter :: locked = 0, held = 1
-      integer(c_int32_t) :: status, holder
+      integer(c_int), parameter :: locked = 0, held = 1
+      integer(c_int) :: status, holder
 
       call make_folder(path, error)
       if (allocated(error)) return
-      status = c_lock(path//lock_name//c_null_char, 1000_c_int32_t*int(patience, c_int32_t), holder)
+      status = c_take_folder(path//c_null_char, unfinished//c_null_char, 1000*patience, merge(1, 0, resumes), holder)
       if (status == held) then
          words = 'another process'
-         if (holder > 0) words = 'process '//to_text(int(holder))
+         if (holder > 0) words = 'process '//to_text(holder)
          call raise(error, path//': '//words//' is at work in this folder; wait until it has ended, or choose another with ' &
             & //'--output', exit_bad_input)
       else if (status /= locked) then
-         call raise(error, path//lock_name//': cannot be written; choose a folder of your own with --output')
+         call raise(error, path//'/.lock: cannot be written; choose a folder of your own with --output')
       end if
-      if (allocated(error)) return
-      call c_remove_remains(path//c_null_char, unfinished//c_null_char)
-      words = '; the same command begins anew'
-      if (resumes) words = '; what was finished is kept in '//path//', and the same command goes on from there'
-      call c_watch(words//c_null_char, path//log_name//c_null_char)
    end subroutine take_folder
 
    !> Remove the files of a folder whose names begin with `prefix`.
@@ -84,10 +65,4 @@ contains
 
       call c_remove_files(path//c_null_char, prefix//c_null_char)
    end subroutine remove_files
-
-   !> Leave the folder to others, and signals to what they did before.
-   subroutine end_command()
-      call c_unwatch()
-      call c_unlock()
-   end subroutine end_command
 end module running_command

@@ -12,22 +12,9 @@ contains
    pure subroutine factor_semidefinite(a)
       !> (n, n).
       real(wp), intent(inout) :: a(:, :)
-      real(wp), parameter :: resolution = 1.0e-13_wp
-      real(wp) :: whole, pivot
-      integer :: j, i
+      logical :: definite
 
-      do j = 1, size(a, 1)
-         whole = a(j, j)
-         pivot = whole - sum(a(j, :j - 1)**2)
-         if (pivot > resolution*whole) then
-            a(j, j) = sqrt(pivot)
-            do i = j + 1, size(a, 1)
-               a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
-            end do
-         else
-            a(j:, j) = 0.0_wp
-         end if
-      end do
+      call factor_definite(a, 1.0e-13_wp, definite)
    end subroutine factor_semidefinite
 
    !> F with F Fᵀ = U Uᵀ and no more columns than rows: U itself, or the lower factor of the product.
@@ -116,22 +103,25 @@ contains
       real(wp), intent(inout) :: a(:, :)
       !> A pivot that is a smaller share of its entry has lost its digits.
       real(wp), intent(in) :: resolution
-      !> Whether no pivot has; else the factor is not finished.
+      !> Whether no pivot has; the column of one that has is zero.
       logical, intent(out) :: definite
       real(wp) :: whole, pivot
       integer :: j, i
 
+      definite = .true.
       do j = 1, size(a, 1)
          whole = a(j, j)
          pivot = whole - sum(a(j, :j - 1)**2)
-         definite = pivot > resolution*abs(whole)
-         if (.not. definite) return
-         a(j, j) = sqrt(pivot)
-         do i = j + 1, size(a, 1)
-            a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
-         end do
+         if (pivot > resolution*abs(whole)) then
+            a(j, j) = sqrt(pivot)
+            do i = j + 1, size(a, 1)
+               a(i, j) = (a(i, j) - sum(a(i, :j - 1)*a(j, :j - 1)))/a(j, j)
+            end do
+         else
+            a(j:, j) = 0.0_wp
+            definite = .false.
+         end if
       end do
-      definite = .true.
    end subroutine factor_definite
 
    !> Solve (L Lᵀ) x = b in place.

@@ -1,42 +1,27 @@
 !> Order of values.
 module sorting
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use kinds, only: wp
    implicit none
    private
    public :: sort_order
 
+   interface
+      pure subroutine c_sort_order(n, values, order) bind(c, name='bayesindent_sort_order')
+         import :: c_double, c_int
+         integer(c_int), value :: n
+         real(c_double), intent(in) :: values(*)
+         integer(c_int), intent(out) :: order(*)
+      end subroutine c_sort_order
+   end interface
+
 contains
 
-   !> Indices that sort the values, ascending; equal values keep their order (merge sort).
+   !> Indices that sort the values, ascending; equal values keep their order.
    pure subroutine sort_order(values, order)
       real(wp), intent(in) :: values(:)
       integer, intent(out) :: order(:)
-      integer :: merged(size(values)), width, first, middle, last, i, j, k, n
-      logical :: right
 
-      n = size(values)
-      order = [(i, i=1, n)]
-      width = 1
-      do while (width < n)
-         do first = 1, n, 2*width
-            middle = min(first + width, n + 1)
-            last = min(first + 2*width, n + 1)
-            i = first
-            j = middle
-            do k = first, last - 1
-               right = j < last
-               if (right .and. i < middle) right = values(order(j)) < values(order(i))
-               if (right) then
-                  merged(k) = order(j)
-                  j = j + 1
-               else
-                  merged(k) = order(i)
-                  i = i + 1
-               end if
-            end do
-         end do
-         order = merged
-         width = 2*width
-      end do
+      call c_sort_order(size(values), values, order)
    end subroutine sort_order
 end module sorting

@@ -14,20 +14,16 @@ contains
       !> Names, separated by ', '.
       character(len=*), intent(in) :: allowed
       character(len=:), allocatable :: words
-      character(len=:), allocatable :: names(:), nearest
-      integer :: i, distance, least
+      character(len=:), allocatable :: names(:)
+      integer :: i, nearest
 
-      names = split_list(allowed)
       words = ''
-      least = huge(least)
-      do i = 1, size(names)
-         distance = edit_distance(trim(names(i)), written)
-         if (distance >= least) cycle
-         least = distance
-         nearest = trim(names(i))
-      end do
-      if (.not. allocated(nearest)) return
-      if (least <= max(1, len(nearest)/3)) words = ', did you mean '//nearest//'?'
+      names = split_list(allowed)
+      if (size(names) == 0) return
+      associate (distances => [(edit_distance(trim(names(i)), written), i=1, size(names))])
+         nearest = minloc(distances, dim=1)
+         if (distances(nearest) <= max(1, len_trim(names(nearest))/3)) words = ', did you mean '//trim(names(nearest))//'?'
+      end associate
    end function suggestion
 
    !> Levenshtein's distance.

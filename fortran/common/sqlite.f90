@@ -3,7 +3,7 @@
 !> One thread at a time may use a database. A statement that gave a row keeps the file locked until `reset`.
 module sqlite
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_int64_t, c_intptr_t, c_null_char, &
-      & c_null_ptr, c_ptr
+      & c_null_ptr, c_ptr, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use kinds, only: i8, wp
    implicit none
@@ -50,6 +50,35 @@ module sqlite
       procedure :: finish
    end type statement_type
 
+   abstract interface
+      integer(c_int) function code_of(handle) bind(c)
+         import :: c_int, c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+      end function code_of
+      type(c_ptr) function pointer_of(handle) bind(c)
+         import :: c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+      end function pointer_of
+      integer(c_int) function code_of_number(handle, i) bind(c)
+         import :: c_int, c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+         !> Parameter or column of it, or ms.
+         integer(c_int), value :: i
+      end function code_of_number
+   end interface
+   procedure(code_of), bind(c, name='sqlite3_close_v2') :: c_close
+   procedure(code_of), bind(c, name='sqlite3_step') :: c_step
+   procedure(code_of), bind(c, name='sqlite3_reset') :: c_reset
+   procedure(code_of), bind(c, name='sqlite3_finalize') :: c_finalize
+   procedure(pointer_of), bind(c, name='sqlite3_errmsg') :: c_message
+   procedure(pointer_of), bind(c, name='sqlite3_db_handle') :: c_database
+   procedure(code_of_number), bind(c, name='sqlite3_busy_timeout') :: c_busy_timeout
+   procedure(code_of_number), bind(c, name='sqlite3_bind_null') :: c_bind_null
+   procedure(code_of_number), bind(c, name='sqlite3_column_bytes') :: c_column_bytes
+
    interface
       integer(c_int) function c_open(path, handle, flags, vfs) bind(c, name='sqlite3_open_v2')
          import :: c_char, c_int, c_ptr
@@ -58,24 +87,11 @@ module sqlite
          integer(c_int), value :: flags
          type(c_ptr), value :: vfs
       end function c_open
-      integer(c_int) function c_close(handle) bind(c, name='sqlite3_close_v2')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: handle
-      end function c_close
-      integer(c_int) function c_busy_timeout(handle, ms) bind(c, name='sqlite3_busy_timeout')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: handle
-         integer(c_int), value :: ms
-      end function c_busy_timeout
       integer(c_int) function c_exec(handle, sql, callback, argument, message) bind(c, name='sqlite3_exec')
          import :: c_char, c_int, c_ptr
          type(c_ptr), value :: handle, callback, argument, message
          character(kind=c_char), intent(in) :: sql(*)
       end function c_exec
-      type(c_ptr) function c_message(handle) bind(c, name='sqlite3_errmsg')
-         import :: c_ptr
-         type(c_ptr), value :: handle
-      end function c_message
       integer(c_int) function c_prepare(handle, sql, bytes, statement, rest) bind(c, name='sqlite3_prepare_v2')
          import :: c_char, c_int, c_ptr
          type(c_ptr), value :: handle, rest
@@ -102,27 +118,6 @@ module sqlite
          integer(c_int), value :: i
          real(c_double), value :: number
       end function c_bind_double
-      integer(c_int) function c_bind_null(statement, i) bind(c, name='sqlite3_bind_null')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-      end function c_bind_null
-      integer(c_int) function c_step(statement) bind(c, name='sqlite3_step')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-      end function c_step
-      integer(c_int) function c_reset(statement) bind(c, name='sqlite3_reset')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-      end function c_reset
-      integer(c_int) function c_finalize(statement) bind(c, name='sqlite3_finalize')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-      end function c_finalize
-      type(c_ptr) function c_database(statement) bind(c, name='sqlite3_db_handle')
-         import :: c_ptr
-         type(c_ptr), value :: statement
-      end function c_database
       integer(c_int64_t) function c_column_int64(statement, i) bind(c, name='sqlite3_column_int64')
          import :: c_int, c_int64_t, c_ptr
          type(c_ptr), value :: statement
@@ -138,11 +133,10 @@ module sqlite
          type(c_ptr), value :: statement
          integer(c_int), value :: i
       end function c_column_text
-      integer(c_int) function c_column_bytes(statement, i) bind(c, name='sqlite3_column_bytes')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-      end function c_column_bytes
+      integer(c_size_t) function c_length(text) bind(c, name='strlen')
+         import :: c_ptr, c_size_t
+         type(c_ptr), value :: text
+      end function c_length
    end interface
 
 contains
@@ -212,10 +206,14 @@ contains
       integer(c_int), intent(in) :: code
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: reason
+      type(c_ptr) :: message
 
       if (any(int(code) == [ok, row_code, done_code])) return
       reason = 'the database is not open'
-      if (c_associated(self%handle)) call copy_text(c_message(self%handle), reason)
+      if (c_associated(self%handle)) then
+         message = c_message(self%handle)
+         call copy_text(message, int(c_length(message)), reason)
+      end if
       if (iand(int(code), 255) == full) reason = 'the disk is full'
       if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
       call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
@@ -227,7 +225,7 @@ contains
       integer, intent(in) :: i
       character(len=*), intent(in) :: value
 
-      self%bound = max(self%bound, c_bind_text(self%handle, int(i, c_int), value//c_null_char, len(value, c_int), transient))
+      self%bound = max(self%bound, c_bind_text(self%handle, i, value//c_null_char, len(value, c_int), transient))
    end subroutine bind_text
 
    !> Bind the parameter with number `i`, from 1, to a `value`.
@@ -236,7 +234,7 @@ contains
       integer, intent(in) :: i
       integer(i8), intent(in) :: value
 
-      self%bound = max(self%bound, c_bind_int64(self%handle, int(i, c_int), int(value, c_int64_t)))
+      self%bound = max(self%bound, c_bind_int64(self%handle, i, value))
    end subroutine bind_integer
 
    !> Bind the parameter with number `i`, from 1, to a `value`.
@@ -245,7 +243,7 @@ contains
       integer, intent(in) :: i
       real(wp), intent(in) :: value
 
-      self%bound = max(self%bound, c_bind_double(self%handle, int(i, c_int), real(value, c_double)))
+      self%bound = max(self%bound, c_bind_double(self%handle, i, value))
    end subroutine bind_real
 
    !> Bind the parameter with number `i`, from 1, to NULL.
@@ -253,7 +251,7 @@ contains
       class(statement_type), intent(inout) :: self
       integer, intent(in) :: i
 
-      self%bound = max(self%bound, c_bind_null(self%handle, int(i, c_int)))
+      self%bound = max(self%bound, c_bind_null(self%handle, i))
    end subroutine bind_null
 
    !> Go on to the next row, if one is `found`.
@@ -276,7 +274,7 @@ contains
       class(statement_type), intent(in) :: self
       integer, intent(in) :: i
 
-      column_integer = int(c_column_int64(self%handle, int(i - 1, c_int)), i8)
+      column_integer = c_column_int64(self%handle, i - 1)
    end function column_integer
 
    !> Column `i`, from 1, of the present row; NULL is 0.
@@ -284,7 +282,7 @@ contains
       class(statement_type), intent(in) :: self
       integer, intent(in) :: i
 
-      column_real = real(c_column_double(self%handle, int(i - 1, c_int)), wp)
+      column_real = c_column_double(self%handle, i - 1)
    end function column_real
 
    !> Column `i`, from 1, of the present row; NULL is ''.
@@ -294,8 +292,8 @@ contains
       character(len=:), allocatable, intent(out) :: text
       type(c_ptr) :: bytes
 
-      bytes = c_column_text(self%handle, int(i - 1, c_int))
-      call copy_text(bytes, text, int(c_column_bytes(self%handle, int(i - 1, c_int))))
+      bytes = c_column_text(self%handle, i - 1)
+      call copy_text(bytes, c_column_bytes(self%handle, i - 1), text)
    end subroutine column_text
 
    !> Make ready for other parameters, and leave the file to others.
@@ -315,28 +313,17 @@ contains
       self%handle = c_null_ptr
    end subroutine finish
 
-   !> A text of the library, of this length or to its zero.
-   subroutine copy_text(bytes, text, length)
+   !> A text of the library of `n` bytes.
+   subroutine copy_text(bytes, n, text)
       type(c_ptr), intent(in) :: bytes
+      integer, intent(in) :: n
       character(len=:), allocatable, intent(out) :: text
-      integer, intent(in), optional :: length
-      integer, parameter :: longest = 10000
       character(kind=c_char), pointer :: characters(:)
-      integer :: i, n
+      integer :: i
 
-      text = ''
-      if (.not. c_associated(bytes)) return
-      n = longest
-      if (present(length)) n = length
-      call c_f_pointer(bytes, characters, [n])
-      if (.not. present(length)) then
-         do n = 0, longest - 1
-            if (characters(n + 1) == c_null_char) exit
-         end do
-      end if
-      deallocate (text)
-      allocate (character(len=n) :: text)
-      do i = 1, n
+      allocate (character(len=merge(n, 0, c_associated(bytes))) :: text)
+      call c_f_pointer(bytes, characters, [len(text)])
+      do i = 1, len(text)
          text(i:i) = characters(i)
       end do
    end subroutine copy_text

@@ -3,10 +3,14 @@
 !> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length result in static memory of the
 !> caller, where threads overwrite each other's.
 module text
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, fixed, lower, join, split_list
+   public :: to_text, fixed, real_text, lower, join, split_list, append
+
+   !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
+   integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
    interface to_text
       module procedure integer_to_text
@@ -15,6 +19,16 @@ module text
       module procedure digits_to_text
       module procedure logical_to_text
    end interface to_text
+
+   interface
+      pure subroutine c_write(value, form, n, text, length) bind(c, name='bayesindent_write_real')
+         import :: c_char, c_double, c_int
+         real(c_double), value :: value
+         integer(c_int), value :: form, n, length
+         ! allow(C072)
+         character(kind=c_char), intent(out) :: text(*)
+      end subroutine c_write
+   end interface
 
 contains
 
@@ -42,86 +56,37 @@ contains
 
    pure function real_to_text(value) result(string)
       real(wp), intent(in) :: value
-      character(len=len_trim(significant(value, 6))) :: string
+      character(len=len_trim(real_text(value, significant, 6))) :: string
 
-      string = significant(value, 6)
+      string = real_text(value, significant, 6)
    end function real_to_text
 
    pure function digits_to_text(value, digits) result(string)
       real(wp), intent(in) :: value
       integer, intent(in) :: digits
-      character(len=len_trim(significant(value, digits))) :: string
+      character(len=len_trim(real_text(value, significant, digits))) :: string
 
-      string = significant(value, digits)
+      string = real_text(value, significant, digits)
    end function digits_to_text
-
-   !> A `value` with `n` significant digits, without trailing zeros; 17 round-trip a double.
-   pure function significant(value, n) result(string)
-      real(wp), intent(in) :: value
-      integer, intent(in) :: n
-      character(len=40) :: string
-      character(len=40) :: layout
-      integer :: last
-
-      if (.not. abs(value) <= huge(value)) then
-         string = not_finite(value)
-         return
-      end if
-      write (layout, '(a,i0,a,i0,a)') '(es', n + 9, '.', n - 1, 'e3)'
-      write (string, layout) value
-      read (string(index(string, 'E') + 1:), *) last
-      if (last >= -4 .and. last < n) then
-         write (layout, '(a,i0,a)') '(f40.', n - 1 - last, ')'
-         write (string, layout) value
-         last = verify(string, '0', back=.true.)
-         if (index(string, '.') > 0) string = string(:min(len(string), merge(last + 1, last, string(last:last) == '.')))//' '
-      end if
-      string = with_leading_zero(string)
-   end function significant
 
    !> A `value` with so many `decimals` after the point, and no point without them.
    pure function fixed(value, decimals) result(string)
       real(wp), intent(in) :: value
       integer, intent(in) :: decimals
-      character(len=len_trim(with_decimals(value, decimals))) :: string
+      character(len=len_trim(real_text(value, fixed_point, decimals))) :: string
 
-      string = with_decimals(value, decimals)
+      string = real_text(value, fixed_point, decimals)
    end function fixed
 
-   pure function with_decimals(value, decimals) result(string)
+   !> A `value` as text with blanks after it.
+   pure function real_text(value, form, n) result(string)
       real(wp), intent(in) :: value
-      integer, intent(in) :: decimals
-      character(len=340) :: string
-      character(len=12) :: layout
+      !> One of those above, and its number of digits or decimals.
+      integer, intent(in) :: form, n
+      character(len=merge(400, 32, form == fixed_point)) :: string
 
-      if (.not. abs(value) <= huge(value)) then
-         string = not_finite(value)
-         return
-      end if
-      write (layout, '(a,i0,a)') '(f340.', decimals, ')'
-      write (string, layout) value
-      if (decimals == 0) string(len(string):) = ' '
-      string = with_leading_zero(string)
-   end function with_decimals
-
-   pure function not_finite(value) result(string)
-      real(wp), intent(in) :: value
-      character(len=9) :: string
-
-      string = 'NaN'
-      if (value > huge(value)) string = 'Infinity'
-      if (value < -huge(value)) string = '-Infinity'
-   end function not_finite
-
-   !> '0.5' for ' .5', without blanks before it.
-   pure function with_leading_zero(number) result(string)
-      character(len=*), intent(in) :: number
-      character(len=len(number)) :: string
-
-      string = adjustl(number)
-      if (string(1:1) == '.') string = '0'//string
-      if (string(1:2) == '-.') string = '-0'//string(2:)
-   end function with_leading_zero
+      call c_write(value, form, n, string, len(string))
+   end function real_text
 
    pure function logical_to_text(value) result(string)
       logical, intent(in) :: value
@@ -174,4 +139,22 @@ contains
          first = first + comma
       end do
    end function split_list
+
+   !> Let a `piece` follow the first `filled` characters of a `page`, which grows.
+   pure subroutine append(page, filled, piece)
+      character(len=:), allocatable, intent(inout) :: page
+      integer, intent(inout) :: filled
+      character(len=*), intent(in) :: piece
+      integer, parameter :: shortest = 4096
+      character(len=:), allocatable :: larger
+
+      if (.not. allocated(page)) allocate (character(len=shortest) :: page)
+      if (filled + len(piece) > len(page)) then
+         allocate (character(len=2*(filled + len(piece))) :: larger)
+         larger(:filled) = page(:filled)
+         call move_alloc(larger, page)
+      end if
+      page(filled + 1:filled + len(piece)) = piece
+      filled = filled + len(piece)
+   end subroutine append
 end module text

@@ -79,12 +79,7 @@ contains
          y(j:j + 3) = [t1, t2, t3, t4]
       end do
       do j = m - mod(m, 4) + 1, m
-         t1 = 0.0_wp
-         !$omp simd reduction(+:t1)
-         do i = 1, n
-            t1 = t1 + a(i, j)*x(i)
-         end do
-         y(j) = t1
+         y(j) = dot(a(:, j), x)
       end do
    end subroutine transposed_product
 end module vector_math

@@ -6,6 +6,7 @@ module crystal_lattice
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
+   use numbers, only: read_real
    use text, only: join, lower, split_list, to_text
    implicit none
    private
@@ -52,7 +53,7 @@ contains
       character(len=len(class%cell)), allocatable :: words(:), names(:)
       character(len=24) :: stated(6)
       real(wp) :: cell(6), cosine(3), height
-      integer :: i, k
+      integer :: i, k, outcome
 
       words = split_list(class%cell)
       names = split_list(lattice_parameters(class))
@@ -72,7 +73,7 @@ contains
          if (k > 0) then
             cell(i) = values(k)
          else if (i > 3) then
-            read (words(i), *) cell(i)
+            call read_real(trim(words(i)), cell(i), outcome)
          end if
       end do
       cosine = cos(cell(4:)*degree)

@@ -1,4 +1,4 @@
-!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern (cpp/sparse_cholesky.h).
+!> Fortran's view of the C++ layer that factors many sparse matrices with one pattern (cpp/sparse_cholesky.cpp).
 module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise

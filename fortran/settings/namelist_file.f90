@@ -5,6 +5,7 @@
 module namelist_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
+   use numbers, only: read_integer
    use text, only: lower, to_text
    implicit none
    private
@@ -332,15 +333,14 @@ contains
       integer, intent(out) :: repeats
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: count
-      integer :: star
+      integer :: star, outcome
 
       repeats = 1
       star = index(value%text, '*')
       if (star < 2) return
       count = value%text(:star - 1)
       if (verify(count, '0123456789') > 0) return
-      repeats = 0
-      if (len(count) < 9) read (count, *) repeats
+      call read_integer(count, repeats, outcome)
       if (repeats < 1 .or. repeats > most_repeats) then
          call fault(scanner, entry%group, entry%name, 'the repeat count of '//printable(value%text) &
             & //' is out of range; allowed 1 to '//to_text(most_repeats), error)

