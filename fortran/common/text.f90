@@ -6,7 +6,7 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, fixed, lower, join, split_list
+   public :: to_text, fixed, lower, join, split_list, quoted
 
    interface to_text
       module procedure integer_to_text
@@ -174,4 +174,19 @@ contains
          first = first + comma
       end do
    end function split_list
+
+   !> `string` between two `mark`s, those within it doubled.
+   pure function quoted(string, mark)
+      character(len=*), intent(in) :: string
+      character, intent(in) :: mark
+      character(len=:), allocatable :: quoted
+      integer :: i
+
+      quoted = mark
+      do i = 1, len(string)
+         quoted = quoted//string(i:i)
+         if (string(i:i) == mark) quoted = quoted//mark
+      end do
+      quoted = quoted//mark
+   end function quoted
 end module text

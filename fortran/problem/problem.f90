@@ -100,7 +100,11 @@ contains
       associate (last => self%settings%indenter)
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) last%contact_radius_um = paper_contact
       end associate
-      if (allocated(self%settings%problem%symmetry)) call new_crystal_class(self%settings%problem%symmetry, self%class, error)
+      if (allocated(self%settings%problem%symmetry)) then
+         call new_crystal_class(self%settings%problem%symmetry, self%class, error)
+         ! One name for its synonyms.
+         if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
+      end if
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       call load_tables(self, error)

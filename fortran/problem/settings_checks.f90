@@ -6,7 +6,7 @@ module settings_checks
    use kinds, only: wp
    use namelist_file, only: place
    use settings_groups, only: knowledge_settings_type, settings_type
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
    public :: check_settings
@@ -20,12 +20,9 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
 
-      call check_symmetry(path, settings, error)
-      if (allocated(error)) return
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) then
-         call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      end if
+      if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (.not. allocated(error)) call check_symmetry(path, settings, error)
       if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
@@ -68,7 +65,9 @@ contains
       character(len=3), allocatable :: names(:)
       integer :: i
 
-      if (.not. (allocated(low) .and. allocated(high))) return
+      call check_count(place(path, group, 'c_min'), class, low, error)
+      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
+      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
       names = class%constants
       do i = 1, size(low)
          ! A prior whose bounds are equal fixes a constant.
@@ -86,6 +85,25 @@ contains
       if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &
          & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
    end subroutine check_bounds
+
+   !> A value for each constant, or none.
+   subroutine check_count(prefix, class, values, error)
+      character(len=*), intent(in) :: prefix
+      type(crystal_class_type), intent(in) :: class
+      real(wp), allocatable, intent(in) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      if (.not. allocated(values)) return
+      if (class%n_constants == 0) then
+         call raise(error, prefix//'a value for each constant is needed, and so &problem symmetry', exit_bad_input)
+      else if (size(values) /= size(class%constants)) then
+         found = to_text(size(values))//' values'
+         if (size(values) == 1) found = 'one value'
+         call raise(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
+            & exit_bad_input)
+      end if
+   end subroutine check_count
 
    !> Three lists of equal length, or none.
    subroutine check_knowledge(path, knowledge, error)

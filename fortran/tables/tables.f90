@@ -7,7 +7,7 @@ module tables
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
    use numbers, only: number_malformed, number_ok, read_real
-   use text, only: lower, to_text
+   use text, only: lower, quoted, to_text
    use kinds, only: wp
    implicit none
    private
@@ -460,18 +460,9 @@ contains
    pure function csv_cell(string) result(cell)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: cell
-      integer :: i
 
-      if (scan(string, ',"'//achar(10)//achar(13)) == 0 .and. index(string, '#') /= 1 &
-         & .and. string == adjustl(string) .and. len(string) == len_trim(string)) then
-         cell = string
-         return
-      end if
-      cell = '"'
-      do i = 1, len(string)
-         if (string(i:i) == '"') cell = cell//'"'
-         cell = cell//string(i:i)
-      end do
-      cell = cell//'"'
+      cell = string
+      if (scan(string, ',"'//achar(10)//achar(13)) > 0 .or. index(string, '#') == 1 &
+         & .or. string /= adjustl(string) .or. len(string) /= len_trim(string)) cell = quoted(string, '"')
    end function csv_cell
 end module tables

@@ -67,6 +67,7 @@ def test_fortran_folders_depend_one_way():
             if used and used[1] in folder:
                 assert LAYERS.index(folder[used[1]]) <= LAYERS.index(path.parent.name), f"{relative(path)}: {statement}"
                 assert folder[used[1]] != "facade", f"{relative(path)}: {statement}"
+                assert (path.parent.name, folder[used[1]]) != ("settings", "crystal"), f"{relative(path)}: {statement}"
 
 
 def test_python_folders_depend_one_way():
