@@ -1,11 +1,13 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
+   use checksums, only: checksum
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
-   use crystal_elasticity, only: check_stiffness
+   use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: degree, pi, wp
+   use kinds, only: degree, i8, pi, wp
    use orientation_columns, only: find_ways, read_directions
+   use point_index, only: number_equal
    use settings_groups, only: measurements_settings_type
    use stated_columns, only: name_columns
    use table_columns, only: check_unit, column_list, find_column, find_modulus, nearest_to, need_column, refuse_cell, &
@@ -14,8 +16,7 @@ module point_tables
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_grains, read_measurements, measurements_of_table, read_positions, &
-      & angles_look_like_radians
+   public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -48,6 +49,7 @@ module point_tables
       real(wp), allocatable :: chi_square(:)
    contains
       procedure :: name
+      procedure :: directions
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
@@ -72,7 +74,7 @@ contains
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
       if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
-      if (.not. allocated(error)) call read_moduli(points, column, .false., error)
+      if (.not. allocated(error)) call read_moduli(points, column, .true., error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
@@ -90,9 +92,21 @@ contains
       end if
    end function name
 
-   !> Orientations with moduli, as `&measurements` says. Messages begin with `prefix`.
-   subroutine read_measurements(path, prefix, asked, crystal, parameters, points, error)
-      character(len=*), intent(in) :: path, prefix
+   !> The indented direction of each point in crystal axes, (3, n).
+   pure function directions(self)
+      class(points_type), intent(in) :: self
+      real(wp) :: directions(3, self%n), g(3, 3)
+      integer :: i
+
+      do i = 1, self%n
+         g = rotation_matrix(self%euler_deg(:, i)*degree)
+         directions(:, i) = g(:, 3)
+      end do
+   end function directions
+
+   !> Orientations with moduli, as `&measurements` says.
+   subroutine read_measurements(table, asked, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
       type(measurements_settings_type), intent(in) :: asked
       !> Of the grains.
       type(crystal_class_type), intent(in) :: crystal
@@ -100,29 +114,21 @@ contains
       real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-
-      call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_measured(points, asked, crystal, parameters, error)
-      if (allocated(error)) error%message = prefix//error%message
-   end subroutine read_measurements
-
-   !> The same from a table.
-   subroutine measurements_of_table(table, prefix, asked, crystal, parameters, points, error)
-      type(table_type), intent(in) :: table
-      !> With which messages begin.
-      character(len=*), intent(in) :: prefix
-      type(measurements_settings_type), intent(in) :: asked
-      !> See `read_measurements`.
-      type(crystal_class_type), intent(in) :: crystal
-      !> Of its unit cell.
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(points_type), intent(out) :: points
-      type(error_type), allocatable, intent(out) :: error
+      integer :: column
 
       points%table = table
-      call read_measured(points, asked, crystal, parameters, error)
-      if (allocated(error)) error%message = prefix//error%message
-   end subroutine measurements_of_table
+      call name_columns(points%table, asked%columns, error)
+      if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
+      if (.not. allocated(error)) call read_moduli(points, column, .false., error)
+      if (.not. allocated(error)) call read_sds(points, asked%scale == 'inferred', error)
+      if (.not. allocated(error)) call read_optional(points, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', &
+         & points%orientation_sd_deg, error)
+      if (.not. allocated(error)) call read_optional(points, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
+      if (.not. allocated(error)) call read_optional(points, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, &
+         & error)
+      if (.not. allocated(error)) call read_groups(points)
+   end subroutine read_measurements
 
    !> The columns x_um and y_um.
    subroutine read_positions(table, positions, error)
@@ -131,23 +137,22 @@ contains
       real(wp), allocatable, intent(out) :: positions(:, :)
       type(error_type), allocatable, intent(out) :: error
       character(len=4), parameter :: names(2) = ['x_um', 'y_um']
-      integer :: column, i, j
+      real(wp), allocatable :: values(:)
+      integer :: column, bad, j
 
       allocate (positions(table%rows, 2))
       do j = 1, 2
          call need_column(table, names(j), column, error)
+         if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., values, bad, error)
          if (allocated(error)) return
-         do i = 1, table%rows
-            call table%number(column, i, positions(i, j), error)
-            if (allocated(error)) return
-         end do
+         positions(:, j) = values
       end do
    end subroutine read_positions
 
-   !> Orientations of grains that may be measured, with their names. Messages begin with `prefix`.
-   subroutine read_grains(path, prefix, radians, crystal, parameters, points, error)
-      character(len=*), intent(in) :: path, prefix
-      !> The unit of the angles in the file.
+   !> Orientations of grains that may be measured, with their names.
+   subroutine read_grains(table, radians, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
+      !> The unit of the angles in the table.
       logical, intent(in) :: radians
       type(crystal_class_type), intent(in) :: crystal
       !> See `read_measurements`.
@@ -155,32 +160,10 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
 
-      call read_table(path, points%table, error)
-      if (.not. allocated(error)) call read_orientations(points, radians, crystal, parameters, error)
+      points%table = table
+      call read_orientations(points, radians, crystal, parameters, error)
       if (.not. allocated(error)) call find_column(points%table, 'grain', points%named_by, error)
-      if (allocated(error)) error%message = prefix//error%message
    end subroutine read_grains
-
-   subroutine read_measured(points, asked, crystal, parameters, error)
-      type(points_type), intent(inout) :: points
-      type(measurements_settings_type), intent(in) :: asked
-      type(crystal_class_type), intent(in) :: crystal
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: column
-
-      call name_columns(points%table, asked%columns, error)
-      if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
-      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
-      if (.not. allocated(error)) call read_moduli(points, column, .true., error)
-      if (.not. allocated(error)) call read_sds(points, asked%scale == 'inferred', error)
-      if (.not. allocated(error)) call read_optional(points, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', &
-         & points%orientation_sd_deg, error)
-      if (.not. allocated(error)) call read_optional(points, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
-      if (.not. allocated(error)) call read_optional(points, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, &
-         & error)
-      if (.not. allocated(error)) call read_groups(points)
-   end subroutine read_measured
 
    !> The angles of every row, or angles for the direction that is stated in another way.
    subroutine read_orientations(points, radians, crystal, parameters, error)
@@ -231,18 +214,13 @@ contains
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
       type(error_type), allocatable, intent(out) :: error
+      ! Half a turn in radians is a rounded number.
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
-      real(wp) :: most, unit
-      character(len=:), allocatable :: unit_name
-      integer :: column(3), i, j
+      real(wp), allocatable :: values(:)
+      real(wp) :: allowed(2), unit
+      integer :: column(3), bad, j
 
       call set_size(points)
-      unit = 1.0_wp
-      unit_name = ' degrees'
-      if (radians) then
-         unit = degree
-         unit_name = ' radians'
-      end if
       do j = 1, 3
          call need_column(points%table, trim(angle_names(j)), column(j), error)
          if (allocated(error)) return
@@ -252,22 +230,15 @@ contains
             return
          end if
       end do
-      do i = 1, points%n
-         do j = 1, 3
-            call points%table%number(column(j), i, points%euler_deg(j, i), error)
-            if (allocated(error)) return
-            points%euler_deg(j, i) = points%euler_deg(j, i)/unit
-            most = merge(180.0_wp, largest_turn, j == 2)
-            ! Half a turn in radians is a rounded number.
-            if (radians .and. j == 2 .and. points%euler_deg(j, i) < most + rounding/unit) then
-               points%euler_deg(j, i) = min(points%euler_deg(j, i), most)
-            end if
-            if (abs(points%euler_deg(j, i)) > most .or. (j == 2 .and. points%euler_deg(j, i) < 0.0_wp)) then
-               call refuse_cell(points%table, column(j), i, unit_name//'; allowed ' &
-                  & //to_text(merge(0.0_wp, -largest_turn, j == 2)*unit)//' to '//to_text(most*unit), error)
-               return
-            end if
-         end do
+      unit = merge(degree, 1.0_wp, radians)
+      do j = 1, 3
+         allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
+         call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians)], .false., values, &
+            & bad, error)
+         if (bad > 0) call refuse_cell(points%table, column(j), bad, merge(' radians', ' degrees', radians)//'; allowed ' &
+            & //to_text(allowed(1))//' to '//to_text(allowed(2)), error)
+         if (allocated(error)) return
+         points%euler_deg(j, :) = min(values, allowed(2))/unit
       end do
    end subroutine read_angles
 
@@ -276,105 +247,112 @@ contains
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: general, usual, class
-      character(len=3), allocatable :: names(:)
-      integer :: column(21), symmetry_column, i, j
-      integer, allocatable :: others(:)
-      logical :: same
-      character(len=:), allocatable :: cell
+      type(crystal_class_type) :: general
+      integer, allocatable :: own(:, :)
+      integer :: column(21), entry, i, j
 
-      allocate (points%constants(21, points%n), source=not_a_number())
-      allocate (points%stiffness(6, 6, points%n), points%class(points%n), points%classes(0))
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
-      names = general%constants
       do j = 1, 21
-         column(j) = points%table%find(names(j))
+         column(j) = points%table%find(general%constants(j))
          if (column(j) > 0) call check_unit(points%table, column(j), ' gpa ', error)
          if (allocated(error)) return
       end do
-      symmetry_column = points%table%find('symmetry')
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
-      usual = default_class
-      if (all(column > 0) .and. symmetry_column == 0) usual = general
-      points%class = 0
-      do i = 1, points%n
-         cell = ''
-         if (symmetry_column > 0) cell = points%table%cell(symmetry_column, i)
-         if (i > 1) then
-            same = symmetry_column == 0
-            if (.not. same) same = cell == points%table%cell(symmetry_column, i - 1)
-            if (same) points%class(i) = points%class(i - 1)
-         end if
-         if (points%class(i) == 0) then
-            class = usual
-            if (len(cell) > 0) call new_crystal_class(cell, class, error)
-            if (allocated(error)) then
-               error%message = 'line '//to_text(points%table%line(i))//', column symmetry: '//error%message
+      if (all(column > 0) .and. points%table%find('symmetry') == 0) then
+         call read_classes(points, general, error)
+      else
+         call read_classes(points, default_class, error)
+      end if
+      if (allocated(error)) return
+      allocate (own(21, size(points%classes)), source=0)
+      do i = 1, size(points%classes)
+         associate (class => points%classes(i))
+            do j = 1, class%n_constants
+               entry = findloc(general%constants, class%constants(j), dim=1)
+               own(entry, i) = j
+               if (column(entry) > 0) cycle
+               call raise(error, 'the column '//class%constants(j)//' is missing; a '//class%name//' crystal has ' &
+                  & //join(class%constants, ', '), exit_bad_input)
                return
-            end if
-            do j = 1, size(points%classes)
-               if (points%classes(j)%name == class%name) exit
             end do
-            if (j > size(points%classes)) points%classes = [points%classes, class]
-            points%class(i) = j
-         end if
-         same = i > 1
-         if (same) same = points%class(i) == points%class(i - 1)
-         if (.not. same) then
-            associate (own => points%classes(points%class(i))%constants)
-               others = pack([(j, j=1, 21)], column > 0 .and. [(all(own /= names(j)), j=1, 21)])
-            end associate
-         end if
-         call read_row(points, i, names, column, others, error)
+         end associate
+      end do
+      allocate (points%constants(21, points%n), source=not_a_number())
+      allocate (points%stiffness(6, 6, points%n))
+      do i = 1, points%n
+         call read_row(points, i, general, column, own(:, points%class(i)), error)
          if (allocated(error)) return
       end do
    end subroutine read_constants
 
+   !> The class of each row, which may say it.
+   subroutine read_classes(points, usual, error)
+      type(points_type), intent(inout) :: points
+      !> Of the rows that do not.
+      type(crystal_class_type), intent(in) :: usual
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
+      integer, allocatable :: first(:)
+      character(len=:), allocatable :: cell
+      integer :: column, i, j
+
+      column = points%table%find('symmetry')
+      first = first_rows(points%table, column)
+      allocate (points%classes(0), points%class(points%n))
+      do i = 1, points%n
+         if (first(i) < i) then
+            points%class(i) = points%class(first(i))
+            cycle
+         end if
+         cell = ''
+         if (column > 0) cell = points%table%cell(column, i)
+         class = usual
+         if (len(cell) > 0) call new_crystal_class(cell, class, error)
+         if (allocated(error)) then
+            error%message = 'line '//to_text(points%table%line(i))//', column symmetry: '//error%message
+            return
+         end if
+         do j = 1, size(points%classes)
+            if (points%classes(j)%name == class%name) exit
+         end do
+         if (j > size(points%classes)) points%classes = [points%classes, class]
+         points%class(i) = j
+      end do
+   end subroutine read_classes
+
    !> The crystal of row i: its constants, and what else the row says about the stiffness.
-   subroutine read_row(points, i, names, column, others, error)
+   subroutine read_row(points, i, general, column, own, error)
       type(points_type), intent(inout) :: points
       integer, intent(in) :: i
-      !> All 21 entries, and their columns or 0.
-      character(len=3), intent(in) :: names(21)
-      integer, intent(in) :: column(21)
-      !> Of the entries those that have a column but are no constants of the class.
-      integer, intent(in) :: others(:)
+      !> Its constants are all 21 entries, with these columns or 0; of each the number of the class' own constant, 0 if it is none.
+      type(crystal_class_type), intent(in) :: general
+      integer, intent(in) :: column(21), own(21)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: value, implied(21)
-      integer :: j, k, n
+      real(wp) :: entries(21), value
+      integer :: j
 
-      associate (class => points%classes(points%class(i)))
-         do k = 1, class%n_constants
-            do j = 1, 21
-               if (names(j) == class%constants(k)) exit
-            end do
-            if (column(j) == 0) then
-               call raise(error, 'the column '//names(j)//' is missing; a '//class%name//' crystal has ' &
-                  & //join(class%constants, ', '), exit_bad_input)
-               return
-            end if
-            call points%table%number(column(j), i, points%constants(k, i), error)
+      associate (class => points%classes(points%class(i)), table => points%table, constants => points%constants(:, i))
+         do j = 1, 21
+            if (own(j) == 0) cycle
+            call table%number(column(j), i, constants(own(j)), error)
             if (allocated(error)) return
-            if (abs(points%constants(k, i)) > stiffness_most) then
-               call refuse_cell(points%table, column(j), i, ' GPa looks like MPa; allowed up to ' &
-                  & //to_text(stiffness_most)//' GPa', error)
-               return
-            end if
+            if (abs(constants(own(j))) <= stiffness_most) cycle
+            call refuse_cell(table, column(j), i, ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', error)
+            return
          end do
-         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
+         points%stiffness(:, :, i) = class%stiffness(constants(:class%n_constants))
          ! A constant that does not apply is empty, or what the symmetry makes it.
-         if (size(others) > 0) implied = [(points%stiffness(j, j:, i), j=1, 6)]
-         do n = 1, size(others)
-            j = others(n)
-            if (len(points%table%cell(column(j), i)) == 0) cycle
-            call points%table%number(column(j), i, value, error)
+         do j = 1, 21
+            if (own(j) > 0 .or. column(j) == 0) cycle
+            if (len(table%cell(column(j), i)) == 0) cycle
+            call table%number(column(j), i, value, error)
             if (allocated(error)) return
-            if (abs(value - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) then
-               call refuse_cell(points%table, column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
-                  & //names(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
-               return
-            end if
+            entries = general%constants_of(points%stiffness(:, :, i))
+            if (abs(value - entries(j)) <= 1.0e-3_wp*abs(entries(j)) + 1.0e-3_wp) cycle
+            call refuse_cell(table, column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+               & //general%constants(j)//' is '//to_text(entries(j))//' GPa; leave the cell empty', error)
+            return
          end do
       end associate
       call check_stiffness(points%stiffness(:, :, i), error)
@@ -382,55 +360,38 @@ contains
    end subroutine read_row
 
    !> The moduli of a `column`; 0 leaves them NaN.
-   subroutine read_moduli(points, column, required, error)
+   subroutine read_moduli(points, column, may_be_empty, error)
       type(points_type), intent(inout) :: points
       integer, intent(in) :: column
-      !> No cell may be empty.
-      logical, intent(in) :: required
+      logical, intent(in) :: may_be_empty
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
+      character(len=:), allocatable :: words
+      integer :: bad
 
-      if (column == 0) return
-      do i = 1, points%n
-         if (.not. required .and. len(points%table%cell(column, i)) == 0) cycle
-         call points%table%number(column, i, points%modulus_gpa(i), error)
-         if (allocated(error)) return
-         associate (value => points%modulus_gpa(i))
-            if (value > modulus_most) then
-               call refuse_cell(points%table, column, i, ' GPa looks like MPa; allowed ' &
-                  & //to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa', error)
-            else if (value < modulus_least) then
-               call refuse_cell(points%table, column, i, ' GPa is no modulus of a metal; allowed ' &
-                  & //to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa', error)
-            end if
-         end associate
-         if (allocated(error)) return
-      end do
+      call read_numbers(points%table, column, [modulus_least, modulus_most], may_be_empty, points%modulus_gpa, bad, error)
+      if (bad == 0) return
+      words = ' GPa is no modulus of a metal'
+      if (points%modulus_gpa(bad) > modulus_most) words = ' GPa looks like MPa'
+      call refuse_cell(points%table, column, bad, words//'; allowed '//to_text(modulus_least)//' to '//to_text(modulus_most) &
+         & //' GPa', error)
    end subroutine read_moduli
 
    subroutine read_sds(points, optional_column, error)
       type(points_type), intent(inout) :: points
       logical, intent(in) :: optional_column
       type(error_type), allocatable, intent(out) :: error
-      integer :: column, i
+      integer :: column, bad
 
       call find_column(points%table, 'sd_gpa', column, error)
       if (allocated(error)) return
-      if (column == 0) then
-         if (.not. optional_column) call raise(error, 'the column sd_gpa is missing; it may be absent only with ' &
-            & //'scale = ''inferred''; the columns are '//column_list(points%table) &
-            & //nearest_to(points%table, 'sd_gpa'), exit_bad_input)
+      if (column == 0 .and. .not. optional_column) then
+         call raise(error, 'the column sd_gpa is missing; it may be absent only with scale = ''inferred''; the columns are ' &
+            & //column_list(points%table)//nearest_to(points%table, 'sd_gpa'), exit_bad_input)
          return
       end if
-      do i = 1, points%n
-         call points%table%number(column, i, points%sd_gpa(i), error)
-         if (allocated(error)) return
-         if (points%sd_gpa(i) <= 0.0_wp .or. points%sd_gpa(i) > modulus_most) then
-            call refuse_cell(points%table, column, i, ' GPa; a standard deviation is above 0' &
-               & //', up to '//to_text(modulus_most)//' GPa', error)
-            return
-         end if
-      end do
+      call read_numbers(points%table, column, [tiny(1.0_wp), modulus_most], .false., points%sd_gpa, bad, error)
+      if (bad > 0) call refuse_cell(points%table, column, bad, ' GPa; a standard deviation is above 0, up to ' &
+         & //to_text(modulus_most)//' GPa', error)
    end subroutine read_sds
 
    !> A column that may be absent, and whose cells may be empty: NaN there.
@@ -443,43 +404,87 @@ contains
       character(len=*), intent(in) :: unit
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      integer :: column, i
+      integer :: column, bad
 
-      allocate (values(points%n), source=not_a_number())
       call find_column(points%table, name, column, error)
-      if (allocated(error) .or. column == 0) return
-      do i = 1, points%n
-         if (len_trim(points%table%cell(column, i)) == 0) cycle
-         call points%table%number(column, i, values(i), error)
+      if (allocated(error)) return
+      call read_numbers(points%table, column, allowed, .true., values, bad, error)
+      if (bad > 0) call refuse_cell(points%table, column, bad, unit//'; allowed '//to_text(allowed(1))//' to ' &
+         & //to_text(allowed(2)), error)
+   end subroutine read_optional
+
+   !> The numbers of a `column`, NaN where its cells are empty and may be, or where it is 0.
+   subroutine read_numbers(table, column, allowed, may_be_empty, values, bad, error)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: column
+      !> The least and the greatest.
+      real(wp), intent(in) :: allowed(2)
+      logical, intent(in) :: may_be_empty
+      real(wp), allocatable, intent(out) :: values(:)
+      !> The first row whose number is not allowed, 0 if there is none.
+      integer, intent(out) :: bad
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      allocate (values(table%rows), source=not_a_number())
+      bad = 0
+      if (column == 0) return
+      do i = 1, table%rows
+         if (may_be_empty) then
+            if (len_trim(table%cell(column, i)) == 0) cycle
+         end if
+         call table%number(column, i, values(i), error)
          if (allocated(error)) return
          if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
-         call refuse_cell(points%table, column, i, unit//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), error)
+         bad = i
          return
       end do
-   end subroutine read_optional
+   end subroutine read_numbers
 
    !> Groups are numbered in the order in which their names appear.
    subroutine read_groups(points)
       type(points_type), intent(inout) :: points
-      integer :: column, i, j, last
-      integer :: first(points%n)
+      integer, allocatable :: first(:)
+      integer :: last, i
 
-      allocate (points%group(points%n), source=1)
-      column = points%table%find('group')
-      if (column == 0) return
+      first = first_rows(points%table, points%table%find('group'))
+      allocate (points%group(points%n))
       last = 0
       do i = 1, points%n
-         do j = last, 1, -1
-            if (points%table%cell(column, i) == points%table%cell(column, first(j))) exit
-         end do
-         if (j == 0) then
-            last = last + 1
-            first(last) = i
-            j = last
-         end if
-         points%group(i) = j
+         if (first(i) == i) last = last + 1
+         points%group(i) = last
+         if (first(i) < i) points%group(i) = points%group(first(i))
       end do
    end subroutine read_groups
+
+   !> Of each row the first one that has the same cell in a `column`; the first of all if that is 0.
+   function first_rows(table, column) result(first)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: column
+      integer, allocatable :: first(:)
+      real(wp), allocatable :: key(:, :)
+      character(len=16) :: digits
+      integer(i8) :: halves(2)
+      character(len=:), allocatable :: cell, last
+      integer :: i
+
+      if (column == 0) then
+         allocate (first(table%rows), source=1)
+         return
+      end if
+      allocate (key(2, table%rows))
+      last = ''
+      do i = 1, table%rows
+         cell = table%cell(column, i)
+         if (i == 1 .or. cell /= last) then
+            digits = checksum(cell)
+            read (digits, '(2z8)') halves
+            call move_alloc(cell, last)
+         end if
+         key(:, i) = real(halves, wp)
+      end do
+      first = number_equal(key)
+   end function first_rows
 
    !> No angle above a full turn in radians, and not all zero.
    pure logical function angles_look_like_radians(points)
@@ -487,7 +492,7 @@ contains
       real(wp) :: largest
 
       largest = maxval(abs(points%euler_deg))
-      angles_look_like_radians = largest > 0.0_wp .and. largest <= 2.0_wp*pi + 1.0e-6_wp
+      angles_look_like_radians = points%has_angles .and. largest > 0.0_wp .and. largest <= 2.0_wp*pi + 1.0e-6_wp
    end function angles_look_like_radians
 
    pure real(wp) function not_a_number()

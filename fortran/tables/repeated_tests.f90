@@ -3,16 +3,14 @@
 !> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
 !> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
 module repeated_tests
-   use checksums, only: checksum
    use chi_square, only: chi_square_above
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: angle_between, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
-   use kinds, only: degree, i8, wp
+   use kinds, only: degree, wp
    use point_index, only: number_equal
-   use point_tables, only: points_type
+   use point_tables, only: first_rows, points_type
    use table_columns, only: find_column, refuse_cell
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
@@ -32,37 +30,25 @@ contains
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: first(:)
-      real(wp) :: key(3, points%n)
+      real(wp) :: key(2, points%n)
       integer :: column, i
 
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
       do i = 1, points%n
-         if (len(points%table%cell(column, i)) == 0) then
-            call raise(error, 'line '//to_text(points%table%line(i))//', column '//printable(points%table%name(column)) &
-               & //': the cell is empty; the name or number of the grain is needed', exit_bad_input)
-            return
-         end if
-         key(:, i) = [real(points%group(i), wp), halves_of_checksum(points%table%cell(column, i))]
+         if (len(points%table%cell(column, i)) > 0) cycle
+         call raise(error, 'line '//to_text(points%table%line(i))//', column '//printable(points%table%name(column)) &
+            & //': the cell is empty; the name or number of the grain is needed', exit_bad_input)
+         return
       end do
       points%named_by = column
+      key(1, :) = points%group
+      key(2, :) = first_rows(points%table, column)
       first = number_equal(key)
-      if (all(first == [(i, i=1, points%n)])) return
+      if (all(first == points%row)) return
       call check_tests(class, points, column, first, error)
       if (.not. allocated(error)) call merge_tests(points, first)
    end subroutine combine_tests
-
-   !> Two numbers by which names are told apart.
-   pure function halves_of_checksum(name) result(halves)
-      character(len=*), intent(in) :: name
-      real(wp) :: halves(2)
-      integer(i8) :: digits(2)
-      character(len=16) :: sum
-
-      sum = checksum(name)
-      read (sum, '(2z8)') digits
-      halves = real(digits, wp)
-   end function halves_of_checksum
 
    !> The tests of a grain have sds, and the orientation of its first one.
    subroutine check_tests(class, points, column, first, error)
@@ -73,7 +59,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: alike = 5.0_wp
       type(region_type) :: region
-      real(wp) :: g(3, 3), direction(3, points%n), angle
+      real(wp) :: direction(3, points%n), angle
       integer :: i
 
       if (.not. all(points%sd_gpa > 0.0_wp)) then
@@ -83,9 +69,8 @@ contains
       end if
       call new_region(class, region)
       if (region%dimension == 0) return
+      direction = points%directions()
       do i = 1, points%n
-         g = rotation_matrix(points%euler_deg(:, i)*degree)
-         direction(:, i) = g(:, 3)
          angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
          if (angle > alike) then
             call refuse_cell(points%table, column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &

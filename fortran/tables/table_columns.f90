@@ -14,29 +14,31 @@ module table_columns
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
       character(len=longest_name) :: name
-      character(len=160) :: others
+      !> Separated by ', '.
+      character(len=176) :: others
       character(len=34) :: units
    end type column_type
    character(len=*), parameter :: angle_units = ' deg degrees degree ° rad radians ', gpa = ' gpa ', um = ' um µm μm '
-   !> The part of the name of a modulus' column after its kind.
-   character(len=*), parameter :: modulus_unit = '_gpa'
    type(column_type), parameter :: known_columns(*) = [ &
-      & column_type('phi1_deg', ' phi1 phi_1 φ1 euler1 euler_1 ', angle_units), &
-      & column_type('Phi_deg', ' phi φ Φ euler2 euler_2 ', angle_units), &
-      & column_type('phi2_deg', ' phi2 phi_2 φ2 euler3 euler_3 ', angle_units), &
-      & column_type('modulus_gpa', ' modulus e youngs_modulus young_modulus elastic_modulus ', gpa), &
-      & column_type('indentation_modulus_gpa', ' indentation_modulus plane_strain_modulus ', gpa), &
-      & column_type('effective_modulus_gpa', ' effective_modulus reduced_modulus er e_r eeff e_eff ', gpa), &
-      & column_type('sample_modulus_gpa', ' sample_modulus es e_s eit e_it ', gpa), &
-      & column_type('sd_gpa', ' sd std stdev st_dev std_dev error err uncertainty standard_deviation standard_error sem sigma ' &
-      & //'modulus_sd modulus_std er_sd er_std e_r_sd e_r_std ', gpa), &
-      & column_type('orientation_sd_deg', ' orientation_sd ', ' deg degrees degree ° '), &
+      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
+      & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
+      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
+      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa), &
+      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus', gpa), &
+      & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff', gpa), &
+      & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
+      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, error, err, uncertainty, standard_deviation, ' &
+      & //'standard_error, sem, sigma, modulus_sd, modulus_std, er_sd, er_std, e_r_sd, e_r_std', gpa), &
+      & column_type('orientation_sd_deg', 'orientation_sd', ' deg degrees degree ° '), &
       & column_type('depth_um', '', um), &
       & column_type('grain_radius_um', '', um), &
-      & column_type('x_um', ' x ', um), &
-      & column_type('y_um', ' y ', um), &
+      & column_type('x_um', 'x', um), &
+      & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &
-      & column_type('grain', ' grain_id grain_number ', '')]
+      & column_type('grain', 'grain_id, grain_number', '')]
+   !> The rows of the moduli; all but the first name their kind, and then the unit.
+   integer, parameter :: plain = 4, last_modulus = 7
+   character(len=*), parameter :: modulus_unit = '_gpa'
    !> What may be a unit in a name.
    character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm '
    !> Fewer letters are near to everything.
@@ -47,39 +49,34 @@ contains
    !> A column by its name or by another one; 0 where there is none.
    subroutine find_column(table, name, column, error)
       type(table_type), intent(in) :: table
+      !> Of `known_columns`.
       character(len=*), intent(in) :: name
       integer, intent(out) :: column
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: word, unit
+      integer, allocatable :: found(:)
       integer :: i, j
 
-      column = table%find(name)
       i = findloc(known_columns%name, name, dim=1)
-      if (i == 0) return
-      do j = 1, table%columns
-         if (column > 0) exit
-         call split_name(table%called(j), word, unit)
-         if (.not. is_one_of(word, i)) cycle
-         column = j
-      end do
-      do j = column + 1, table%columns
-         if (column == 0 .or. column == table%find(name)) exit
-         call split_name(table%called(j), word, unit)
-         if (.not. is_one_of(word, i)) cycle
-         call raise(error, 'the columns '//printable(table%name(column))//' and '//printable(table%name(j))//' are both ' &
-            & //trim(name)//'; one of them is allowed, or one that is named '//trim(name), exit_bad_input)
+      found = pack([(j, j=1, table%columns)], [(is_other_name(table%called(j), i), j=1, table%columns)])
+      column = table%find(name)
+      if (column == 0 .and. size(found) > 1) then
+         call raise(error, 'the columns '//printable(table%name(found(1)))//' and '//printable(table%name(found(2))) &
+            & //' are both '//name//'; one of them is allowed, or one that is named '//name, exit_bad_input)
          return
-      end do
+      end if
+      if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
    end subroutine find_column
 
-   pure logical function is_one_of(word, i)
-      !> A name without its unit; of `known_columns`.
-      character(len=*), intent(in) :: word
+   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit.
+   pure logical function is_other_name(name, i)
+      character(len=*), intent(in) :: name
       integer, intent(in) :: i
+      character(len=:), allocatable :: word, unit
 
-      is_one_of = index(known_columns(i)%others, ' '//word//' ') > 0 .and. len(word) > 0
-   end function is_one_of
+      call split_name(name, word, unit)
+      is_other_name = any(split_list(known_columns(i)%others) == word)
+   end function is_other_name
 
    !> The unit that a column's name or the row of units says, if any, is one of `units`.
    subroutine check_unit(table, column, units, error)
@@ -168,55 +165,41 @@ contains
       integer, intent(out) :: column
       character(len=:), allocatable, intent(out) :: kind
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: kinds, choices, found
-      integer :: plain, other, own, n, i, k
+      character(len=longest_name) :: names(plain:last_modulus), kinds(plain:last_modulus)
+      character(len=:), allocatable :: choices, found
+      integer :: columns(plain:last_modulus), i, own
 
-      call find_column(table, 'modulus_gpa', plain, error)
-      if (allocated(error)) return
-      column = plain
-      own = 0
-      n = 0
-      kinds = ''
-      choices = ''
+      names = known_columns(plain:last_modulus)%name
       found = ''
-      if (allocated(stated)) kind = stated
-      do i = 1, size(known_columns)
-         k = index(known_columns(i)%name, '_modulus'//modulus_unit)
-         if (k == 0) cycle
-         choices = choices//', '''//known_columns(i)%name(:k + len('_modulus') - 1)//''''
-         kinds = kinds//', '//trim(known_columns(i)%name)
-         call find_column(table, trim(known_columns(i)%name), other, error)
+      own = 0
+      do i = plain, last_modulus
+         kinds(i) = names(i)(:index(names(i), modulus_unit) - 1)
+         call find_column(table, trim(names(i)), columns(i), error)
          if (allocated(error)) return
-         if (other == 0) cycle
-         n = n + 1
-         if (n > 1) found = found//' and '
-         found = found//printable(table%name(other))
-         associate (says => known_columns(i)%name(:k + len('_modulus') - 1))
-            if (allocated(stated)) then
-               if (stated == says) own = other
-            else if (n == 1 .and. plain == 0) then
-               column = other
-               kind = says
-            end if
-         end associate
+         if (columns(i) == 0) cycle
+         found = found//' and '//printable(table%name(columns(i)))
+         if (i > plain .and. .not. allocated(stated)) own = i
+         if (i > plain .and. allocated(stated)) own = merge(i, own, stated == kinds(i))
       end do
-      kinds = kinds(3:)
-      choices = choices(3:)
-      if (own > 0) then
-         column = own
-      else if (plain == 0 .and. n == 0) then
-         call raise(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, '//kinds &
-            & //'; the columns are '//column_list(table)//nearest_to(table, 'modulus_gpa, '//kinds), exit_bad_input)
-      else if (allocated(stated) .and. plain == 0) then
-         call raise(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found &
+      choices = ''''//join(kinds(plain + 1:), ''', ''')//''''
+      column = columns(plain)
+      if (allocated(stated)) kind = stated
+      if (len(found) == 0) then
+         call raise(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, ' &
+            & //join(names(plain + 1:), ', ')//'; the columns are '//column_list(table)//nearest_to(table, join(names, ', ')), &
+            & exit_bad_input)
+      else if (allocated(stated) .and. own == 0 .and. column == 0) then
+         call raise(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
             & //'; leave modulus_kind out, or name the column modulus_gpa', exit_bad_input)
-      else if (.not. allocated(stated) .and. n + merge(1, 0, plain > 0) > 1) then
-         if (plain > 0) found = printable(table%name(plain))//' and '//found
-         call raise(error, 'the columns '//found//' are moduli; which to take says modulus_kind: '//choices, exit_bad_input)
-      else if (.not. allocated(stated) .and. plain > 0) then
-         call raise(error, 'the column '//printable(table%name(plain))//' does not say which modulus was measured, nor does ' &
+      else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
+         call raise(error, 'the columns '//found(6:)//' are moduli; which to take says modulus_kind: '//choices, exit_bad_input)
+      else if (.not. allocated(stated) .and. column > 0) then
+         call raise(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does ' &
             & //'modulus_kind; allowed '//choices//' (effective_modulus: what instruments call reduced modulus, Er)', &
             & exit_bad_input)
+      else if (own > 0) then
+         column = columns(own)
+         kind = trim(kinds(own))
       end if
    end subroutine find_modulus
 
@@ -226,15 +209,12 @@ contains
       !> Of `known_columns`.
       character(len=*), intent(in) :: names
       character(len=:), allocatable :: words
-      character(len=:), allocatable :: wanted(:), allowed, near
-      integer :: i, j
+      character(len=:), allocatable :: allowed, near
+      integer :: j
 
-      wanted = split_list(names)
       allowed = names
-      do i = 1, size(wanted)
-         do j = 1, size(known_columns)
-            if (known_columns(j)%name == wanted(i)) allowed = allowed//list_of(known_columns(j)%others)
-         end do
+      do j = 1, size(known_columns)
+         if (any(split_list(names) == known_columns(j)%name)) allowed = allowed//', '//trim(known_columns(j)%others)
       end do
       words = ''
       do j = 1, table%columns
@@ -246,34 +226,12 @@ contains
       end do
    end function nearest_to
 
-   !> ', a, b' of ' a b '.
-   pure function list_of(words) result(list)
-      character(len=*), intent(in) :: words
-      character(len=:), allocatable :: list
-      integer :: i
-
-      list = ''
-      do i = 1, len_trim(words)
-         if (words(i:i) == ' ') then
-            list = list//', '
-         else
-            list = list//words(i:i)
-         end if
-      end do
-   end function list_of
-
    !> Whether a name is one of those of `known_columns`.
    pure logical function is_known(name)
       character(len=*), intent(in) :: name
-      character(len=:), allocatable :: word, unit
       integer :: i
 
-      call split_name(name, word, unit)
-      is_known = .true.
-      do i = 1, size(known_columns)
-         if (is_one_of(word, i) .or. lower(trim(known_columns(i)%name)) == lower(name)) return
-      end do
-      is_known = .false.
+      is_known = any([(is_other_name(name, i) .or. lower(known_columns(i)%name) == lower(name), i=1, size(known_columns))])
    end function is_known
 
    !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.

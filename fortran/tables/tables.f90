@@ -15,21 +15,24 @@ module tables
 
    !> Bytes of a name that a program gives to a column.
    integer, parameter :: longest_name = 23
+   !> Words of a row of units; the longest has so many bytes.
+   character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
+   integer, parameter :: longest_unit = 7
+   character, parameter :: newline = achar(10), return = achar(13), tab = achar(9)
 
    type :: table_type
       !> Rows and columns, the header not counted.
       integer :: rows = 0, columns = 0
       !> Line of the file on which each row begins, (rows).
       integer, allocatable :: line(:)
-      !> The name that stands for that of the header, (columns), empty where there is none; unallocated: nowhere is one.
+      !> The name that stands for that of the header, (columns), empty where there is none.
       character(len=longest_name), allocatable :: given_names(:)
-      !> Every cell, unquoted, one after the other, row by row from the header, which is row 0: cell (j, i) is buffer(first(k):last(k)),
-      !> k = position_of(j, i).
+      !> What a row of units says, in lower case, (columns), empty where it says nothing.
+      character(len=longest_unit), allocatable, private :: units(:)
+      !> The text, in which cells are without quotes, and first and last byte of each, (2, columns, 0:rows); row 0 is the header.
       character(len=:), allocatable, private :: buffer
-      integer, allocatable, private :: first(:), last(:)
+      integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
-      !> A row of units follows the header; it is none of `rows`.
-      logical, private :: has_units = .false.
    contains
       procedure :: cell
       procedure :: name
@@ -59,55 +62,51 @@ contains
       character(len=*), intent(in) :: content
       type(table_type), intent(out) :: table
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: line(:), counts(:)
-      integer :: cells, rows, i
-      character :: delimiter
-      character(len=:), allocatable :: words
+      integer, allocatable :: bounds(:, :), line(:)
+      integer :: rows, above, i
 
-      delimiter = delimiter_of(content)
-      table%decimal_comma = delimiter /= ','
-      call split(content, delimiter, table%buffer, table%first, table%last, cells, line, counts, rows, error)
+      call split(content, delimiter_of(content), table, bounds, line, rows, error)
       if (allocated(error)) return
       if (rows == 0) then
          call raise(error, 'the table has no header row', exit_bad_input)
          return
       end if
-      table%columns = counts(1)
-      table%rows = rows - 1
-      do i = 2, rows
-         if (counts(i) /= counts(1)) then
-            words = ''
-            if (delimiter == ',' .and. counts(i) > counts(1)) words = '; if commas are decimal, separate the cells by semicolons'
-            if (counts(1) == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
-            call raise(error, 'line '//to_text(line(i))//': '//to_text(counts(i))//' cells where the header has ' &
-               & //to_text(counts(1))//words, exit_bad_input)
-            return
-         end if
+      allocate (table%given_names(table%columns), table%units(table%columns))
+      table%given_names = ''
+      table%units = ''
+      above = 1
+      if (rows > 1) call read_units(table, bounds(:, table%columns + 1:2*table%columns), above)
+      table%rows = rows - above
+      table%line = line(above + 1:rows)
+      allocate (table%bounds(2, table%columns, 0:table%rows))
+      table%bounds(:, :, 0) = bounds(:, :table%columns)
+      do i = 1, table%rows
+         table%bounds(:, :, i) = bounds(:, (i + above - 1)*table%columns + 1:(i + above)*table%columns)
       end do
-      if (rows > 1) table%has_units = are_units(table, counts(1))
-      if (table%has_units) table%rows = table%rows - 1
-      table%line = line(rows - table%rows + 1:rows)
       call check_header(table, line(1), error)
       if (allocated(error)) return
       if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
    end subroutine parse_table
 
-   !> Whether the cells below the header are units and nothing else.
-   pure logical function are_units(table, columns)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: columns
-      character(len=*), parameter :: known = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
+   !> A row of units and nothing else is one of the rows `above` those of the table.
+   subroutine read_units(table, bounds, above)
+      type(table_type), intent(inout) :: table
+      !> Of the cells below the header.
+      integer, intent(in) :: bounds(:, :)
+      integer, intent(inout) :: above
+      character(len=longest_unit) :: units(table%columns)
       character(len=:), allocatable :: word
-      integer :: k
+      integer :: j
 
-      are_units = .false.
-      do k = columns + 1, 2*columns
-         word = bare_unit(table%buffer(table%first(k):table%last(k)))
-         if (len(word) == 0) cycle
-         are_units = index(known, ' '//word//' ') > 0
-         if (.not. are_units) return
+      do j = 1, table%columns
+         word = bare_unit(table%buffer(bounds(1, j):bounds(2, j)))
+         if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
+         units(j) = word
       end do
-   end function are_units
+      if (all(units == '')) return
+      above = 2
+      where (units /= '-') table%units = units
+   end subroutine read_units
 
    !> 'gpa' of '[GPa]'.
    pure function bare_unit(string) result(word)
@@ -152,16 +151,15 @@ contains
    !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
    pure character function delimiter_of(content)
       character(len=*), intent(in) :: content
-      character(len=*), parameter :: candidates = ',;'//achar(9)
+      character(len=*), parameter :: candidates = ',;'//tab
       integer :: i, k, last, counts(len(candidates))
       logical :: quoted
 
       i = 1
-      last = 0
-      do while (i <= len(content))
-         call end_of_line(content, i, last)
-         if (.not. is_skipped(content(i:last))) exit
+      last = end_of_line(content, i)
+      do while (i <= len(content) .and. is_skipped(content(i:last)))
          i = last + 2
+         last = end_of_line(content, min(i, len(content) + 1))
       end do
       counts = 0
       quoted = .false.
@@ -174,138 +172,132 @@ contains
       delimiter_of = candidates(k:k)
    end function delimiter_of
 
-   !> Cut the text into cells; quotes are taken off on the way.
-   subroutine split(content, delimiter, buffer, first, last, cells, line, counts, rows, error)
+   !> Cut the text into cells, all rows of which have as many as the header.
+   subroutine split(content, delimiter, table, bounds, line, rows, error)
       character(len=*), intent(in) :: content
       character, intent(in) :: delimiter
-      character(len=:), allocatable, intent(out) :: buffer
-      integer, allocatable, intent(out) :: first(:), last(:), line(:), counts(:)
-      integer, intent(out) :: cells, rows
+      type(table_type), intent(inout) :: table
+      !> Of the cells, row by row from the header; the lines on which rows begin, and the number of rows.
+      integer, allocatable, intent(out) :: bounds(:, :), line(:)
+      integer, intent(out) :: rows
       type(error_type), allocatable, intent(out) :: error
-      character, parameter :: newline = achar(10), return = achar(13)
-      integer :: i, n, number, most_cells, most_rows, filled, row_line
-      character(len=:), allocatable :: blanks
-      logical :: quoted
+      character(len=:), allocatable :: words
+      integer :: cells, above, number, last, lines, separators, i
 
-      n = len(content)
-      blanks = ' '
-      if (delimiter /= achar(9)) blanks = ' '//achar(9)
-      most_cells = 1
-      most_rows = 1
-      do i = 1, n
-         if (content(i:i) == delimiter) most_cells = most_cells + 1
-         if (content(i:i) == newline) most_rows = most_rows + 1
+      table%buffer = content//newline
+      table%decimal_comma = delimiter /= ','
+      lines = 0
+      separators = 0
+      do i = 1, len(table%buffer)
+         if (table%buffer(i:i) == newline) lines = lines + 1
+         if (table%buffer(i:i) == delimiter) separators = separators + 1
       end do
-      most_cells = most_cells + most_rows
-      allocate (character(len=n) :: buffer)
-      allocate (first(most_cells), last(most_cells), line(most_rows), counts(most_rows))
+      allocate (bounds(2, separators + lines), line(lines))
       cells = 0
       rows = 0
-      filled = 0
       number = 1
       i = 1
-      do while (i <= n)
+      do while (i <= len(table%buffer))
          ! At the start of a line: skip it if blank or a comment.
-         call end_of_line(content, i, filled)
-         if (is_skipped(content(i:filled))) then
-            i = filled + 2
+         last = end_of_line(table%buffer, i)
+         if (is_skipped(table%buffer(i:last))) then
+            i = last + 2
             number = number + 1
             cycle
          end if
-         filled = 0
-         if (cells > 0) filled = last(cells)
          rows = rows + 1
-         row_line = number
          line(rows) = number
-         counts(rows) = 0
-         row: do
+         above = cells
+         do
             cells = cells + 1
-            counts(rows) = counts(rows) + 1
-            first(cells) = filled + 1
-            do while (i <= n)
-               if (index(blanks, content(i:i)) == 0) exit
-               i = i + 1
-            end do
-            quoted = .false.
-            if (i <= n) quoted = content(i:i) == '"'
-            if (quoted) then
-               i = i + 1
-               do
-                  if (i > n) then
-                     call raise(error, 'line '//to_text(row_line)//': a double quote is not closed', exit_bad_input)
-                     return
-                  end if
-                  if (content(i:i) == '"') then
-                     if (i == n) exit
-                     if (content(i + 1:i + 1) /= '"') exit
-                     i = i + 1
-                  end if
-                  if (content(i:i) == newline) number = number + 1
-                  filled = filled + 1
-                  buffer(filled:filled) = content(i:i)
-                  i = i + 1
-               end do
-               last(cells) = filled
-               i = i + 1
-               do while (i <= n)
-                  if (scan(content(i:i), blanks//return) == 0) exit
-                  i = i + 1
-               end do
-               if (i <= n) then
-                  if (content(i:i) /= delimiter .and. content(i:i) /= newline) then
-                     call raise(error, 'line '//to_text(row_line)//': text follows a closing double quote', exit_bad_input)
-                     return
-                  end if
-               end if
-            else
-               do while (i <= n)
-                  if (content(i:i) == delimiter .or. content(i:i) == newline) exit
-                  filled = filled + 1
-                  buffer(filled:filled) = content(i:i)
-                  i = i + 1
-               end do
-               do while (filled >= first(cells))
-                  if (scan(buffer(filled:filled), ' '//achar(9)//return) == 0) exit
-                  filled = filled - 1
-               end do
-               last(cells) = filled
+            call take_cell(table%buffer, delimiter, i, number, bounds(:, cells), error)
+            if (allocated(error)) then
+               error%message = 'line '//to_text(line(rows))//': '//error%message
+               return
             end if
-            if (i > n) exit row
-            if (content(i:i) == newline) exit row
             i = i + 1
-         end do row
-         ! Empty cells beyond the header, and rows of nothing else, are none.
-         do while (counts(rows) > merge(0, counts(1), rows == 1))
-            if (last(cells) >= first(cells)) exit
-            cells = cells - 1
-            counts(rows) = counts(rows) - 1
+            if (table%buffer(i - 1:i - 1) == newline) exit
          end do
-         if (all(last(cells - counts(rows) + 1:cells) < first(cells - counts(rows) + 1:cells))) then
-            cells = cells - counts(rows)
-            rows = rows - 1
-         end if
-         i = i + 1
          number = number + 1
+         ! Empty cells beyond the header, and rows of nothing else, are none.
+         do while (cells - above > merge(0, table%columns, rows == 1))
+            if (bounds(2, cells) >= bounds(1, cells)) exit
+            cells = cells - 1
+         end do
+         if (all(bounds(2, above + 1:cells) < bounds(1, above + 1:cells))) then
+            cells = above
+            rows = rows - 1
+            cycle
+         end if
+         if (rows == 1) table%columns = cells
+         if (cells - above == table%columns) cycle
+         words = ''
+         if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
+            & //'semicolons'
+         if (table%columns == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
+         call raise(error, 'line '//to_text(line(rows))//': '//to_text(cells - above)//' cells where the header has ' &
+            & //to_text(table%columns)//words, exit_bad_input)
+         return
       end do
    end subroutine split
 
+   !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front, over these.
+   subroutine take_cell(buffer, delimiter, i, line, bounds, error)
+      character(len=*), intent(inout) :: buffer
+      character, intent(in) :: delimiter
+      !> The place, and the number of its line.
+      integer, intent(inout) :: i, line
+      !> First and last byte.
+      integer, intent(out) :: bounds(2)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: blanks = ' '//tab//return
+      character(len=2) :: ends
+
+      ends = delimiter//newline
+      do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
+         i = i + 1
+      end do
+      if (buffer(i:i) /= '"') then
+         bounds(1) = i
+         i = i - 1 + scan(buffer(i:), ends)
+         bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), blanks, back=.true.)
+         return
+      end if
+      bounds = [i, i - 1]
+      do
+         i = i + 1
+         if (i > len(buffer)) then
+            call raise(error, 'a double quote is not closed', exit_bad_input)
+            return
+         end if
+         if (buffer(i:i) == '"') then
+            i = i + 1
+            if (buffer(i:i) /= '"') exit
+         end if
+         if (buffer(i:i) == newline) line = line + 1
+         bounds(2) = bounds(2) + 1
+         buffer(bounds(2):bounds(2)) = buffer(i:i)
+      end do
+      do while (index(blanks, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
+         i = i + 1
+      end do
+      if (index(ends, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
+   end subroutine take_cell
+
    !> Position of the last character of the line that holds position `i`, the newline not counted.
-   pure subroutine end_of_line(content, i, last)
+   pure integer function end_of_line(content, i)
       character(len=*), intent(in) :: content
       integer, intent(in) :: i
-      integer, intent(out) :: last
-      integer :: length
 
-      length = index(content(i:), achar(10))
-      last = len(content)
-      if (length > 0) last = i + length - 2
-   end subroutine end_of_line
+      end_of_line = index(content(i:), newline) + i - 2
+      if (end_of_line < i - 1) end_of_line = len(content)
+   end function end_of_line
 
    pure logical function is_skipped(line)
       character(len=*), intent(in) :: line
       integer :: i
 
-      i = verify(line, ' '//achar(9)//achar(13))
+      i = verify(line, ' '//tab//return)
       is_skipped = i == 0
       if (i > 0) is_skipped = line(i:i) == '#'
    end function is_skipped
@@ -318,10 +310,7 @@ contains
       integer, intent(in) :: row
       character(len=:), allocatable :: string
 
-      integer :: k
-
-      k = position_of(self, column, row)
-      string = self%buffer(self%first(k):self%last(k))
+      string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))
    end function cell
 
    !> Let the columns of another table with as many rows follow; it has no row of units.
@@ -329,8 +318,8 @@ contains
       class(table_type), intent(inout) :: self
       type(table_type), intent(in) :: other
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: first(:, :), last(:, :)
-      integer :: above, rows, j
+      integer, allocatable :: bounds(:, :, :)
+      integer :: j
 
       do j = 1, other%columns
          if (self%find(other%name(j)) == 0) cycle
@@ -338,34 +327,15 @@ contains
             & //'table; leave it out', exit_bad_input)
          return
       end do
-      above = 1
-      if (self%has_units) above = 2
-      rows = self%rows + above
-      allocate (first(self%columns + other%columns, rows), last(self%columns + other%columns, rows))
-      first(:self%columns, :) = reshape(self%first(:self%columns*rows), [self%columns, rows])
-      last(:self%columns, :) = reshape(self%last(:self%columns*rows), [self%columns, rows])
-      first(self%columns + 1:, :) = 1
-      last(self%columns + 1:, :) = 0
-      first(self%columns + 1:, 1) = len(self%buffer) + other%first(:other%columns)
-      last(self%columns + 1:, 1) = len(self%buffer) + other%last(:other%columns)
-      first(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%first(other%columns + 1:), [other%columns, self%rows])
-      last(self%columns + 1:, above + 1:) = len(self%buffer) + reshape(other%last(other%columns + 1:), [other%columns, self%rows])
+      allocate (bounds(2, self%columns + other%columns, 0:self%rows))
+      bounds(:, :self%columns, :) = self%bounds
+      bounds(:, self%columns + 1:, :) = len(self%buffer) + other%bounds
+      call move_alloc(bounds, self%bounds)
       self%buffer = self%buffer//other%buffer
-      if (allocated(self%given_names)) self%given_names = [self%given_names, [(repeat(' ', longest_name), j=1, other%columns)]]
       self%columns = self%columns + other%columns
-      self%first = reshape(first, [size(first)])
-      self%last = reshape(last, [size(last)])
+      self%given_names = [self%given_names, other%given_names]
+      self%units = [self%units, other%units]
    end subroutine join
-
-   !> Where a cell is among all cells of the file.
-   pure integer function position_of(self, column, row) result(k)
-      type(table_type), intent(in) :: self
-      !> As of `cell`.
-      integer, intent(in) :: column, row
-
-      k = row*self%columns + column
-      if (self%has_units .and. row > 0) k = k + self%columns
-   end function position_of
 
    !> The name of a `column`.
    pure function name(self, column) result(string)
@@ -382,8 +352,7 @@ contains
       integer, intent(in) :: column
       character(len=:), allocatable :: string
 
-      string = ''
-      if (allocated(self%given_names)) string = trim(self%given_names(column))
+      string = trim(self%given_names(column))
       if (len(string) == 0) string = self%name(column)
    end function called
 
@@ -393,11 +362,7 @@ contains
       integer, intent(in) :: column
       character(len=:), allocatable :: word
 
-      word = ''
-      associate (k => self%columns + column)
-         if (self%has_units) word = bare_unit(self%buffer(self%first(k):self%last(k)))
-      end associate
-      if (word == '-') word = ''
+      word = trim(self%units(column))
    end function unit
 
    !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0 if there is none.
@@ -406,21 +371,15 @@ contains
       character(len=*), intent(in) :: name
       integer :: j
 
-      find = 0
-      if (allocated(self%given_names)) find = findloc(self%given_names, name, dim=1)
+      find = findloc(self%given_names, name, dim=1)
       if (find > 0) return
-      do j = 1, self%columns
-         if (self%called(j) == name) then
-            find = j
-            return
-         end if
+      do j = self%columns, 1, -1
+         if (lower(self%called(j)) == lower(name)) find = j
       end do
       do j = 1, self%columns
-         if (lower(self%called(j)) == lower(name)) then
-            find = j
-            return
-         end if
+         if (self%called(j) == name) exit
       end do
+      if (j <= self%columns) find = j
    end function find
 
    !> The finite number `value` in a cell; a refusal names line, `column` and value.
@@ -433,9 +392,7 @@ contains
       integer :: outcome
       character(len=:), allocatable :: string, place, words
 
-      associate (k => position_of(self, column, row))
-         call read_real(self%buffer(self%first(k):self%last(k)), value, outcome)
-      end associate
+      call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), value, outcome)
       if (outcome == number_ok) return
       words = ''
       string = self%cell(column, row)
