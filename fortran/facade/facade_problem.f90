@@ -73,7 +73,7 @@ subroutine problem_write_crystals(handle, path, names, n, m, values, status, mes
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
-   use table_writer, only: write_table
+   use tables, only: write_table
    implicit none
    integer(c_int64_t), intent(in) :: handle
    character(len=*), intent(in) :: path, names

@@ -17,10 +17,9 @@ module problem
    use settings_reader, only: read_settings
    use settings_schema, only: candidate_sources
    use settings_visitor, only: choice_list_type
-   use stated_columns, only: name_columns
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use table_columns, only: column_hint
+   use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, split_list, to_text
    use warning_lists, only: add_warning => warn, warning_type
@@ -113,6 +112,7 @@ contains
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
+      character(len=:), allocatable :: file
 
       associate (s => self%settings)
          if (allocated(s%crystals%points)) then
@@ -125,10 +125,11 @@ contains
          end if
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
-            if (is_spreadsheet(s%measurements%file)) then
-               self%spreadsheet = resolve_path(self%folder, s%measurements%file)
+            file = resolve_path(self%folder, s%measurements%file)
+            if (any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
+               self%spreadsheet = file
             else
-               call read_table(resolve_path(self%folder, s%measurements%file), table, error)
+               call read_table(file, table, error)
                call take_measurements(self, table, error)
             end if
          end if
@@ -227,15 +228,6 @@ contains
       if (allocated(self%settings%measurements%file)) prefix = place(self%path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': '
    end function prefix_of_table
-
-   pure logical function is_spreadsheet(name)
-      character(len=*), intent(in) :: name
-      integer :: dot
-
-      dot = index(name, '.', back=.true.)
-      is_spreadsheet = .false.
-      if (dot > 0) is_spreadsheet = any(lower(name(dot:)) == [character(len=5) :: '.xlsx', '.xlsm'])
-   end function is_spreadsheet
 
    subroutine load_candidates(self, name, error)
       type(problem_type), intent(inout) :: self

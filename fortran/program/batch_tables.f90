@@ -10,7 +10,7 @@ module batch_tables
    use numbers, only: short_text
    use problem, only: problem_type
    use simulate, only: outcome_done
-   use table_writer, only: write_table
+   use tables, only: write_table
    use text, only: split_list, to_text
    implicit none
    private

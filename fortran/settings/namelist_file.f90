@@ -200,7 +200,7 @@ contains
       type(value_type), allocatable :: found(:), grown(:)
       type(value_type) :: value
       character :: mark
-      integer :: n, repeats, start(2)
+      integer :: n, length, repeats, start(2)
       logical :: needs_value
 
       allocate (found(8))
@@ -224,7 +224,9 @@ contains
             repeats = 1
             call take_quoted(parser, value)
          case default
-            call take_word(parser, value%text)
+            length = scan(parser%text(parser%at:), blanks//newline//',/!&=''"') - 1
+            value%text = parser%text(parser%at:parser%at + length - 1)
+            parser%at = parser%at + length
             ! The name of the next variable, if = or a subscript follows it.
             if (index(letters, mark) > 0) call skip_blanks(parser)
             if (index(letters, mark) > 0 .and. index('=(', peek(parser)) > 0) then
@@ -303,15 +305,6 @@ contains
       end do
       call refuse(parser, 'the closing quote is missing', parser%line)
    end subroutine take_quoted
-
-   !> Everything up to a blank, a comma, an end, a comment, = or a quote.
-   subroutine take_word(parser, word)
-      type(parser_type), intent(inout) :: parser
-      character(len=:), allocatable, intent(out) :: word
-
-      word = parser%text(parser%at:parser%at + scan(parser%text(parser%at:), blanks//newline//',/!&=''"') - 2)
-      parser%at = parser%at + len(word)
-   end subroutine take_word
 
    !> A name in lower case: a letter, then letters, digits and underscores; '' if none is here.
    subroutine take_name(parser, name)

@@ -1,7 +1,7 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
-   use checksums, only: checksum
+   use checksums, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
@@ -9,9 +9,8 @@ module point_tables
    use orientation_columns, only: find_ways, read_directions
    use point_index, only: number_equal
    use settings_groups, only: measurements_settings_type
-   use stated_columns, only: name_columns
-   use table_columns, only: check_unit, column_list, find_column, find_modulus, nearest_to, need_column, refuse_cell, &
-      & says_radians
+   use table_columns, only: check_unit, column_list, find_column, find_modulus, name_columns, nearest_to, &
+      & need_column, says_radians
    use tables, only: read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -138,12 +137,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=4), parameter :: names(2) = ['x_um', 'y_um']
       real(wp), allocatable :: values(:)
-      integer :: column, bad, j
+      integer :: column, j
 
       allocate (positions(table%rows, 2))
       do j = 1, 2
          call need_column(table, names(j), column, error)
-         if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., values, bad, error)
+         if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., '', values, error)
          if (allocated(error)) return
          positions(:, j) = values
       end do
@@ -174,23 +173,22 @@ contains
       real(wp), allocatable, intent(in) :: parameters(:)
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: columns(:)
-      integer :: way, column, angles, j
+      integer :: way, angles(3), j
 
       call find_ways(points%table, way, columns, error)
-      angles = 0
       do j = 1, 3
          if (allocated(error)) return
-         call find_column(points%table, trim(angle_names(j)), column, error)
-         if (column > 0) angles = angles + 1
+         call find_column(points%table, trim(angle_names(j)), angles(j), error)
       end do
       if (allocated(error)) return
-      if (way == 0 .or. angles == 3) call read_angles(points, radians, error)
-      if (allocated(error)) then
-         if (angles == 0) error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
-      else if (way > 0 .and. angles == 3) then
+      if (way == 0) then
+         call read_angles(points, radians, error)
+         if (allocated(error) .and. all(angles == 0)) error%message = error%message &
+            & //'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
+      else if (all(angles > 0)) then
          call raise(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', '&
             & //points%table%name(columns(2))//', ..; one of them is allowed', exit_bad_input)
-      else if (way > 0) then
+      else
          call set_size(points)
          points%has_angles = .false.
          call read_directions(points%table, way, columns, crystal, parameters, points%euler_deg, error)
@@ -218,7 +216,7 @@ contains
       real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
       real(wp), allocatable :: values(:)
       real(wp) :: allowed(2), unit
-      integer :: column(3), bad, j
+      integer :: column(3), j
 
       call set_size(points)
       do j = 1, 3
@@ -233,10 +231,8 @@ contains
       unit = merge(degree, 1.0_wp, radians)
       do j = 1, 3
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
-         call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians)], .false., values, &
-            & bad, error)
-         if (bad > 0) call refuse_cell(points%table, column(j), bad, merge(' radians', ' degrees', radians)//'; allowed ' &
-            & //to_text(allowed(1))//' to '//to_text(allowed(2)), error)
+         call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
+            & merge(' radians', ' degrees', radians)//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
          if (allocated(error)) return
          points%euler_deg(j, :) = min(values, allowed(2))/unit
       end do
@@ -248,15 +244,19 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: general
-      integer, allocatable :: own(:, :)
-      integer :: column(21), entry, i, j
+      real(wp), allocatable :: values(:)
+      integer :: column(21), i, j
 
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
+      allocate (points%constants(21, points%n), points%stiffness(6, 6, points%n))
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
          if (column(j) > 0) call check_unit(points%table, column(j), ' gpa ', error)
+         if (.not. allocated(error)) call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
+            & ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
          if (allocated(error)) return
+         points%constants(j, :) = values
       end do
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
       if (all(column > 0) .and. points%table%find('symmetry') == 0) then
@@ -264,25 +264,9 @@ contains
       else
          call read_classes(points, default_class, error)
       end if
-      if (allocated(error)) return
-      allocate (own(21, size(points%classes)), source=0)
-      do i = 1, size(points%classes)
-         associate (class => points%classes(i))
-            do j = 1, class%n_constants
-               entry = findloc(general%constants, class%constants(j), dim=1)
-               own(entry, i) = j
-               if (column(entry) > 0) cycle
-               call raise(error, 'the column '//class%constants(j)//' is missing; a '//class%name//' crystal has ' &
-                  & //join(class%constants, ', '), exit_bad_input)
-               return
-            end do
-         end associate
-      end do
-      allocate (points%constants(21, points%n), source=not_a_number())
-      allocate (points%stiffness(6, 6, points%n))
       do i = 1, points%n
-         call read_row(points, i, general, column, own(:, points%class(i)), error)
          if (allocated(error)) return
+         call take_constants(points, i, general, column, error)
       end do
    end subroutine read_constants
 
@@ -310,7 +294,7 @@ contains
          class = usual
          if (len(cell) > 0) call new_crystal_class(cell, class, error)
          if (allocated(error)) then
-            error%message = 'line '//to_text(points%table%line(i))//', column symmetry: '//error%message
+            error%message = points%table%place(column, i)//error%message
             return
          end if
          do j = 1, size(points%classes)
@@ -321,43 +305,44 @@ contains
       end do
    end subroutine read_classes
 
-   !> The crystal of row i: its constants, and what else the row says about the stiffness.
-   subroutine read_row(points, i, general, column, own, error)
+   !> Of the entries of row i the constants of its class, and the stiffness.
+   subroutine take_constants(points, i, general, column, error)
       type(points_type), intent(inout) :: points
       integer, intent(in) :: i
-      !> Its constants are all 21 entries, with these columns or 0; of each the number of the class' own constant, 0 if it is none.
+      !> The class whose constants are all entries, and their columns or 0.
       type(crystal_class_type), intent(in) :: general
-      integer, intent(in) :: column(21), own(21)
+      integer, intent(in) :: column(21)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: entries(21), value
-      integer :: j
+      real(wp) :: entries(21), implied(21)
+      integer :: j, k
 
-      associate (class => points%classes(points%class(i)), table => points%table, constants => points%constants(:, i))
-         do j = 1, 21
-            if (own(j) == 0) cycle
-            call table%number(column(j), i, constants(own(j)), error)
+      entries = points%constants(:, i)
+      points%constants(:, i) = not_a_number()
+      associate (class => points%classes(points%class(i)), table => points%table)
+         do k = 1, class%n_constants
+            j = findloc(general%constants, class%constants(k), dim=1)
+            if (column(j) == 0) then
+               call raise(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
+                  & //join(class%constants, ', '), exit_bad_input)
+            else if (table%is_empty(column(j), i)) then
+               call table%number(column(j), i, entries(j), error)
+            end if
             if (allocated(error)) return
-            if (abs(constants(own(j))) <= stiffness_most) cycle
-            call refuse_cell(table, column(j), i, ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', error)
-            return
+            points%constants(k, i) = entries(j)
          end do
-         points%stiffness(:, :, i) = class%stiffness(constants(:class%n_constants))
+         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
          ! A constant that does not apply is empty, or what the symmetry makes it.
+         implied = general%constants_of(points%stiffness(:, :, i))
          do j = 1, 21
-            if (own(j) > 0 .or. column(j) == 0) cycle
-            if (len(table%cell(column(j), i)) == 0) cycle
-            call table%number(column(j), i, value, error)
-            if (allocated(error)) return
-            entries = general%constants_of(points%stiffness(:, :, i))
-            if (abs(value - entries(j)) <= 1.0e-3_wp*abs(entries(j)) + 1.0e-3_wp) cycle
-            call refuse_cell(table, column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
-               & //general%constants(j)//' is '//to_text(entries(j))//' GPa; leave the cell empty', error)
+            if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+            call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+               & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
             return
          end do
       end associate
       call check_stiffness(points%stiffness(:, :, i), error)
       if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
-   end subroutine read_row
+   end subroutine take_constants
 
    !> The moduli of a `column`; 0 leaves them NaN.
    subroutine read_moduli(points, column, may_be_empty, error)
@@ -365,22 +350,18 @@ contains
       integer, intent(in) :: column
       logical, intent(in) :: may_be_empty
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: words
-      integer :: bad
+      character(len=:), allocatable :: range
 
-      call read_numbers(points%table, column, [modulus_least, modulus_most], may_be_empty, points%modulus_gpa, bad, error)
-      if (bad == 0) return
-      words = ' GPa is no modulus of a metal'
-      if (points%modulus_gpa(bad) > modulus_most) words = ' GPa looks like MPa'
-      call refuse_cell(points%table, column, bad, words//'; allowed '//to_text(modulus_least)//' to '//to_text(modulus_most) &
-         & //' GPa', error)
+      range = '; allowed '//to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa'
+      call read_numbers(points%table, column, [modulus_least, modulus_most], may_be_empty, ' GPa is no modulus of a metal'//range, &
+         & points%modulus_gpa, error, ' GPa looks like MPa'//range)
    end subroutine read_moduli
 
    subroutine read_sds(points, optional_column, error)
       type(points_type), intent(inout) :: points
       logical, intent(in) :: optional_column
       type(error_type), allocatable, intent(out) :: error
-      integer :: column, bad
+      integer :: column
 
       call find_column(points%table, 'sd_gpa', column, error)
       if (allocated(error)) return
@@ -389,9 +370,8 @@ contains
             & //column_list(points%table)//nearest_to(points%table, 'sd_gpa'), exit_bad_input)
          return
       end if
-      call read_numbers(points%table, column, [tiny(1.0_wp), modulus_most], .false., points%sd_gpa, bad, error)
-      if (bad > 0) call refuse_cell(points%table, column, bad, ' GPa; a standard deviation is above 0, up to ' &
-         & //to_text(modulus_most)//' GPa', error)
+      call read_numbers(points%table, column, [tiny(1.0_wp), modulus_most], .false., ' GPa; a standard deviation is above 0' &
+         & //', up to '//to_text(modulus_most)//' GPa', points%sd_gpa, error)
    end subroutine read_sds
 
    !> A column that may be absent, and whose cells may be empty: NaN there.
@@ -404,39 +384,39 @@ contains
       character(len=*), intent(in) :: unit
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      integer :: column, bad
+      integer :: column
 
       call find_column(points%table, name, column, error)
-      if (allocated(error)) return
-      call read_numbers(points%table, column, allowed, .true., values, bad, error)
-      if (bad > 0) call refuse_cell(points%table, column, bad, unit//'; allowed '//to_text(allowed(1))//' to ' &
-         & //to_text(allowed(2)), error)
+      if (.not. allocated(error)) call read_numbers(points%table, column, allowed, .true., unit//'; allowed ' &
+         & //to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
    end subroutine read_optional
 
    !> The numbers of a `column`, NaN where its cells are empty and may be, or where it is 0.
-   subroutine read_numbers(table, column, allowed, may_be_empty, values, bad, error)
+   subroutine read_numbers(table, column, allowed, may_be_empty, refusal, values, error, refusal_of_large)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
       !> The least and the greatest.
       real(wp), intent(in) :: allowed(2)
       logical, intent(in) :: may_be_empty
+      !> What follows a cell that is not allowed.
+      character(len=*), intent(in) :: refusal
       real(wp), allocatable, intent(out) :: values(:)
-      !> The first row whose number is not allowed, 0 if there is none.
-      integer, intent(out) :: bad
       type(error_type), allocatable, intent(out) :: error
+      !> The same of too large numbers, where it differs.
+      character(len=*), intent(in), optional :: refusal_of_large
       integer :: i
 
       allocate (values(table%rows), source=not_a_number())
-      bad = 0
       if (column == 0) return
       do i = 1, table%rows
          if (may_be_empty) then
-            if (len_trim(table%cell(column, i)) == 0) cycle
+            if (table%is_empty(column, i)) cycle
          end if
          call table%number(column, i, values(i), error)
          if (allocated(error)) return
          if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
-         bad = i
+         call table%refuse(column, i, refusal, error)
+         if (present(refusal_of_large) .and. values(i) > allowed(2)) call table%refuse(column, i, refusal_of_large, error)
          return
       end do
    end subroutine read_numbers
@@ -463,9 +443,7 @@ contains
       integer, intent(in) :: column
       integer, allocatable :: first(:)
       real(wp), allocatable :: key(:, :)
-      character(len=16) :: digits
-      integer(i8) :: halves(2)
-      character(len=:), allocatable :: cell, last
+      integer(i8) :: hash
       integer :: i
 
       if (column == 0) then
@@ -473,15 +451,9 @@ contains
          return
       end if
       allocate (key(2, table%rows))
-      last = ''
       do i = 1, table%rows
-         cell = table%cell(column, i)
-         if (i == 1 .or. cell /= last) then
-            digits = checksum(cell)
-            read (digits, '(2z8)') halves
-            call move_alloc(cell, last)
-         end if
-         key(:, i) = real(halves, wp)
+         hash = hash_of(table%cell(column, i))
+         key(:, i) = real([ibits(hash, 0, 32), ibits(hash, 32, 32)], wp)
       end do
       first = number_equal(key)
    end function first_rows

@@ -3,13 +3,13 @@
 module table_columns
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
+   use orientation_columns, only: direction_names
    use spelling, only: suggestion
    use tables, only: longest_name, table_type
-   use text, only: join, lower, split_list, to_text
+   use text, only: join, lower, split_list
    implicit none
    private
-   public :: known_names, find_column, need_column, find_modulus, column_list, nearest_to, refuse_cell, check_unit, &
-      & column_hint, says_radians
+   public :: find_column, need_column, find_modulus, column_list, nearest_to, check_unit, column_hint, says_radians, name_columns
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
@@ -91,7 +91,7 @@ contains
 
       call split_name(table%name(column), word, unit)
       do i = 1, 2
-         if (i == 2) unit = table%unit(column)
+         if (i == 2) unit = trim(table%units(column))
          if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
          allowed = 'allowed'//trim(units)
          if (len_trim(units) == 0) allowed = 'this column has none'
@@ -109,7 +109,7 @@ contains
       character(len=:), allocatable :: word, unit
 
       call split_name(table%name(column), word, unit)
-      says_radians = index(unit, 'rad') == 1 .or. index(table%unit(column), 'rad') == 1
+      says_radians = index(unit, 'rad') == 1 .or. index(trim(table%units(column)), 'rad') == 1
    end function says_radians
 
    !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
@@ -243,15 +243,8 @@ contains
 
       words = ''
       if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
-      words = suggestion(table%name(column), known_names())
+      words = suggestion(table%name(column), join(known_columns%name, ', '))
    end function column_hint
-
-   !> The names of the columns that have others, separated by ', '.
-   pure function known_names() result(names)
-      character(len=:), allocatable :: names
-
-      names = join(known_columns%name, ', ')
-   end function known_names
 
    function column_list(table) result(list)
       type(table_type), intent(in) :: table
@@ -267,16 +260,49 @@ contains
       if (table%columns > most) list = list//', ...'
    end function column_list
 
-   !> Refuse a cell: its text, then what is wrong with it.
-   subroutine refuse_cell(table, column, row, message, error)
-      type(table_type), intent(in) :: table
-      !> Its place in the table.
-      integer, intent(in) :: column, row
-      !> What follows the text of the cell.
-      character(len=*), intent(in) :: message
+   !> Give columns the names that `said` has for them; their units stay those of the header.
+   subroutine name_columns(table, said, error)
+      type(table_type), intent(inout) :: table
+      !> Of each a name, = and the header of its column; unallocated: nothing is said.
+      character(len=*), allocatable, intent(in) :: said(:)
       type(error_type), allocatable, intent(out) :: error
+      character(len=longest_name) :: given(table%columns)
+      character(len=:), allocatable :: names, known(:), name, header, place
+      integer :: equals, column, i, j, k
 
-      call raise(error, 'line '//to_text(table%line(row))//', column '//printable(table%name(column))//': ' &
-         & //printable(table%cell(column, row))//message, exit_bad_input)
-   end subroutine refuse_cell
+      if (.not. allocated(said)) return
+      names = join(known_columns%name, ', ')//', '//direction_names()
+      known = split_list(names)
+      given = ''
+      do i = 1, size(said)
+         equals = index(said(i), '=')
+         name = trim(adjustl(said(i)(:max(1, equals) - 1)))
+         header = trim(adjustl(said(i)(equals + 1:)))
+         place = 'columns: '''//printable(trim(said(i)))//''': '
+         if (len(name) == 0 .or. len(header) == 0) then
+            call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
+               & exit_bad_input)
+            return
+         end if
+         do k = 1, size(known)
+            if (lower(known(k)) == lower(name)) exit
+         end do
+         column = 0
+         do j = 1, table%columns
+            if (table%name(j) == header .or. (column == 0 .and. lower(table%name(j)) == lower(header))) column = j
+         end do
+         if (k > size(known)) then
+            call raise(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names, &
+               & exit_bad_input)
+         else if (column == 0) then
+            call raise(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &
+               & //'; the columns are '//column_list(table), exit_bad_input)
+         else if (any(given == known(k)) .or. len_trim(given(column)) > 0) then
+            call raise(error, place//'the name or the column is there twice; each is allowed once', exit_bad_input)
+         end if
+         if (allocated(error)) return
+         given(column) = known(k)
+      end do
+      table%given_names = given
+   end subroutine name_columns
 end module table_columns

@@ -1,17 +1,17 @@
-!> Tables of text cells from CSV: a header row, then rows; lines that start with # are comments.
+!> Tables of text cells from CSV, and back: a header row, then rows; lines that start with # are comments.
 !>
 !> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by commas, numbers may have decimal ones.
 !> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
 !> order mark are accepted. A row of units may follow the header.
 module tables
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: printable, read_text_file
-   use numbers, only: number_malformed, number_ok, read_real
-   use text, only: lower, quoted, to_text
+   use files, only: new_file_type, printable, read_text_file
+   use numbers, only: number_malformed, number_ok, read_real, short_text
+   use text, only: lower, quoted, split_list, to_text
    use kinds, only: wp
    implicit none
    private
-   public :: table_type, read_table, parse_table, csv_cell, longest_name
+   public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
 
    !> Bytes of a name that a program gives to a column.
    integer, parameter :: longest_name = 23
@@ -19,6 +19,7 @@ module tables
    character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
    integer, parameter :: longest_unit = 7
    character, parameter :: newline = achar(10), return = achar(13), tab = achar(9)
+   character(len=*), parameter :: delimiters = ',;'//tab
 
    type :: table_type
       !> Rows and columns, the header not counted.
@@ -28,18 +29,20 @@ module tables
       !> The name that stands for that of the header, (columns), empty where there is none.
       character(len=longest_name), allocatable :: given_names(:)
       !> What a row of units says, in lower case, (columns), empty where it says nothing.
-      character(len=longest_unit), allocatable, private :: units(:)
+      character(len=longest_unit), allocatable :: units(:)
       !> The text, in which cells are without quotes, and first and last byte of each, (2, columns, 0:rows); row 0 is the header.
       character(len=:), allocatable, private :: buffer
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
       procedure :: cell
+      procedure :: is_empty
       procedure :: name
       procedure :: called
-      procedure :: unit
       procedure :: find
       procedure :: number
+      procedure :: place
+      procedure :: refuse
       procedure :: join
    end type table_type
 
@@ -65,7 +68,7 @@ contains
       integer, allocatable :: bounds(:, :), line(:)
       integer :: rows, above, i
 
-      call split(content, delimiter_of(content), table, bounds, line, rows, error)
+      call split(content, table, bounds, line, rows, error)
       if (allocated(error)) return
       if (rows == 0) then
          call raise(error, 'the table has no header row', exit_bad_input)
@@ -130,82 +133,68 @@ contains
       numeric = .true.
       do j = 1, table%columns
          call read_real(table%name(j), value, outcome)
-         if (outcome == number_malformed) numeric = .false.
+         numeric = numeric .and. outcome /= number_malformed
       end do
-      if (numeric) then
-         call raise(error, 'line '//to_text(line)//': numbers where the header row with the names of the columns must be', &
-            & exit_bad_input)
-         return
-      end if
+      if (numeric) call raise(error, 'line '//to_text(line)//': numbers where the header row with the names of the columns ' &
+         & //'must be', exit_bad_input)
       do j = 2, table%columns
-         do i = 1, j - 1
-            if (len(table%name(j)) > 0 .and. table%name(i) == table%name(j)) then
-               call raise(error, 'line '//to_text(line)//': the column '//printable(table%name(j)) &
-                  & //' is there twice', exit_bad_input)
-               return
-            end if
-         end do
+         if (allocated(error)) return
+         if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call raise(error, 'line ' &
+            & //to_text(line)//': the column '//printable(table%name(j))//' is there twice', exit_bad_input)
       end do
    end subroutine check_header
 
    !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
-   pure character function delimiter_of(content)
-      character(len=*), intent(in) :: content
-      character(len=*), parameter :: candidates = ',;'//tab
-      integer :: i, k, last, counts(len(candidates))
+   pure character function delimiter_of(header)
+      character(len=*), intent(in) :: header
+      integer :: counts(len(delimiters)), i, k
       logical :: quoted
 
-      i = 1
-      last = end_of_line(content, i)
-      do while (i <= len(content) .and. is_skipped(content(i:last)))
-         i = last + 2
-         last = end_of_line(content, min(i, len(content) + 1))
-      end do
       counts = 0
       quoted = .false.
-      do i = i, last
-         if (content(i:i) == '"') quoted = .not. quoted
-         k = index(candidates, content(i:i))
+      do i = 1, len(header)
+         if (header(i:i) == '"') quoted = .not. quoted
+         k = index(delimiters, header(i:i))
          if (k > 0 .and. .not. quoted) counts(k) = counts(k) + 1
       end do
       k = maxloc(counts, dim=1)
-      delimiter_of = candidates(k:k)
+      delimiter_of = delimiters(k:k)
    end function delimiter_of
 
    !> Cut the text into cells, all rows of which have as many as the header.
-   subroutine split(content, delimiter, table, bounds, line, rows, error)
+   subroutine split(content, table, bounds, line, rows, error)
       character(len=*), intent(in) :: content
-      character, intent(in) :: delimiter
       type(table_type), intent(inout) :: table
       !> Of the cells, row by row from the header; the lines on which rows begin, and the number of rows.
       integer, allocatable, intent(out) :: bounds(:, :), line(:)
       integer, intent(out) :: rows
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: words
-      integer :: cells, above, number, last, lines, separators, i
+      character :: delimiter
+      integer :: cells, above, number, last, lines, most, i
 
       table%buffer = content//newline
-      table%decimal_comma = delimiter /= ','
       lines = 0
-      separators = 0
+      most = 0
       do i = 1, len(table%buffer)
          if (table%buffer(i:i) == newline) lines = lines + 1
-         if (table%buffer(i:i) == delimiter) separators = separators + 1
+         if (index(newline//delimiters, table%buffer(i:i)) > 0) most = most + 1
       end do
-      allocate (bounds(2, separators + lines), line(lines))
+      allocate (bounds(2, most), line(lines))
       cells = 0
       rows = 0
       number = 1
       i = 1
       do while (i <= len(table%buffer))
          ! At the start of a line: skip it if blank or a comment.
-         last = end_of_line(table%buffer, i)
+         last = i - 2 + index(table%buffer(i:), newline)
          if (is_skipped(table%buffer(i:last))) then
             i = last + 2
             number = number + 1
             cycle
          end if
          rows = rows + 1
+         if (rows == 1) delimiter = delimiter_of(table%buffer(i:last))
          line(rows) = number
          above = cells
          do
@@ -230,6 +219,7 @@ contains
             cycle
          end if
          if (rows == 1) table%columns = cells
+         table%decimal_comma = delimiter /= ','
          if (cells - above == table%columns) cycle
          words = ''
          if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
@@ -284,15 +274,6 @@ contains
       if (index(ends, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
    end subroutine take_cell
 
-   !> Position of the last character of the line that holds position `i`, the newline not counted.
-   pure integer function end_of_line(content, i)
-      character(len=*), intent(in) :: content
-      integer, intent(in) :: i
-
-      end_of_line = index(content(i:), newline) + i - 2
-      if (end_of_line < i - 1) end_of_line = len(content)
-   end function end_of_line
-
    pure logical function is_skipped(line)
       character(len=*), intent(in) :: line
       integer :: i
@@ -312,6 +293,15 @@ contains
 
       string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))
    end function cell
+
+   !> Whether there is nothing in a `column` and `row`.
+   pure logical function is_empty(self, column, row)
+      class(table_type), intent(in) :: self
+      !> As of `cell`.
+      integer, intent(in) :: column, row
+
+      is_empty = self%bounds(2, column, row) < self%bounds(1, column, row)
+   end function is_empty
 
    !> Let the columns of another table with as many rows follow; it has no row of units.
    subroutine join(self, other, error)
@@ -356,15 +346,6 @@ contains
       if (len(string) == 0) string = self%name(column)
    end function called
 
-   !> What a row of units says of a `column`, in lower case; empty if nothing.
-   pure function unit(self, column) result(word)
-      class(table_type), intent(in) :: self
-      integer, intent(in) :: column
-      character(len=:), allocatable :: word
-
-      word = trim(self%units(column))
-   end function unit
-
    !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0 if there is none.
    pure integer function find(self, name)
       class(table_type), intent(in) :: self
@@ -389,29 +370,49 @@ contains
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
       type(error_type), allocatable, intent(out) :: error
-      integer :: outcome
-      character(len=:), allocatable :: string, place, words
+      integer :: outcome, comma
+      character(len=:), allocatable :: string, words
 
       call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), value, outcome)
       if (outcome == number_ok) return
       words = ''
       string = self%cell(column, row)
-      if (.not. self%decimal_comma .and. index(string, ',') > 0) words = '; decimal commas are read where semicolons or tabs ' &
+      comma = index(string, ',')
+      if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs ' &
          & //'separate the cells'
-      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',') == index(string, ',', back=.true.)) then
-         if (index(string, ',') > 0) string(index(string, ','):index(string, ',')) = '.'
-      end if
+      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma .and. comma > 0) &
+         & string(comma:comma) = '.'
       call read_real(string, value, outcome)
-      if (outcome == number_ok) return
-      place = 'line '//to_text(self%line(row))//', column '//printable(self%name(column))//': '
       if (len(string) == 0) then
-         call raise(error, place//'the cell is empty; a number is needed', exit_bad_input)
+         call raise(error, self%place(column, row)//'the cell is empty; a number is needed', exit_bad_input)
       else if (outcome == number_malformed) then
-         call raise(error, place//''''//printable(string)//''' is not a number'//words, exit_bad_input)
-      else
-         call raise(error, place//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
+         call raise(error, self%place(column, row)//''''//printable(string)//''' is not a number'//words, exit_bad_input)
+      else if (outcome /= number_ok) then
+         call raise(error, self%place(column, row)//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
       end if
    end subroutine number
+
+   !> 'line 2, column phi1: ', the beginning of a message about a cell.
+   pure function place(self, column, row)
+      class(table_type), intent(in) :: self
+      !> As of `number`.
+      integer, intent(in) :: column, row
+      character(len=:), allocatable :: place
+
+      place = 'line '//to_text(self%line(row))//', column '//printable(self%name(column))//': '
+   end function place
+
+   !> Refuse a cell: its text, then what is wrong with it.
+   pure subroutine refuse(self, column, row, message, error)
+      class(table_type), intent(in) :: self
+      !> As of `number`.
+      integer, intent(in) :: column, row
+      !> What follows the text of the cell.
+      character(len=*), intent(in) :: message
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, self%place(column, row)//printable(self%cell(column, row))//message, exit_bad_input)
+   end subroutine refuse
 
    !> A text, `string`, as a cell of a CSV file: in double quotes if it must be.
    pure function csv_cell(string) result(cell)
@@ -422,4 +423,34 @@ contains
       if (scan(string, ',"'//achar(10)//achar(13)) > 0 .or. index(string, '#') == 1 &
          & .or. string /= adjustl(string) .or. len(string) /= len_trim(string)) cell = quoted(string, '"')
    end function csv_cell
+
+   !> Write a table with the columns `names`, separated by commas; its own of these names are left out.
+   subroutine write_table(table, path, names, values, error)
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: path, names
+      !> Of each row and each name; what is not finite is an empty cell.
+      real(wp), intent(in) :: values(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      type(new_file_type) :: file
+      character(len=:), allocatable :: added(:), line
+      logical :: kept(table%columns)
+      integer :: i, j
+
+      allocate (added, source=split_list(names))
+      kept = [(all(added /= table%name(j)), j=1, table%columns)]
+      call file%begin(path)
+      do i = 0, table%rows
+         line = ''
+         do j = 1, table%columns
+            if (kept(j)) line = line//csv_cell(table%cell(j, i))//','
+         end do
+         do j = 1, size(added)
+            if (i == 0) line = line//trim(added(j))//','
+            if (i > 0) line = line//short_text(values(max(i, 1), j))//','
+         end do
+         line(len(line):) = newline
+         call file%add(line)
+      end do
+      call file%finish(error)
+   end subroutine write_table
 end module tables
