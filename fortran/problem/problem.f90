@@ -63,6 +63,7 @@ module problem
    real(wp), parameter :: paper_contact = 0.5_wp
    !> As many angles below 2 pi are no chance.
    integer, parameter :: few_grains = 3
+   character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
 
@@ -120,8 +121,8 @@ contains
             call read_crystals(resolve_path(self%folder, s%crystals%points), place(self%path, 'crystals', 'points') &
                & //printable(s%crystals%points)//': ', self%class, self%crystals, error)
             if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) call warn_radians(self, 'crystals', 'points', &
-               & printable(s%crystals%points))
+            if (angles_look_like_radians(self%crystals)) call self%warn(place(self%path, 'crystals', 'points') &
+               & //printable(s%crystals%points)//like_radians)
          end if
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
@@ -261,12 +262,10 @@ contains
       allocate (self%grains)
       call read_table(resolve_path(self%folder, name), table, error)
       if (.not. allocated(error)) call read_grains(table, radians, self%class, self%settings%problem%lattice, self%grains, error)
-      if (.not. allocated(error)) then
-         if (self%grains%n > most_grains) then
-            call raise(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
-         else if (.not. radians) then
-            call refuse_radians(self%grains, error)
-         end if
+      if (.not. allocated(error) .and. self%grains%n > most_grains) then
+         call raise(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
+      else if (.not. (allocated(error) .or. radians)) then
+         call refuse_radians(self%grains, error)
       end if
       if (allocated(error)) error%message = place(self%path, 'next', 'candidates')//printable(name)//': '//error%message
    end subroutine load_grains
@@ -286,13 +285,13 @@ contains
    subroutine question_measurements(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: name, prefix, hint
+      character(len=:), allocatable :: prefix, hint
       logical :: radians
       integer :: i
 
-      name = 'the table'
-      if (allocated(self%settings%measurements%file)) name = printable(self%settings%measurements%file)
-      prefix = place(self%path, 'measurements', 'file')//name
+      prefix = 'the table'
+      if (allocated(self%settings%measurements%file)) prefix = printable(self%settings%measurements%file)
+      prefix = place(self%path, 'measurements', 'file')//prefix
       self%settings%measurements%modulus_kind = self%measurements%modulus_kind
       call combine_tests(self%class, self%measurements, error)
       radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
@@ -314,7 +313,7 @@ contains
          call question_directions(self, prefix, error)
          if (allocated(error)) return
       end if
-      if (radians) call warn_radians(self, 'measurements', 'file', name)
+      if (radians) call self%warn(prefix//like_radians)
       if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call self%warn(prefix &
          & //': an sd_gpa is more than half of its modulus_gpa')
    end subroutine question_measurements
@@ -353,14 +352,6 @@ contains
       call self%warn(prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n)//' combinations of the ' &
          & //to_text(self%class%n_constants)//' constants are visible to indentation, and so many directions are needed at least')
    end subroutine question_directions
-
-   subroutine warn_radians(self, group, variable, name)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: group, variable, name
-
-      call self%warn(place(self%path, group, variable)//name &
-         & //': no angle is above 2 pi; angles are in degrees, and these look like radians')
-   end subroutine warn_radians
 
    !> Add a warning.
    subroutine warn(self, message)

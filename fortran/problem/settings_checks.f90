@@ -19,11 +19,20 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
+      logical :: needed
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
       if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      if (.not. allocated(error)) call check_symmetry(path, settings, error)
-      if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
+      if (allocated(error)) return
+      ! Only what is learnt for all classes needs no symmetry.
+      needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
+         & (settings%design%given .or. settings%domain%given))
+      if (needed .and. .not. allocated(settings%problem%symmetry)) then
+         call raise(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names(), &
+            & exit_bad_input)
+         return
+      end if
+      call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
          call raise(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
@@ -40,19 +49,6 @@ contains
          end if
       end associate
    end subroutine check_settings
-
-   !> Only what is learnt for all classes needs no symmetry.
-   subroutine check_symmetry(path, settings, error)
-      character(len=*), intent(in) :: path
-      type(settings_type), intent(in) :: settings
-      type(error_type), allocatable, intent(out) :: error
-      logical :: needed
-
-      needed = settings%measurements%given .or. settings%prior%given
-      if (settings%surrogate%model == 'paper') needed = needed .or. settings%design%given .or. settings%domain%given
-      if (needed .and. .not. allocated(settings%problem%symmetry)) call raise(error, place(path, 'problem', 'symmetry') &
-         & //'the variable is missing; allowed '//crystal_class_names(), exit_bad_input)
-   end subroutine check_symmetry
 
    !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
    subroutine check_bounds(path, group, class, low, high, error)
@@ -78,10 +74,7 @@ contains
          end if
       end do
       ! The most stable crystal of the box: large on the diagonal, small off it.
-      best = high
-      do i = 1, size(best)
-         if (names(i)(2:2) /= names(i)(3:3)) best(i) = max(low(i), min(high(i), 0.0_wp))
-      end do
+      best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
       if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &
          & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
    end subroutine check_bounds

@@ -104,18 +104,16 @@ contains
 
    subroutine parse_group(parser)
       type(parser_type), intent(inout) :: parser
-      character(len=:), allocatable :: name
+      character(len=:), allocatable :: name, words
       type(name_type) :: found
       integer :: line, i
 
       line = parser%line
       if (peek(parser) /= '&') then
-         if (len(parser%group) == 0) then
-            call refuse(parser, rest_of_line(parser)//' stands before the first group; a group begins with &name', line)
-         else
-            call refuse(parser, rest_of_line(parser)//' follows the / that ends the group; &name begins the next one' &
-               & //' (a text that holds / must be in quotes)', line)
-         end if
+         words = ' stands before the first group; a group begins with &name'
+         if (len(parser%group) > 0) words = ' follows the / that ends the group; &name begins the next one ' &
+            & //'(a text that holds / must be in quotes)'
+         call refuse(parser, rest_of_line(parser)//words, line)
          return
       end if
       parser%at = parser%at + 1
@@ -320,21 +318,18 @@ contains
    !> Move past blanks, newlines and comments.
    subroutine skip_blanks(parser)
       type(parser_type), intent(inout) :: parser
-      logical :: comment
 
-      comment = .false.
-      do while (parser%at <= len(parser%text))
-         associate (here => parser%text(parser%at:parser%at))
-            if (here == newline) then
-               comment = .false.
-               parser%line = parser%line + 1
-            else if (here == '!') then
-               comment = .true.
-            else if (.not. comment .and. index(blanks, here) == 0) then
-               return
-            end if
-         end associate
-         parser%at = parser%at + 1
+      do
+         parser%at = parser%at + max(1, verify(parser%text(parser%at:), blanks)) - 1
+         select case (peek(parser))
+         case (newline)
+            parser%line = parser%line + 1
+            parser%at = parser%at + 1
+         case ('!')
+            parser%at = parser%at + index(parser%text(parser%at:), newline) - 1
+         case default
+            return
+         end select
       end do
    end subroutine skip_blanks
 

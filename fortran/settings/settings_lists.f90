@@ -19,7 +19,6 @@ module settings_lists
       type(variable_type), allocatable :: variables(:)
    contains
       procedure :: find_group
-      procedure :: find
    end type schema_type
 
    type, extends(settings_visitor_type) :: lister_type
@@ -86,16 +85,6 @@ contains
       end do
    end function find_group
 
-   !> Number of a variable, 0 if the group has none of this name.
-   pure integer function find(self, group, name) result(i)
-      class(schema_type), intent(in) :: self
-      character(len=*), intent(in) :: group, name
-
-      do i = size(self%variables), 1, -1
-         if (self%variables(i)%group == group .and. self%variables(i)%name == name) return
-      end do
-   end function find
-
    !> The variables as a page of the documentation.
    function schema_markdown(schema) result(page)
       type(schema_type), intent(in) :: schema
@@ -159,6 +148,7 @@ contains
       class(writer_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
       type(value_type), allocatable, intent(inout) :: values(:)
+      character(len=:), allocatable :: list
       integer :: i
 
       if (.not. self%writing) return
@@ -166,15 +156,12 @@ contains
          self%page = self%page//'  ! '//variable%name//' is unset'//newline
          return
       end if
-      self%page = self%page//'  '//variable%name//' = '
+      list = ''
       do i = 1, size(values)
-         if (i > 1) self%page = self%page//', '
-         if (is_text(variable)) then
-            self%page = self%page//quoted(values(i)%text, '''')
-         else
-            self%page = self%page//values(i)%text
-         end if
+         if (is_text(variable)) list = list//', '//quoted(values(i)%text, '''')
+         if (.not. is_text(variable)) list = list//', '//values(i)%text
       end do
+      self%page = self%page//'  '//variable%name//' = '//list(3:)
       if (len(variable%unit) > 0) self%page = self%page//' ! '//variable%unit
       self%page = self%page//newline
    end subroutine write_variable

@@ -83,15 +83,16 @@ contains
       end do
       do i = 1, size(file%entries)
          associate (entry => file%entries(i))
-            if (schema%find(entry%group, entry%name) > 0) cycle
             names = ''
             near = ''
             do j = 1, size(schema%variables)
                associate (v => schema%variables(j))
+                  if (v%group == entry%group .and. v%name == entry%name) exit
                   if (v%group == entry%group) names = names//', '//v%name
                   if (v%name == entry%name .and. len(near) == 0) near = ', did you mean '//v%name//' of &'//v%group//'?'
                end associate
             end do
+            if (j <= size(schema%variables)) cycle
             if (len(suggestion(entry%name, names(3:))) > 0) near = suggestion(entry%name, names(3:))
             call raise(error, place(path, entry%group, entry%name)//'unknown variable'//near//'; allowed: '//names(3:), &
                & exit_bad_input)

@@ -27,8 +27,7 @@ contains
          & //'symmetry leaves open, such as a, c; cubic crystals have none')
       call v%text('title', s%problem%title, kind_text, '', '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
-      call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', &
-         & 'seed of all random numbers; same seed, same results')
+      call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
 
       call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
       call v%text('points', s%crystals%points, kind_file, '*', '', &
@@ -62,8 +61,7 @@ contains
          & 'sphere: its radius; paraboloid: the radius of its tip')
       call v%real('half_angle_deg', s%indenter%half_angle_deg, '70.3', '[5, 89]', 'degrees', &
          & 'cone: the angle between axis and surface; 70.3 has the area of a Berkovich tip at each depth')
-      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', &
-         & 'depth of the last point of the curve')
+      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', 'depth of the last point of the curve')
       call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
          & 'or its contact radius, as an isotropic half-space has it; 0.5 where neither is stated')
 
@@ -138,8 +136,7 @@ contains
          & 'what chooses the next simulation: the mean variance of all candidates that it leaves, or its own variance (the paper)')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', 'simulations chosen at a time')
-      call v%integer('refit', s%design%refit, '1', '[1, 100000]', &
-         & 'simulations between two maximisations of the evidence')
+      call v%integer('refit', s%design%refit, '1', '[1, 100000]', 'simulations between two maximisations of the evidence')
       call v%real('target_gpa', s%design%target_gpa, '0.0', '[0, 1000]', 'GPa', &
          & 'stop at this error on unseen crystals; 0: at the budget')
       call v%integer('patience', s%design%patience, '0', '[0, 1000000]', &
@@ -203,8 +200,7 @@ contains
       call v%group('sampler', s%sampler%given, 'How the posterior is sampled.')
       call v%text('method', s%sampler%method, kind_choice, 'ensemble', v%words('sampler'), &
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
-      call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', &
-         & 'samples kept of each chain, after burn-in')
+      call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', 'samples kept of each chain, after burn-in')
       call v%integer('burn_in', s%sampler%burn_in, '6000', '[0, 100000000]', &
          & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
       call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', 'independent chains')
@@ -214,8 +210,7 @@ contains
          & 'estimate the evidence log Z, to compare classes and models of the same data; it depends on the bounds of the prior')
 
       call v%group('next', s%next%given, 'Which grain to measure next.')
-      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', &
-         & 'sd of the next measurement; 0: the median of those made')
+      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', 'sd of the next measurement; 0: the median of those made')
       call v%text('target', s%next%target, kind_text, 'all', '', &
          & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
       call v%text('candidates', s%next%candidates, kind_file, 'unset', '', &
@@ -224,8 +219,7 @@ contains
       call v%integer('count', s%next%count, '5', '[1, 1000]', 'how many orientations to suggest')
 
       call v%group('execution', s%execution%given, 'The machine.')
-      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', &
-         & 'threads; 0: all cores. Results do not depend on it')
+      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', 'threads; 0: all cores. Results do not depend on it')
       call v%text('engine', s%execution%engine, kind_choice, 'local', 'local, dask', &
          & 'where simulations run: threads of this process, or workers of Dask (bayesindent; the batch program has threads)')
       call v%text('scheduler', s%execution%scheduler, kind_text, 'local', '', &

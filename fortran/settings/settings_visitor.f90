@@ -247,7 +247,6 @@ contains
       words = ''
       select case (v%kind)
       case (kind_integer, kind_real)
-         if (len(v%allowed) == 0) return
          allocate (ends, source=split_list(v%allowed(2:len(v%allowed) - 1)))
          if (v%allowed(1:1) == '(') words = 'above '
          words = words//trim(ends(1))//' to '

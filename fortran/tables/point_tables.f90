@@ -9,8 +9,7 @@ module point_tables
    use orientation_columns, only: find_ways, read_directions
    use point_index, only: number_equal
    use settings_groups, only: measurements_settings_type
-   use table_columns, only: check_unit, column_list, find_column, find_modulus, name_columns, nearest_to, &
-      & need_column, says_radians
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
    use tables, only: read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -55,7 +54,9 @@ module point_tables
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
-   real(wp), parameter :: modulus_least = 1.0_wp, modulus_most = 2000.0_wp, stiffness_most = 5000.0_wp
+   real(wp), parameter :: moduli_allowed(2) = [1.0_wp, 2000.0_wp], stiffness_most = 5000.0_wp
+   character(len=*), parameter :: no_modulus = ' GPa is no modulus of a metal; allowed 1.0 to 2000.0 GPa', &
+      & in_mpa = ' GPa looks like MPa; allowed 1.0 to 2000.0 GPa'
 
 contains
 
@@ -73,7 +74,8 @@ contains
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
       if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
-      if (.not. allocated(error)) call read_moduli(points, column, .true., error)
+      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .true., no_modulus, &
+         & points%modulus_gpa, error, in_mpa)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
@@ -119,13 +121,17 @@ contains
       call name_columns(points%table, asked%columns, error)
       if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
       if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
-      if (.not. allocated(error)) call read_moduli(points, column, .false., error)
-      if (.not. allocated(error)) call read_sds(points, asked%scale == 'inferred', error)
-      if (.not. allocated(error)) call read_optional(points, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', &
-         & points%orientation_sd_deg, error)
-      if (.not. allocated(error)) call read_optional(points, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
-      if (.not. allocated(error)) call read_optional(points, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, &
-         & error)
+      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .false., no_modulus, &
+         & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
+      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call raise(error, 'the column sd_gpa is ' &
+         & //'missing; it may be absent only with scale = ''inferred''; the columns are '//column_list(points%table) &
+         & //nearest_to(points%table, 'sd_gpa'), exit_bad_input)
+      if (.not. allocated(error)) call read_numbers(points%table, column, [tiny(1.0_wp), moduli_allowed(2)], .false., ' GPa; a ' &
+         & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)
+      call read_optional(points%table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
+      call read_optional(points%table, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
+      call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measurements
 
@@ -141,7 +147,7 @@ contains
 
       allocate (positions(table%rows, 2))
       do j = 1, 2
-         call need_column(table, names(j), column, error)
+         call find_column(table, names(j), column, error, needed=.true.)
          if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., '', values, error)
          if (allocated(error)) return
          positions(:, j) = values
@@ -220,11 +226,12 @@ contains
 
       call set_size(points)
       do j = 1, 3
-         call need_column(points%table, trim(angle_names(j)), column(j), error)
+         call find_column(points%table, trim(angle_names(j)), column(j), error, needed=.true.)
          if (allocated(error)) return
-         if (.not. radians .and. says_radians(points%table, column(j))) then
-            call raise(error, 'column '//points%table%name(column(j))//' is in radians; degrees are needed, or of measurements ' &
-               & //'angles = ''radians''', exit_bad_input)
+         if (.not. radians) call check_unit(points%table, column(j), degrees, error)
+         if (allocated(error)) then
+            error%message = 'column '//points%table%name(column(j))//' is in radians; degrees are needed, or of measurements ' &
+               & //'angles = ''radians'''
             return
          end if
       end do
@@ -245,14 +252,17 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: general
       real(wp), allocatable :: values(:)
+      integer, allocatable :: own(:, :)
       integer :: column(21), i, j
 
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
-      allocate (points%constants(21, points%n), points%stiffness(6, 6, points%n))
+      allocate (points%constants(21, points%n), source=not_a_number())
+      allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
-         if (column(j) > 0) call check_unit(points%table, column(j), ' gpa ', error)
+         if (column(j) == 0) cycle
+         call check_unit(points%table, column(j), ' gpa ', error)
          if (.not. allocated(error)) call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
             & ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
          if (allocated(error)) return
@@ -264,9 +274,16 @@ contains
       else
          call read_classes(points, default_class, error)
       end if
+      if (allocated(error)) return
+      allocate (own(21, size(points%classes)), source=0)
+      do i = 1, size(points%classes)
+         associate (names => points%classes(i)%constants)
+            own(:size(names), i) = [(findloc(general%constants, names(j), dim=1), j=1, size(names))]
+         end associate
+      end do
       do i = 1, points%n
+         call take_constants(points, i, general, own(:, points%class(i)), column, error)
          if (allocated(error)) return
-         call take_constants(points, i, general, column, error)
       end do
    end subroutine read_constants
 
@@ -306,12 +323,13 @@ contains
    end subroutine read_classes
 
    !> Of the entries of row i the constants of its class, and the stiffness.
-   subroutine take_constants(points, i, general, column, error)
+   subroutine take_constants(points, i, general, own, column, error)
       type(points_type), intent(inout) :: points
       integer, intent(in) :: i
-      !> The class whose constants are all entries, and their columns or 0.
+      !> The class whose constants are all entries.
       type(crystal_class_type), intent(in) :: general
-      integer, intent(in) :: column(21)
+      !> Which entries are the constants of the row's class; the columns of all, or 0.
+      integer, intent(in) :: own(21), column(21)
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: entries(21), implied(21)
       integer :: j, k
@@ -320,11 +338,11 @@ contains
       points%constants(:, i) = not_a_number()
       associate (class => points%classes(points%class(i)), table => points%table)
          do k = 1, class%n_constants
-            j = findloc(general%constants, class%constants(k), dim=1)
+            j = own(k)
             if (column(j) == 0) then
                call raise(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
                   & //join(class%constants, ', '), exit_bad_input)
-            else if (table%is_empty(column(j), i)) then
+            else if (.not. abs(entries(j)) <= stiffness_most) then
                call table%number(column(j), i, entries(j), error)
             end if
             if (allocated(error)) return
@@ -344,50 +362,20 @@ contains
       if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
    end subroutine take_constants
 
-   !> The moduli of a `column`; 0 leaves them NaN.
-   subroutine read_moduli(points, column, may_be_empty, error)
-      type(points_type), intent(inout) :: points
-      integer, intent(in) :: column
-      logical, intent(in) :: may_be_empty
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: range
-
-      range = '; allowed '//to_text(modulus_least)//' to '//to_text(modulus_most)//' GPa'
-      call read_numbers(points%table, column, [modulus_least, modulus_most], may_be_empty, ' GPa is no modulus of a metal'//range, &
-         & points%modulus_gpa, error, ' GPa looks like MPa'//range)
-   end subroutine read_moduli
-
-   subroutine read_sds(points, optional_column, error)
-      type(points_type), intent(inout) :: points
-      logical, intent(in) :: optional_column
-      type(error_type), allocatable, intent(out) :: error
-      integer :: column
-
-      call find_column(points%table, 'sd_gpa', column, error)
-      if (allocated(error)) return
-      if (column == 0 .and. .not. optional_column) then
-         call raise(error, 'the column sd_gpa is missing; it may be absent only with scale = ''inferred''; the columns are ' &
-            & //column_list(points%table)//nearest_to(points%table, 'sd_gpa'), exit_bad_input)
-         return
-      end if
-      call read_numbers(points%table, column, [tiny(1.0_wp), modulus_most], .false., ' GPa; a standard deviation is above 0' &
-         & //', up to '//to_text(modulus_most)//' GPa', points%sd_gpa, error)
-   end subroutine read_sds
-
-   !> A column that may be absent, and whose cells may be empty: NaN there.
-   subroutine read_optional(points, name, allowed, unit, values, error)
-      type(points_type), intent(in) :: points
+   !> A column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
+   subroutine read_optional(table, name, allowed, unit, values, error)
+      type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
       !> The least and the greatest.
       real(wp), intent(in) :: allowed(2)
       !> After a blank.
       character(len=*), intent(in) :: unit
       real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       integer :: column
 
-      call find_column(points%table, name, column, error)
-      if (.not. allocated(error)) call read_numbers(points%table, column, allowed, .true., unit//'; allowed ' &
+      if (.not. allocated(error)) call find_column(table, name, column, error)
+      if (.not. allocated(error)) call read_numbers(table, column, allowed, .true., unit//'; allowed ' &
          & //to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
    end subroutine read_optional
 

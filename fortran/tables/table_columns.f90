@@ -9,7 +9,7 @@ module table_columns
    use text, only: join, lower, split_list
    implicit none
    private
-   public :: find_column, need_column, find_modulus, column_list, nearest_to, check_unit, column_hint, says_radians, name_columns
+   public :: find_column, find_modulus, column_list, nearest_to, check_unit, column_hint, name_columns, degrees
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
@@ -18,7 +18,8 @@ module table_columns
       character(len=176) :: others
       character(len=34) :: units
    end type column_type
-   character(len=*), parameter :: angle_units = ' deg degrees degree ° rad radians ', gpa = ' gpa ', um = ' um µm μm '
+   character(len=*), parameter :: degrees = ' deg degrees degree ° ', angle_units = degrees//'rad radians ', &
+      & gpa = ' gpa ', um = ' um µm μm '
    type(column_type), parameter :: known_columns(*) = [ &
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
@@ -29,7 +30,7 @@ module table_columns
       & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
       & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, error, err, uncertainty, standard_deviation, ' &
       & //'standard_error, sem, sigma, modulus_sd, modulus_std, er_sd, er_std, e_r_sd, e_r_std', gpa), &
-      & column_type('orientation_sd_deg', 'orientation_sd', ' deg degrees degree ° '), &
+      & column_type('orientation_sd_deg', 'orientation_sd', degrees), &
       & column_type('depth_um', '', um), &
       & column_type('grain_radius_um', '', um), &
       & column_type('x_um', 'x', um), &
@@ -47,12 +48,14 @@ module table_columns
 contains
 
    !> A column by its name or by another one; 0 where there is none.
-   subroutine find_column(table, name, column, error)
+   subroutine find_column(table, name, column, error, needed)
       type(table_type), intent(in) :: table
       !> Of `known_columns`.
       character(len=*), intent(in) :: name
       integer, intent(out) :: column
       type(error_type), allocatable, intent(out) :: error
+      !> It must be there.
+      logical, intent(in), optional :: needed
       integer, allocatable :: found(:)
       integer :: i, j
 
@@ -66,6 +69,8 @@ contains
       end if
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
+      if (present(needed) .and. column == 0) call raise(error, 'the column '//name//' is missing; the columns are ' &
+         & //column_list(table)//nearest_to(table, name), exit_bad_input)
    end subroutine find_column
 
    !> Whether a name is another one of row `i` of `known_columns`, whatever its unit.
@@ -101,17 +106,6 @@ contains
       end do
    end subroutine check_unit
 
-   !> Whether a column says that it is in radians.
-   logical function says_radians(table, column)
-      type(table_type), intent(in) :: table
-      !> Its number.
-      integer, intent(in) :: column
-      character(len=:), allocatable :: word, unit
-
-      call split_name(table%name(column), word, unit)
-      says_radians = index(unit, 'rad') == 1 .or. index(trim(table%units(column)), 'rad') == 1
-   end function says_radians
-
    !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
    pure subroutine split_name(name, word, unit)
       character(len=*), intent(in) :: name
@@ -141,21 +135,6 @@ contains
          end if
       end if
    end subroutine split_name
-
-   !> The same of a column that must be there.
-   subroutine need_column(table, name, column, error)
-      type(table_type), intent(in) :: table
-      !> Of `known_columns`.
-      character(len=*), intent(in) :: name
-      !> Its number.
-      integer, intent(out) :: column
-      type(error_type), allocatable, intent(out) :: error
-
-      call find_column(table, name, column, error)
-      if (allocated(error)) return
-      if (column == 0) call raise(error, 'the column '//name//' is missing; the columns are '//column_list(table) &
-         & //nearest_to(table, name), exit_bad_input)
-   end subroutine need_column
 
    !> The column of the moduli, and their kind from its name or as stated.
    subroutine find_modulus(table, stated, column, kind, error)
@@ -218,8 +197,7 @@ contains
       end do
       words = ''
       do j = 1, table%columns
-         if (len(table%name(j)) < shortest_misspelt .or. is_known(table%called(j))) cycle
-         near = suggestion(table%name(j), allowed)
+         near = column_hint(table, j, allowed)
          if (len(near) == 0) cycle
          words = '; '//printable(table%name(j))//':'//near(2:)
          return
@@ -235,15 +213,18 @@ contains
    end function is_known
 
    !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
-   function column_hint(table, column) result(words)
+   function column_hint(table, column, allowed) result(words)
       type(table_type), intent(in) :: table
       !> Its number.
       integer, intent(in) :: column
+      !> What is known, where that is not all names, separated by ', '.
+      character(len=*), intent(in), optional :: allowed
       character(len=:), allocatable :: words
 
       words = ''
       if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
-      words = suggestion(table%name(column), join(known_columns%name, ', '))
+      if (present(allowed)) words = suggestion(table%name(column), allowed)
+      if (.not. present(allowed)) words = suggestion(table%name(column), join(known_columns%name, ', '))
    end function column_hint
 
    function column_list(table) result(list)
@@ -254,9 +235,9 @@ contains
 
       list = ''
       do j = 1, min(table%columns, most)
-         if (j > 1) list = list//', '
-         list = list//printable(table%name(j))
+         list = list//', '//printable(table%name(j))
       end do
+      list = list(3:)
       if (table%columns > most) list = list//', ...'
    end function column_list
 
@@ -279,11 +260,6 @@ contains
          name = trim(adjustl(said(i)(:max(1, equals) - 1)))
          header = trim(adjustl(said(i)(equals + 1:)))
          place = 'columns: '''//printable(trim(said(i)))//''': '
-         if (len(name) == 0 .or. len(header) == 0) then
-            call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
-               & exit_bad_input)
-            return
-         end if
          do k = 1, size(known)
             if (lower(known(k)) == lower(name)) exit
          end do
@@ -291,7 +267,10 @@ contains
          do j = 1, table%columns
             if (table%name(j) == header .or. (column == 0 .and. lower(table%name(j)) == lower(header))) column = j
          end do
-         if (k > size(known)) then
+         if (len(name) == 0 .or. len(header) == 0) then
+            call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
+               & exit_bad_input)
+         else if (k > size(known)) then
             call raise(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names, &
                & exit_bad_input)
          else if (column == 0) then

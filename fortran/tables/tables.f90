@@ -171,16 +171,20 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: words
       character :: delimiter
-      integer :: cells, above, number, last, lines, most, i
+      integer :: cells, above, number, last, lines, separators, i
 
       table%buffer = content//newline
       lines = 0
-      most = 0
+      separators = 0
       do i = 1, len(table%buffer)
-         if (table%buffer(i:i) == newline) lines = lines + 1
-         if (index(newline//delimiters, table%buffer(i:i)) > 0) most = most + 1
+         select case (table%buffer(i:i))
+         case (newline)
+            lines = lines + 1
+         case (',', ';', tab)
+            separators = separators + 1
+         end select
       end do
-      allocate (bounds(2, most), line(lines))
+      allocate (bounds(2, separators + lines), line(lines))
       cells = 0
       rows = 0
       number = 1
@@ -195,6 +199,7 @@ contains
          end if
          rows = rows + 1
          if (rows == 1) delimiter = delimiter_of(table%buffer(i:last))
+         table%decimal_comma = delimiter /= ','
          line(rows) = number
          above = cells
          do
@@ -219,7 +224,6 @@ contains
             cycle
          end if
          if (rows == 1) table%columns = cells
-         table%decimal_comma = delimiter /= ','
          if (cells - above == table%columns) cycle
          words = ''
          if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
@@ -241,15 +245,15 @@ contains
       integer, intent(out) :: bounds(2)
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: blanks = ' '//tab//return
-      character(len=2) :: ends
 
-      ends = delimiter//newline
       do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
          i = i + 1
       end do
       if (buffer(i:i) /= '"') then
          bounds(1) = i
-         i = i - 1 + scan(buffer(i:), ends)
+         do while (buffer(i:i) /= delimiter .and. buffer(i:i) /= newline)
+            i = i + 1
+         end do
          bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), blanks, back=.true.)
          return
       end if
@@ -271,7 +275,7 @@ contains
       do while (index(blanks, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
          i = i + 1
       end do
-      if (index(ends, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
+      if (index(delimiter//newline, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
    end subroutine take_cell
 
    pure logical function is_skipped(line)

@@ -137,13 +137,14 @@ contains
    !> Every row of the table can be used as the reader uses it.
    subroutine test_schema()
       type(schema_type) :: s
-      integer :: i, n
+      integer :: i, j, n
 
       s = new_schema(all_choices())
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
             if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
-            call check('row '//v%group//' '//v%name//' is there once', s%find(v%group, v%name) == i)
+            call check('row '//v%group//' '//v%name//' is there once', count([(s%variables(j)%group == v%group .and. &
+               & s%variables(j)%name == v%name, j=1, size(s%variables))]) == 1)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
             if (v%kind == kind_integer .or. v%kind == kind_real) then
                n = len(v%allowed)
