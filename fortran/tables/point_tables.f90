@@ -51,6 +51,8 @@ module point_tables
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
+   real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
@@ -209,7 +211,7 @@ contains
       points%n = points%table%rows
       points%row = [(i, i=1, points%n)]
       allocate (points%euler_deg(3, points%n))
-      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=not_a_number())
+      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
    end subroutine set_size
 
    !> The angles of every row.
@@ -257,7 +259,7 @@ contains
 
       call new_crystal_class(general_class, general, error)
       if (allocated(error)) return
-      allocate (points%constants(21, points%n), source=not_a_number())
+      allocate (points%constants(21, points%n), source=nan)
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
          column(j) = points%table%find(general%constants(j))
@@ -335,7 +337,7 @@ contains
       integer :: j, k
 
       entries = points%constants(:, i)
-      points%constants(:, i) = not_a_number()
+      points%constants(:, i) = nan
       associate (class => points%classes(points%class(i)), table => points%table)
          do k = 1, class%n_constants
             j = own(k)
@@ -394,7 +396,7 @@ contains
       character(len=*), intent(in), optional :: refusal_of_large
       integer :: i
 
-      allocate (values(table%rows), source=not_a_number())
+      allocate (values(table%rows), source=nan)
       if (column == 0) return
       do i = 1, table%rows
          if (may_be_empty) then
@@ -454,10 +456,4 @@ contains
       largest = maxval(abs(points%euler_deg))
       angles_look_like_radians = points%has_angles .and. largest > 0.0_wp .and. largest <= 2.0_wp*pi + 1.0e-6_wp
    end function angles_look_like_radians
-
-   pure real(wp) function not_a_number()
-      use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-
-      not_a_number = ieee_value(1.0_wp, ieee_quiet_nan)
-   end function not_a_number
 end module point_tables

@@ -173,7 +173,9 @@ contains
       character :: delimiter
       integer :: cells, above, number, last, lines, separators, i
 
-      table%buffer = content//newline
+      allocate (character(len=len(content) + 1) :: table%buffer)
+      table%buffer(:len(content)) = content
+      table%buffer(len(content) + 1:) = newline
       lines = 0
       separators = 0
       do i = 1, len(table%buffer)
@@ -244,7 +246,7 @@ contains
       !> First and last byte.
       integer, intent(out) :: bounds(2)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: blanks = ' '//tab//return
+      integer :: last
 
       do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
          i = i + 1
@@ -254,7 +256,10 @@ contains
          do while (buffer(i:i) /= delimiter .and. buffer(i:i) /= newline)
             i = i + 1
          end do
-         bounds(2) = bounds(1) - 1 + verify(buffer(bounds(1):i - 1), blanks, back=.true.)
+         do last = i - 1, bounds(1), -1
+            if (buffer(last:last) /= ' ' .and. buffer(last:last) /= tab .and. buffer(last:last) /= return) exit
+         end do
+         bounds(2) = last
          return
       end if
       bounds = [i, i - 1]
@@ -272,7 +277,7 @@ contains
          bounds(2) = bounds(2) + 1
          buffer(bounds(2):bounds(2)) = buffer(i:i)
       end do
-      do while (index(blanks, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
+      do while (index(' '//tab//return, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
          i = i + 1
       end do
       if (index(delimiter//newline, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
