@@ -65,14 +65,13 @@ contains
       if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
       if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
       names = class%constants
-      do i = 1, size(low)
-         ! A prior whose bounds are equal fixes a constant.
-         if (low(i) > high(i) .or. (group == 'domain' .and. .not. low(i) < high(i))) then
-            call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below ' &
-               & //'its c_max of '//to_text(high(i))//' GPa', exit_bad_input)
-            return
-         end if
-      end do
+      ! A prior whose bounds are equal fixes a constant.
+      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
+      if (i > 0) then
+         call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
+            & //to_text(high(i))//' GPa', exit_bad_input)
+         return
+      end if
       ! The most stable crystal of the box: large on the diagonal, small off it.
       best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
       if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &

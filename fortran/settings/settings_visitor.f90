@@ -257,6 +257,8 @@ contains
          if (v%kind == kind_source) words = words//', or the name of a CSV file'
       case (kind_logical)
          words = '.true., .false.'
+      case default
+         continue
       end select
    end function allowed_in_words
 end module settings_visitor

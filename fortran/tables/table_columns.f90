@@ -249,12 +249,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=longest_name) :: given(table%columns)
       character(len=:), allocatable :: names, known(:), name, header, place
-      integer :: equals, column, i, j, k
+      integer :: equals, column, i, k
 
       if (.not. allocated(said)) return
       names = join(known_columns%name, ', ')//', '//direction_names()
       known = split_list(names)
       given = ''
+      table%given_names = ''
       do i = 1, size(said)
          equals = index(said(i), '=')
          name = trim(adjustl(said(i)(:max(1, equals) - 1)))
@@ -263,10 +264,7 @@ contains
          do k = 1, size(known)
             if (lower(known(k)) == lower(name)) exit
          end do
-         column = 0
-         do j = 1, table%columns
-            if (table%name(j) == header .or. (column == 0 .and. lower(table%name(j)) == lower(header))) column = j
-         end do
+         column = table%find(header)
          if (len(name) == 0 .or. len(header) == 0) then
             call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
                & exit_bad_input)

@@ -179,12 +179,8 @@ contains
       lines = 0
       separators = 0
       do i = 1, len(table%buffer)
-         select case (table%buffer(i:i))
-         case (newline)
-            lines = lines + 1
-         case (',', ';', tab)
-            separators = separators + 1
-         end select
+         if (table%buffer(i:i) == newline) lines = lines + 1
+         if (any(table%buffer(i:i) == [',', ';', tab])) separators = separators + 1
       end do
       allocate (bounds(2, separators + lines), line(lines))
       cells = 0
@@ -239,6 +235,7 @@ contains
 
    !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front, over these.
    subroutine take_cell(buffer, delimiter, i, line, bounds, error)
+      ! allow(C072)
       character(len=*), intent(inout) :: buffer
       character, intent(in) :: delimiter
       !> The place, and the number of its line.
@@ -389,8 +386,9 @@ contains
       comma = index(string, ',')
       if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs ' &
          & //'separate the cells'
-      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma .and. comma > 0) &
-         & string(comma:comma) = '.'
+      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma) then
+         if (comma > 0) string(comma:comma) = '.'
+      end if
       call read_real(string, value, outcome)
       if (len(string) == 0) then
          call raise(error, self%place(column, row)//'the cell is empty; a number is needed', exit_bad_input)
