@@ -92,10 +92,9 @@ contains
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, choices, self%settings, error)
       if (allocated(error)) return
-      associate (file => self%settings%surrogate%file, builds => self%settings%design%given .or. self%settings%domain%given)
-         if (len(file) == 0) self%settings%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', builds))
-      end associate
-      associate (last => self%settings%indenter)
+      associate (s => self%settings, last => self%settings%indenter)
+         if (len(s%surrogate%file) == 0) s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
+            & s%design%given .or. s%domain%given))
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) last%contact_radius_um = paper_contact
       end associate
       if (allocated(self%settings%problem%symmetry)) then
@@ -113,16 +112,15 @@ contains
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
-      character(len=:), allocatable :: file
+      character(len=:), allocatable :: file, prefix
 
       associate (s => self%settings)
          if (allocated(s%crystals%points)) then
             allocate (self%crystals)
-            call read_crystals(resolve_path(self%folder, s%crystals%points), place(self%path, 'crystals', 'points') &
-               & //printable(s%crystals%points)//': ', self%class, self%crystals, error)
+            prefix = place(self%path, 'crystals', 'points')//printable(s%crystals%points)
+            call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', self%class, self%crystals, error)
             if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) call self%warn(place(self%path, 'crystals', 'points') &
-               & //printable(s%crystals%points)//like_radians)
+            if (angles_look_like_radians(self%crystals)) call self%warn(prefix//like_radians)
          end if
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then

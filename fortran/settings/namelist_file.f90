@@ -1,7 +1,7 @@
 !> The syntax of namelist files: text to a list of (group, variable, values), with refusals that name file, group and line.
 !>
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end of file, and passes
-!> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `namelist_schema`.
+!> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `settings_schema`.
 module namelist_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
