@@ -3,7 +3,7 @@ module checksums
    use kinds, only: i8
    implicit none
    private
-   public :: checksum
+   public :: checksum, hash_of
 
 contains
 
@@ -12,14 +12,20 @@ contains
       !> Of any number.
       character(len=*), intent(in) :: bytes
       character(len=16) :: digits
+
+      write (digits, '(z16.16)') hash_of(bytes)
+   end function checksum
+
+   !> The same as a number.
+   pure integer(i8) function hash_of(bytes) result(hash)
+      !> Of any number.
+      character(len=*), intent(in) :: bytes
       integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
-      integer(i8) :: hash
       integer :: i
 
       hash = basis
       do i = 1, len(bytes)
          hash = ieor(hash, int(iachar(bytes(i:i)), i8))*prime
       end do
-      write (digits, '(z16.16)') hash
-   end function checksum
+   end function hash_of
 end module checksums

@@ -7,7 +7,7 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, fixed, real_text, lower, join, split_list, append
+   public :: to_text, fixed, real_text, lower, join, split_list, quoted, append
 
    !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
@@ -157,4 +157,19 @@ contains
       page(filled + 1:filled + len(piece)) = piece
       filled = filled + len(piece)
    end subroutine append
+
+   !> `string` between two `mark`s, those within it doubled.
+   pure function quoted(string, mark)
+      character(len=*), intent(in) :: string
+      character, intent(in) :: mark
+      character(len=:), allocatable :: quoted
+      integer :: i
+
+      quoted = mark
+      do i = 1, len(string)
+         quoted = quoted//string(i:i)
+         if (string(i:i) == mark) quoted = quoted//mark
+      end do
+      quoted = quoted//mark
+   end function quoted
 end module text

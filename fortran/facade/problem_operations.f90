@@ -20,8 +20,7 @@ module problem_operations
    use settings_visitor, only: allowed_in_words, kind_names
    use simulate, only: simulation_error
    use stages, only: all_stages, run_command, stage_row_type
-   use table_writer, only: write_table
-   use tables, only: table_type
+   use tables, only: table_type, write_table
    use truncation_scan, only: read_scan
    use warning_lists, only: warn, warning_type
    implicit none

@@ -2,6 +2,7 @@
 module choices
    use acquisitions, only: acquisition_names
    use bases, only: basis_names
+   use crystal_class, only: crystal_class_names
    use error_models, only: likelihood_names
    use indenters, only: indenter_names
    use modulus_kinds, only: modulus_kind_names
@@ -19,7 +20,7 @@ contains
    function all_choices() result(lists)
       type(choice_list_type), allocatable :: lists(:)
 
-      allocate (lists(8))
+      allocate (lists(9))
       lists(1) = choice_list_type('geometry', geometry_names)
       lists(2) = choice_list_type('modulus_kind', modulus_kind_names)
       lists(3) = choice_list_type('likelihood', likelihood_names)
@@ -28,5 +29,7 @@ contains
       lists(6) = choice_list_type('truncation', truncation_names)
       lists(7) = choice_list_type('acquisition', acquisition_names)
       lists(8) = choice_list_type('shape', indenter_names)
+      lists(9)%key = 'symmetry'
+      lists(9)%words = crystal_class_names()
    end function all_choices
 end module choices

@@ -11,7 +11,7 @@ module crystal_tables
    use point_tables, only: points_type
    use problem, only: problem_type
    use simulate, only: outcome_done
-   use table_writer, only: write_table
+   use tables, only: write_table
    use text, only: split_list, to_text
    implicit none
    private

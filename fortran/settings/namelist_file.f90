@@ -1,7 +1,7 @@
 !> The syntax of namelist files: text to a list of (group, variable, values), with refusals that name file, group and line.
 !>
 !> gfortran's own namelist READ reports a missing group, a missing slash and a wrong type all as end of file, and passes
-!> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `namelist_schema`.
+!> duplicates and NaN in silence. This parser knows syntax alone; what the names mean is in `settings_schema`.
 module namelist_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
@@ -35,11 +35,13 @@ module namelist_file
       type(name_type), allocatable :: groups(:)
    end type namelist_file_type
 
-   !> Where the parser stands.
-   type :: scanner_type
-      character(len=:), allocatable :: path, text
+   !> What has been read, where the parser stands, and in which group and variable, '' for none.
+   type :: parser_type
+      type(namelist_file_type) :: file
+      character(len=:), allocatable :: path, text, group, name
       integer :: at = 1, line = 1
-   end type scanner_type
+      type(error_type), allocatable :: error
+   end type parser_type
 
    character, parameter :: newline = achar(10)
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
@@ -82,216 +84,157 @@ contains
       character(len=*), intent(in) :: path, content
       type(namelist_file_type), intent(out) :: file
       type(error_type), allocatable, intent(out) :: error
-      type(scanner_type) :: scanner
-      integer :: entries, groups
+      type(parser_type) :: parser
 
-      scanner%path = path
-      scanner%text = content
-      entries = 0
-      groups = 0
-      allocate (file%entries(32), file%groups(16))
+      parser%path = path
+      parser%text = content//newline
+      parser%group = ''
+      parser%name = ''
+      allocate (parser%file%entries(0), parser%file%groups(0))
       do
-         call skip_blanks(scanner)
-         if (peek(scanner) == '') exit
-         if (peek(scanner) /= '&') then
-            if (groups == 0) then
-               call raise(error, path//': line '//to_text(scanner%line)//': '''//printable(rest_of_line(scanner)) &
-                  & //''' stands before the first group; a group begins with &name', exit_bad_input)
-            else
-               call fault(scanner, file%groups(groups)%text, '', 'line '//to_text(scanner%line)//': ''' &
-                  & //printable(rest_of_line(scanner))//''' follows the / that ends the group; &name begins the next one' &
-                  & //' (a text that holds / must be in quotes)', error)
-            end if
-            return
-         end if
-         call parse_group(scanner, file, entries, groups, error)
-         if (allocated(error)) return
+         call skip_blanks(parser)
+         if (allocated(parser%error) .or. peek(parser) == '') exit
+         call parse_group(parser)
       end do
-      if (groups == 0) then
-         call raise(error, path//': the file holds no namelist group, only comments', exit_bad_input)
-         return
-      end if
-      file%entries = file%entries(:entries)
-      file%groups = file%groups(:groups)
+      file = parser%file
+      call move_alloc(parser%error, error)
+      if (.not. allocated(error) .and. size(file%groups) == 0) call raise(error, path &
+         & //': the file holds no namelist group, only comments', exit_bad_input)
    end subroutine parse_namelist
 
-   subroutine parse_group(scanner, file, entries, groups, error)
-      type(scanner_type), intent(inout) :: scanner
-      type(namelist_file_type), intent(inout) :: file
-      integer, intent(inout) :: entries, groups
-      type(error_type), allocatable, intent(out) :: error
-      type(name_type), allocatable :: grown(:)
-      character(len=:), allocatable :: group, word
+   subroutine parse_group(parser)
+      type(parser_type), intent(inout) :: parser
+      character(len=:), allocatable :: name, words
+      type(name_type) :: found
       integer :: line, i
 
-      line = scanner%line
-      scanner%at = scanner%at + 1
-      call take_name(scanner, group)
-      if (len(group) == 0) then
-         call raise(error, scanner%path//': line '//to_text(line)//': & is not followed by the name of a group', &
-            & exit_bad_input)
+      line = parser%line
+      if (peek(parser) /= '&') then
+         words = ' stands before the first group; a group begins with &name'
+         if (len(parser%group) > 0) words = ' follows the / that ends the group; &name begins the next one ' &
+            & //'(a text that holds / must be in quotes)'
+         call refuse(parser, rest_of_line(parser)//words, line)
          return
       end if
-      if (group == 'end') then
-         call raise(error, scanner%path//': line '//to_text(line)//': &end without a group to end', exit_bad_input)
-         return
+      parser%at = parser%at + 1
+      parser%group = ''
+      call take_name(parser, name)
+      if (len(name) == 0) call refuse(parser, '& is not followed by the name of a group', line)
+      if (name == 'end') call refuse(parser, '&end without a group to end', line)
+      if (allocated(parser%error)) return
+      parser%group = name
+      associate (groups => parser%file%groups)
+         do i = 1, size(groups)
+            if (groups(i)%text == name) call refuse(parser, 'the group is there twice, on lines '//to_text(groups(i)%line) &
+               & //' and '//to_text(line)//'; once is allowed')
+         end do
+         if (size(groups) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' groups')
+      end associate
+      if (allocated(parser%error)) return
+      found%text = name
+      found%line = line
+      parser%file%groups = [parser%file%groups, found]
+      if (index(blanks//newline//'/!', peek(parser)) == 0) then
+         call refuse(parser, 'a blank must follow the name of a group, not '//rest_of_line(parser), line)
       end if
-      do i = 1, groups
-         if (file%groups(i)%text == group) then
-            call fault(scanner, group, '', 'the group is there twice, on lines '//to_text(file%groups(i)%line)//' and ' &
-               & //to_text(line)//'; once is allowed', error)
-            return
-         end if
-      end do
-      if (groups == most_names) then
-         call fault(scanner, group, '', 'more than '//to_text(most_names)//' groups', error)
-         return
-      end if
-      if (groups == size(file%groups)) then
-         allocate (grown(2*groups))
-         grown(:groups) = file%groups
-         call move_alloc(grown, file%groups)
-      end if
-      groups = groups + 1
-      file%groups(groups)%text = group
-      file%groups(groups)%line = line
-      if (index(blanks//newline//'/!', peek(scanner)) == 0 .and. peek(scanner) /= '') then
-         call fault(scanner, group, '', 'line '//to_text(line)//': a blank must follow the name of a group, not ''' &
-            & //printable(rest_of_line(scanner))//'''', error)
-         return
-      end if
-      do
-         call skip_blanks(scanner)
-         select case (peek(scanner))
-         case ('')
-            call fault_open(scanner, group, line, error)
-            return
+      do while (.not. allocated(parser%error))
+         call skip_blanks(parser)
+         select case (peek(parser))
          case ('/')
-            scanner%at = scanner%at + 1
+            parser%at = parser%at + 1
             return
-         case ('&')
-            i = scanner%at
-            scanner%at = scanner%at + 1
-            call take_name(scanner, word)
-            if (word == 'end') return
-            scanner%at = i
-            call fault_open(scanner, group, line, error)
-            return
+         case ('&', '')
+            parser%at = parser%at + 1
+            call take_name(parser, name)
+            if (name == 'end') return
+            call refuse(parser, 'the / that ends the group is missing (the group begins on line '//to_text(line)//')')
          case (',')
-            call fault(scanner, group, '', 'line '//to_text(scanner%line)//': a comma where a name must be', error)
-            return
+            call refuse(parser, 'a comma where a name must be', parser%line)
          case default
-            call parse_entry(scanner, group, file, entries, error)
-            if (allocated(error)) return
+            call parse_entry(parser)
          end select
       end do
    end subroutine parse_group
 
    !> `name = value, value ...`
-   subroutine parse_entry(scanner, group, file, entries, error)
-      type(scanner_type), intent(inout) :: scanner
-      character(len=*), intent(in) :: group
-      type(namelist_file_type), intent(inout) :: file
-      integer, intent(inout) :: entries
-      type(error_type), allocatable, intent(out) :: error
+   subroutine parse_entry(parser)
+      type(parser_type), intent(inout) :: parser
       type(entry_type) :: entry
-      type(entry_type), allocatable :: grown(:)
       character(len=:), allocatable :: here
       integer :: i
 
-      entry%group = group
-      entry%line = scanner%line
-      here = printable(rest_of_line(scanner))
-      call take_name(scanner, entry%name)
+      entry%group = parser%group
+      entry%line = parser%line
+      here = rest_of_line(parser)
+      call take_name(parser, entry%name)
+      parser%name = entry%name
+      call skip_blanks(parser)
       if (len(entry%name) == 0) then
-         call fault(scanner, group, '', 'line '//to_text(entry%line)//': ''' &
-            & //here//''' is not understood; name = value is needed', error)
-         return
+         call refuse(parser, here//' is not understood; name = value is needed', entry%line)
+      else if (scan(peek(parser), '(%') > 0) then
+         call refuse(parser, 'parts of a variable cannot be set; give all its values: '//printable(entry%name)//' = a, b, c', &
+            & entry%line)
+      else if (peek(parser) /= '=') then
+         call refuse(parser, 'no = after the name in '//here//'; name = value is needed', entry%line)
       end if
-      call skip_blanks(scanner)
-      select case (peek(scanner))
-      case ('=')
-         scanner%at = scanner%at + 1
-      case ('(', '%')
-         call fault(scanner, group, entry%name, 'line '//to_text(entry%line)//': parts of a variable cannot be set; ' &
-            & //'give all its values: '//printable(entry%name)//' = a, b, c', error)
-         return
-      case default
-         call fault(scanner, group, entry%name, 'line '//to_text(entry%line)//': no = after the name in ''' &
-            & //here//'''; name = value is needed', error)
-         return
-      end select
-      do i = 1, entries
-         if (file%entries(i)%group == group .and. file%entries(i)%name == entry%name) then
-            call fault(scanner, group, entry%name, 'the variable is there twice, on lines ' &
-               & //to_text(file%entries(i)%line)//' and '//to_text(entry%line)//'; once is allowed', error)
-            return
-         end if
-      end do
-      if (entries == most_names) then
-         call fault(scanner, group, entry%name, 'more than '//to_text(most_names)//' variables', error)
-         return
-      end if
-      call parse_values(scanner, entry, error)
-      if (allocated(error)) return
-      if (entries == size(file%entries)) then
-         allocate (grown(2*entries))
-         grown(:entries) = file%entries
-         call move_alloc(grown, file%entries)
-      end if
-      entries = entries + 1
-      file%entries(entries) = entry
+      if (allocated(parser%error)) return
+      parser%at = parser%at + 1
+      associate (entries => parser%file%entries)
+         do i = 1, size(entries)
+            if (entries(i)%group == entry%group .and. entries(i)%name == entry%name) call refuse(parser, &
+               & 'the variable is there twice, on lines '//to_text(entries(i)%line)//' and '//to_text(entry%line) &
+               & //'; once is allowed')
+         end do
+         if (size(entries) == most_names) call refuse(parser, 'more than '//to_text(most_names)//' variables')
+      end associate
+      call parse_values(parser, entry)
+      parser%file%entries = [parser%file%entries, entry]
+      parser%name = ''
    end subroutine parse_entry
 
-   subroutine parse_values(scanner, entry, error)
-      type(scanner_type), intent(inout) :: scanner
+   subroutine parse_values(parser, entry)
+      type(parser_type), intent(inout) :: parser
       type(entry_type), intent(inout) :: entry
-      type(error_type), allocatable, intent(out) :: error
       type(value_type), allocatable :: found(:), grown(:)
       type(value_type) :: value
       character :: mark
-      integer :: n, repeats, start(2)
-      logical :: after_comma
+      integer :: n, length, repeats, start(2)
+      logical :: needs_value
 
       allocate (found(8))
       n = 0
-      after_comma = .false.
-      values: do
-         call skip_blanks(scanner)
-         mark = peek(scanner)
+      needs_value = .true.
+      do while (.not. allocated(parser%error))
+         call skip_blanks(parser)
+         mark = peek(parser)
+         start = [parser%at, parser%line]
          select case (mark)
          case ('', '/', '&')
-            exit values
+            exit
          case (',')
-            if (n == 0 .or. after_comma) then
-               call fault(scanner, entry%group, entry%name, 'line '//to_text(scanner%line)//': a comma without a value ' &
-                  & //'before it', error)
-               return
-            end if
-            after_comma = .true.
-            scanner%at = scanner%at + 1
-            cycle values
+            if (needs_value) call refuse(parser, 'a comma without a value before it', parser%line)
+            needs_value = .true.
+            parser%at = parser%at + 1
+            cycle
          case ('=')
-            call fault(scanner, entry%group, entry%name, 'line '//to_text(scanner%line)//': = where a value must be', error)
-            return
+            call refuse(parser, '= where a value must be', parser%line)
+         case ('''', '"')
+            repeats = 1
+            call take_quoted(parser, value)
          case default
-            start = [scanner%at, scanner%line]
-         end select
-         repeats = 1
-         value%quoted = .false.
-         if (mark == '''' .or. mark == '"') then
-            call take_quoted(scanner, entry, value, error)
-            if (allocated(error)) return
-         else
-            call take_word(scanner, value%text)
-            if (is_next_name(scanner, value%text)) then
-               scanner%at = start(1)
-               scanner%line = start(2)
-               exit values
+            length = scan(parser%text(parser%at:), blanks//newline//',/!&=''"') - 1
+            value%text = parser%text(parser%at:parser%at + length - 1)
+            parser%at = parser%at + length
+            ! The name of the next variable, if = or a subscript follows it.
+            if (index(letters, mark) > 0) call skip_blanks(parser)
+            if (index(letters, mark) > 0 .and. index('=(', peek(parser)) > 0) then
+               parser%at = start(1)
+               parser%line = start(2)
+               exit
             end if
-            call take_repeats(scanner, entry, value, repeats, error)
-            if (allocated(error)) return
-         end if
+            call take_repeats(parser, value, repeats)
+         end select
+         if (allocated(parser%error)) return
          do while (n + repeats > size(found))
             allocate (grown(2*size(found)))
             grown(:n) = found(:n)
@@ -299,179 +242,126 @@ contains
          end do
          found(n + 1:n + repeats) = value
          n = n + repeats
-         after_comma = .false.
-      end do values
-      if (n == 0) then
-         call fault(scanner, entry%group, entry%name, 'line '//to_text(entry%line)//': no value follows the =', error)
-         return
-      end if
+         needs_value = .false.
+      end do
+      if (n == 0) call refuse(parser, 'no value follows the =', entry%line)
       entry%values = found(:n)
    end subroutine parse_values
 
-   !> A word is the name of the next variable if = (or a subscript and =) follows it.
-   logical function is_next_name(scanner, word)
-      type(scanner_type), intent(inout) :: scanner
-      character(len=*), intent(in) :: word
-      integer :: at, line
-
-      is_next_name = .false.
-      if (len(word) == 0) return
-      if (index(letters, word(1:1)) == 0) return
-      at = scanner%at
-      line = scanner%line
-      call skip_blanks(scanner)
-      is_next_name = peek(scanner) == '=' .or. peek(scanner) == '('
-      scanner%at = at
-      scanner%line = line
-   end function is_next_name
-
-   !> Split `3*1.0` or `2*'a'` into count and value.
-   subroutine take_repeats(scanner, entry, value, repeats, error)
-      type(scanner_type), intent(inout) :: scanner
-      type(entry_type), intent(in) :: entry
+   !> The count of `3*1.0` or `2*'a'`, which is taken off the value.
+   subroutine take_repeats(parser, value, repeats)
+      type(parser_type), intent(inout) :: parser
       type(value_type), intent(inout) :: value
       integer, intent(out) :: repeats
-      type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: count
       integer :: star, outcome
 
+      value%quoted = .false.
       repeats = 1
       star = index(value%text, '*')
-      if (star < 2) return
       count = value%text(:star - 1)
-      if (verify(count, '0123456789') > 0) return
+      if (star < 2 .or. verify(count, '0123456789') > 0) return
       call read_integer(count, repeats, outcome)
       if (repeats < 1 .or. repeats > most_repeats) then
-         call fault(scanner, entry%group, entry%name, 'the repeat count of '//printable(value%text) &
-            & //' is out of range; allowed 1 to '//to_text(most_repeats), error)
+         call refuse(parser, 'the repeat count of '//printable(value%text)//' is out of range; allowed 1 to ' &
+            & //to_text(most_repeats))
          return
       end if
       value%text = value%text(star + 1:)
       if (len(value%text) > 0) return
-      if (peek(scanner) == '''' .or. peek(scanner) == '"') then
-         call take_quoted(scanner, entry, value, error)
+      if (scan(peek(parser), '''"') > 0) then
+         call take_quoted(parser, value)
       else
-         call fault(scanner, entry%group, entry%name, 'no value follows the repeat count '//count//'*', error)
+         call refuse(parser, 'no value follows the repeat count '//count//'*')
       end if
    end subroutine take_repeats
 
    !> A text in quotes of either kind, doubled inside to stand for one.
-   subroutine take_quoted(scanner, entry, value, error)
-      type(scanner_type), intent(inout) :: scanner
-      type(entry_type), intent(in) :: entry
+   subroutine take_quoted(parser, value)
+      type(parser_type), intent(inout) :: parser
       type(value_type), intent(inout) :: value
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: rest, text
       character :: quote
-      integer :: i, n
+      integer :: n, i
 
-      quote = peek(scanner)
-      rest = rest_of_line(scanner)
-      allocate (character(len=len(rest)) :: text)
+      quote = peek(parser)
       value%quoted = .true.
-      n = 0
-      i = 2
-      do while (i <= len(rest))
-         if (rest(i:i) == quote) then
-            if (rest(i + 1:min(i + 1, len(rest))) /= quote) then
-               value%text = text(:n)
-               scanner%at = scanner%at + i
+      n = parser%at
+      i = parser%at + 1
+      ! What is read is moved to the front, over the quotes.
+      do while (parser%text(i:i) /= newline)
+         if (parser%text(i:i) == quote) then
+            i = i + 1
+            if (parser%text(i:i) /= quote) then
+               value%text = parser%text(parser%at + 1:n)
+               parser%at = i
                return
             end if
-            i = i + 1
          end if
          n = n + 1
-         text(n:n) = rest(i:i)
+         parser%text(n:n) = parser%text(i:i)
          i = i + 1
       end do
-      call fault(scanner, entry%group, entry%name, 'line '//to_text(scanner%line)//': the closing quote is missing', error)
+      call refuse(parser, 'the closing quote is missing', parser%line)
    end subroutine take_quoted
 
-   !> Everything up to a blank, a comma, an end, a comment, = or a quote.
-   subroutine take_word(scanner, word)
-      type(scanner_type), intent(inout) :: scanner
-      character(len=:), allocatable, intent(out) :: word
-      integer :: n
-
-      n = scan(scanner%text(scanner%at:), blanks//newline//',/!&=''"') - 1
-      if (n < 0) n = len(scanner%text) - scanner%at + 1
-      word = scanner%text(scanner%at:scanner%at + n - 1)
-      scanner%at = scanner%at + n
-   end subroutine take_word
-
    !> A name in lower case: a letter, then letters, digits and underscores; '' if none is here.
-   subroutine take_name(scanner, name)
-      type(scanner_type), intent(inout) :: scanner
+   subroutine take_name(parser, name)
+      type(parser_type), intent(inout) :: parser
       character(len=:), allocatable, intent(out) :: name
-      integer :: n
 
       name = ''
-      if (index(letters, peek(scanner)) == 0 .or. peek(scanner) == '') return
-      n = verify(scanner%text(scanner%at:), letters//'0123456789') - 1
-      if (n < 0) n = len(scanner%text) - scanner%at + 1
-      name = lower(scanner%text(scanner%at:scanner%at + n - 1))
-      scanner%at = scanner%at + n
+      if (index(letters, peek(parser)) == 0) return
+      name = lower(parser%text(parser%at:parser%at + verify(parser%text(parser%at:), letters//'0123456789') - 2))
+      parser%at = parser%at + len(name)
    end subroutine take_name
 
    !> Move past blanks, newlines and comments.
-   subroutine skip_blanks(scanner)
-      type(scanner_type), intent(inout) :: scanner
-      logical :: comment
+   subroutine skip_blanks(parser)
+      type(parser_type), intent(inout) :: parser
 
-      comment = .false.
-      do while (scanner%at <= len(scanner%text))
-         associate (here => scanner%text(scanner%at:scanner%at))
-            if (here == newline) then
-               comment = .false.
-               scanner%line = scanner%line + 1
-            else if (here == '!') then
-               comment = .true.
-            else if (.not. comment .and. index(blanks, here) == 0) then
-               return
-            end if
-         end associate
-         scanner%at = scanner%at + 1
+      do
+         parser%at = parser%at + max(1, verify(parser%text(parser%at:), blanks)) - 1
+         select case (peek(parser))
+         case (newline)
+            parser%line = parser%line + 1
+            parser%at = parser%at + 1
+         case ('!')
+            parser%at = parser%at + index(parser%text(parser%at:), newline) - 1
+         case default
+            return
+         end select
       end do
    end subroutine skip_blanks
 
-   !> The character here, or '' (which equals a blank) at the end of the text; call it after `skip_blanks`, or beware of blanks.
-   pure function peek(scanner) result(here)
-      type(scanner_type), intent(in) :: scanner
+   !> The character here; a blank at the end of the text.
+   pure function peek(parser) result(here)
+      type(parser_type), intent(in) :: parser
       character :: here
 
       here = ' '
-      if (scanner%at <= len(scanner%text)) here = scanner%text(scanner%at:scanner%at)
+      if (parser%at <= len(parser%text)) here = parser%text(parser%at:parser%at)
    end function peek
 
-   pure function rest_of_line(scanner) result(rest)
-      type(scanner_type), intent(in) :: scanner
+   !> In quotes, for a message.
+   pure function rest_of_line(parser) result(rest)
+      type(parser_type), intent(in) :: parser
       character(len=:), allocatable :: rest
-      integer :: n
 
-      n = index(scanner%text(scanner%at:), newline) - 1
-      if (n < 0) n = len(scanner%text) - scanner%at + 1
-      rest = trim(scanner%text(scanner%at:scanner%at + n - 1))
-      if (len(rest) > 0) then
-         if (rest(len(rest):) == achar(13)) rest = trim(rest(:len(rest) - 1))
-      end if
+      rest = trim(parser%text(parser%at:parser%at + index(parser%text(parser%at:), newline) - 2))
+      if (index(rest, achar(13), back=.true.) == len(rest)) rest = trim(rest(:len(rest) - 1))
+      rest = ''''//printable(rest)//''''
    end function rest_of_line
 
-   subroutine fault(scanner, group, name, message, error)
-      type(scanner_type), intent(in) :: scanner
-      character(len=*), intent(in) :: group, name, message
-      type(error_type), allocatable, intent(out) :: error
+   !> The first refusal stays.
+   subroutine refuse(parser, message, line)
+      type(parser_type), intent(inout) :: parser
+      character(len=*), intent(in) :: message
+      integer, intent(in), optional :: line
+      character(len=:), allocatable :: prefix
 
-      call raise(error, place(scanner%path, group, name)//message, exit_bad_input)
-   end subroutine fault
-
-   !> The group has no end.
-   subroutine fault_open(scanner, group, line, error)
-      type(scanner_type), intent(in) :: scanner
-      character(len=*), intent(in) :: group
-      integer, intent(in) :: line
-      type(error_type), allocatable, intent(out) :: error
-
-      call fault(scanner, group, '', 'the / that ends the group is missing (the group begins on line '//to_text(line)//')', &
-         & error)
-   end subroutine fault_open
+      if (allocated(parser%error)) return
+      prefix = place(parser%path, parser%group, parser%name)
+      if (present(line)) prefix = prefix//'line '//to_text(line)//': '
+      call raise(parser%error, prefix//message, exit_bad_input)
+   end subroutine refuse
 end module namelist_file

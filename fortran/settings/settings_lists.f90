@@ -5,6 +5,7 @@ module settings_lists
    use settings_schema, only: visit_settings
    use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_names, kind_source, settings_visitor_type, &
       & shape_constants, shape_list, variable_type
+   use text, only: quoted
    implicit none
    private
    public :: schema_type, group_type, new_schema, schema_markdown, settings_namelist
@@ -18,7 +19,6 @@ module settings_lists
       type(variable_type), allocatable :: variables(:)
    contains
       procedure :: find_group
-      procedure :: find
    end type schema_type
 
    type, extends(settings_visitor_type) :: lister_type
@@ -58,31 +58,21 @@ contains
    subroutine list_group(self, given)
       class(lister_type), intent(inout) :: self
       logical, intent(inout) :: given
-      type(group_type), allocatable :: grown(:)
-      integer :: n
+      type(group_type) :: group
 
       given = .false.
-      n = size(self%schema%groups)
-      allocate (grown(n + 1))
-      grown(:n) = self%schema%groups
-      grown(n + 1)%name = self%group_name
-      grown(n + 1)%meaning = self%group_meaning
-      call move_alloc(grown, self%schema%groups)
+      group%name = self%group_name
+      group%meaning = self%group_meaning
+      self%schema%groups = [self%schema%groups, group]
    end subroutine list_group
 
    subroutine list_variable(self, variable, values)
       class(lister_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
       type(value_type), allocatable, intent(inout) :: values(:)
-      type(variable_type), allocatable :: grown(:)
-      integer :: n
 
       if (allocated(values)) deallocate (values)
-      n = size(self%schema%variables)
-      allocate (grown(n + 1))
-      grown(:n) = self%schema%variables
-      grown(n + 1) = variable
-      call move_alloc(grown, self%schema%variables)
+      self%schema%variables = [self%schema%variables, variable]
    end subroutine list_variable
 
    !> Number of a group, 0 if there is none of this name.
@@ -94,16 +84,6 @@ contains
          if (self%groups(i)%name == name) return
       end do
    end function find_group
-
-   !> Number of a variable, 0 if the group has none of this name.
-   pure integer function find(self, group, name) result(i)
-      class(schema_type), intent(in) :: self
-      character(len=*), intent(in) :: group, name
-
-      do i = size(self%variables), 1, -1
-         if (self%variables(i)%group == group .and. self%variables(i)%name == name) return
-      end do
-   end function find
 
    !> The variables as a page of the documentation.
    function schema_markdown(schema) result(page)
@@ -171,6 +151,7 @@ contains
       class(writer_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
       type(value_type), allocatable, intent(inout) :: values(:)
+      character(len=:), allocatable :: list
       integer :: i
 
       if (.not. self%writing) return
@@ -178,30 +159,13 @@ contains
          self%page = self%page//'  ! '//variable%name//' is unset'//newline
          return
       end if
-      self%page = self%page//'  '//variable%name//' = '
+      list = ''
       do i = 1, size(values)
-         if (i > 1) self%page = self%page//', '
-         if (is_text(variable)) then
-            self%page = self%page//quoted(values(i)%text)
-         else
-            self%page = self%page//values(i)%text
-         end if
+         if (is_text(variable)) list = list//', '//quoted(values(i)%text, '''')
+         if (.not. is_text(variable)) list = list//', '//values(i)%text
       end do
+      self%page = self%page//'  '//variable%name//' = '//list(3:)
       if (len(variable%unit) > 0) self%page = self%page//' ! '//variable%unit
       self%page = self%page//newline
    end subroutine write_variable
-
-   !> A text in quotes, doubled within.
-   pure function quoted(text)
-      character(len=*), intent(in) :: text
-      character(len=:), allocatable :: quoted
-      integer :: i
-
-      quoted = ''''
-      do i = 1, len(text)
-         quoted = quoted//text(i:i)
-         if (text(i:i) == '''') quoted = quoted//''''
-      end do
-      quoted = quoted//''''
-   end function quoted
 end module settings_lists

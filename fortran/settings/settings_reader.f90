@@ -2,19 +2,18 @@
 !>
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module settings_reader
-   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, place, value_type
-   use numbers, only: number_malformed, number_not_finite, number_ok, read_integer, read_real
+   use numbers, only: number_malformed, number_ok, read_real
    use settings_groups, only: longest_item, settings_type
-   use settings_lists, only: new_schema
-   use settings_names, only: check_names
+   use settings_lists, only: new_schema, schema_type
    use settings_schema, only: visit_settings
    use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
-      & kind_logical, kind_source, settings_visitor_type, shape_constants, shape_list, shape_one, variable_type
-   use text, only: join, lower, to_text
+      & kind_logical, kind_source, settings_visitor_type, shape_list, shape_one, variable_type
+   use spelling, only: suggestion
+   use text, only: lower, to_text
    implicit none
    private
    public :: read_settings
@@ -25,19 +24,17 @@ module settings_reader
       type(namelist_file_type) :: namelist
       !> What the settings are for, '' if only for what is given; the groups that this needs, each between blanks.
       character(len=:), allocatable :: command, needed
-      !> Of the crystals, once its name is read.
-      type(crystal_class_type) :: class
       logical :: given = .false.
       type(error_type), allocatable :: error, missing
    contains
       procedure :: begin_group => begin_group
       procedure :: visit => read_variable
-      procedure, private :: find_values
-      procedure, private :: refuse
    end type reader_type
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
+   !> Of an integer, a real, a logical.
+   character(len=10), parameter :: nouns(3) = [character(len=10) :: 'an integer', 'a number', 'a logical']
 
 contains
 
@@ -64,112 +61,111 @@ contains
       call move_alloc(reader%error, error)
    end subroutine read_settings
 
+   !> Every group and variable of the file is in the schema; else what was probably meant.
+   subroutine check_names(path, file, schema, error)
+      !> For messages.
+      character(len=*), intent(in) :: path
+      type(namelist_file_type), intent(in) :: file
+      type(schema_type), intent(in) :: schema
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: names, near
+      integer :: i, j
+
+      do i = 1, size(file%groups)
+         if (schema%find_group(file%groups(i)%text) > 0) cycle
+         names = ''
+         do j = 1, size(schema%groups)
+            names = names//', &'//schema%groups(j)%name
+         end do
+         call raise(error, place(path, file%groups(i)%text, '')//'unknown group' &
+            & //suggestion('&'//file%groups(i)%text, names(3:))//'; allowed: '//names(3:), exit_bad_input)
+         return
+      end do
+      do i = 1, size(file%entries)
+         associate (entry => file%entries(i))
+            names = ''
+            near = ''
+            do j = 1, size(schema%variables)
+               associate (v => schema%variables(j))
+                  if (v%group == entry%group .and. v%name == entry%name) exit
+                  if (v%group == entry%group) names = names//', '//v%name
+                  if (v%name == entry%name .and. len(near) == 0) near = ', did you mean '//v%name//' of &'//v%group//'?'
+               end associate
+            end do
+            if (j <= size(schema%variables)) cycle
+            if (len(suggestion(entry%name, names(3:))) > 0) near = suggestion(entry%name, names(3:))
+            call raise(error, place(path, entry%group, entry%name)//'unknown variable'//near//'; allowed: '//names(3:), &
+               & exit_bad_input)
+            return
+         end associate
+      end do
+   end subroutine check_names
+
    subroutine begin_group(self, given)
       class(reader_type), intent(inout) :: self
       logical, intent(inout) :: given
       integer :: i
 
-      given = .false.
-      do i = 1, size(self%namelist%groups)
-         given = given .or. self%namelist%groups(i)%text == self%group_name
-      end do
-      self%given = given
+      self%given = any([(self%namelist%groups(i)%text == self%group_name, i=1, size(self%namelist%groups))])
+      given = self%given
    end subroutine begin_group
 
-   !> The values of the file, checked one by one, or the default.
+   !> The values of the file, checked, or the default; unallocated: unset, or refused.
    subroutine read_variable(self, variable, values)
       class(reader_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
       type(value_type), allocatable, intent(inout) :: values(:)
       character(len=:), allocatable :: message
-      integer :: i
+      integer :: i, j
 
-      call self%find_values(variable, values)
-      if (.not. allocated(values)) return
-      message = ''
-      do i = 1, size(values)
-         if (is_text(variable)) then
-            call check_text(variable, values(i), message)
-         else
-            call check_number(variable, values(i), message)
-         end if
-         if (len(message) == 0) cycle
-         call self%refuse(variable, message)
-         return
-      end do
-      if (variable%group /= 'problem' .or. variable%name /= 'symmetry') return
-      call new_crystal_class(values(1)%text, self%class, self%error)
-      ! One name for its synonyms.
-      if (.not. allocated(self%error)) values(1)%text = self%class%name
-   end subroutine read_variable
-
-   !> The values as written, as many as there must be, or those of the default; unallocated: unset, or refused.
-   subroutine find_values(self, variable, values)
-      class(reader_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(value_type), allocatable, intent(out) :: values(:)
-      character(len=:), allocatable :: reason
-      integer :: i
-
+      if (allocated(values)) deallocate (values)
       if (allocated(self%error)) return
       do i = 1, size(self%namelist%entries)
-         if (self%namelist%entries(i)%group /= variable%group .or. self%namelist%entries(i)%name /= variable%name) cycle
-         values = self%namelist%entries(i)%values
-         call check_count(self, variable, values)
-         if (allocated(self%error)) deallocate (values)
+         associate (entry => self%namelist%entries(i))
+            if (entry%group /= variable%group .or. entry%name /= variable%name) cycle
+            values = entry%values
+         end associate
+         message = ''
+         if (variable%shape == shape_one .and. size(values) > 1) message = to_text(size(values))//' values; one is needed' &
+            & //allowed_part(variable)
+         do j = 1, size(values)
+            if (len(message) > 0) exit
+            if (is_text(variable)) then
+               call check_text(variable, values(j), message)
+            else
+               call check_number(variable, values(j), message)
+            end if
+         end do
+         if (len(message) == 0) return
+         call raise(self%error, place(self%path, variable%group, variable%name)//message, exit_bad_input)
+         deallocate (values)
          return
       end do
       if (variable%default == '*') then
-         if (len(self%command) == 0 .and. variable%kind == kind_file) return
-         ! What is there and wrong comes before what is not there.
-         if (allocated(self%missing)) return
-         if (self%given) then
-            call raise(self%missing, place(self%path, variable%group, variable%name)//'the variable is missing; ' &
-               & //variable%meaning//allowed_part(variable), exit_bad_input)
-         else if (index(self%needed, ' '//variable%group//' ') > 0) then
-            reason = self%command
-            if (variable%group == 'problem') reason = 'every file'
-            call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; '//reason//' needs it', &
-               & exit_bad_input)
-         end if
+         call note_missing(self, variable)
       else if (variable%default /= 'unset') then
          allocate (values(1))
          values(1)%text = variable%default
-         values(1)%quoted = is_text(variable)
       end if
-   end subroutine find_values
+   end subroutine read_variable
 
-   !> One value, one for each constant, or any number.
-   subroutine check_count(self, variable, values)
+   !> What is there and wrong comes before what is not there.
+   subroutine note_missing(self, variable)
       class(reader_type), intent(inout) :: self
       type(variable_type), intent(in) :: variable
-      type(value_type), intent(in) :: values(:)
-      character(len=:), allocatable :: found
+      character(len=:), allocatable :: reason
 
-      found = to_text(size(values))//' values; '
-      if (size(values) == 1) found = 'one value; '
-      select case (variable%shape)
-      case (shape_one)
-         if (size(values) /= 1) call self%refuse(variable, found//'one is needed'//allowed_part(variable))
-      case (shape_constants)
-         if (self%class%n_constants == 0) then
-            call self%refuse(variable, 'a value for each constant is needed, and so &problem symmetry')
-         else if (size(values) /= size(self%class%constants)) then
-            call self%refuse(variable, found//to_text(self%class%n_constants)//' are needed: ' &
-               & //join(self%class%constants, ', '))
-         end if
-      case default
-         continue
-      end select
-   end subroutine check_count
-
-   subroutine refuse(self, variable, message)
-      class(reader_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      character(len=*), intent(in) :: message
-
-      call raise(self%error, place(self%path, variable%group, variable%name)//message, exit_bad_input)
-   end subroutine refuse
+      if (allocated(self%missing) .or. (len(self%command) == 0 .and. variable%kind == kind_file)) return
+      if (self%given) then
+         call raise(self%missing, place(self%path, variable%group, variable%name)//'the variable is missing; ' &
+            & //variable%meaning//allowed_part(variable), exit_bad_input)
+      else if (index(self%needed, ' '//variable%group//' ') > 0) then
+         reason = self%command
+         if (variable%group == 'problem') reason = 'every file'
+         call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; '//reason//' needs it', &
+            & exit_bad_input)
+      end if
+   end subroutine note_missing
 
    !> A text in quotes; words in lower case.
    subroutine check_text(v, value, message)
@@ -205,10 +201,11 @@ contains
       type(value_type), intent(inout) :: value
       character(len=:), allocatable, intent(inout) :: message
       real(wp) :: number
-      integer :: whole, outcome, other
+      integer :: outcome
+      logical :: whole
 
       if (value%quoted) then
-         message = 'the text '''//printable(value%text)//''' stands where '//noun(v)//' is needed'//allowed_part(v)
+         message = 'the text '''//printable(value%text)//''' stands where '//trim(nouns(v%kind))//' is needed'//allowed_part(v)
          return
       end if
       if (v%kind == kind_logical) then
@@ -223,34 +220,15 @@ contains
          return
       end if
       call read_real(value%text, number, outcome)
-      if (v%kind == kind_integer) then
-         other = outcome
-         call read_integer(value%text, whole, outcome)
-         number = whole
-         if (outcome == number_malformed .and. other == number_not_finite) outcome = number_not_finite
-      end if
-      if (outcome == number_malformed) then
-         message = printable(value%text)//' is not '//noun(v)//allowed_part(v)
-      else if (outcome /= number_ok .and. verify(value%text, '+-0123456789') > 0) then
+      whole = verify(value%text, '+-0123456789') == 0
+      if (outcome == number_malformed .or. (outcome == number_ok .and. v%kind == kind_integer .and. .not. whole)) then
+         message = printable(value%text)//' is not '//trim(nouns(v%kind))//allowed_part(v)
+      else if (outcome /= number_ok .and. .not. whole) then
          message = printable(value%text)//' is not a finite number'//allowed_part(v)
       else if (outcome /= number_ok .or. .not. in_interval(number, v%allowed)) then
          message = printable(value%text)//' is out of range'//allowed_part(v)
       end if
    end subroutine check_number
-
-   pure function noun(v) result(words)
-      type(variable_type), intent(in) :: v
-      character(len=:), allocatable :: words
-
-      select case (v%kind)
-      case (kind_integer)
-         words = 'an integer'
-      case (kind_logical)
-         words = 'a logical'
-      case default
-         words = 'a number'
-      end select
-   end function noun
 
    function allowed_part(v) result(words)
       type(variable_type), intent(in) :: v
@@ -262,21 +240,18 @@ contains
       if (len(v%unit) > 0) words = words//' '//v%unit
    end function allowed_part
 
-   !> Whether `number` is in an interval such as '[0, 1)' or '(0, *)'; an empty text admits all.
+   !> Whether `number` is in an interval such as '[0, 1)'.
    pure logical function in_interval(number, interval)
       real(wp), intent(in) :: number
       character(len=*), intent(in) :: interval
-      real(wp) :: bound
+      real(wp) :: low, high
       integer :: comma, n, outcome
 
-      in_interval = .true.
-      n = len(interval)
-      if (n == 0) return
       comma = index(interval, ',')
-      call read_real(trim(adjustl(interval(2:comma - 1))), bound, outcome)
-      if (outcome == number_ok) in_interval = number > bound .or. (interval(1:1) == '[' .and. .not. number < bound)
-      call read_real(trim(adjustl(interval(comma + 1:n - 1))), bound, outcome)
-      if (outcome == number_ok) in_interval = in_interval &
-         & .and. (number < bound .or. (interval(n:n) == ']' .and. .not. number > bound))
+      n = len(interval)
+      call read_real(interval(2:comma - 1), low, outcome)
+      call read_real(trim(adjustl(interval(comma + 1:n - 1))), high, outcome)
+      in_interval = (number > low .or. (interval(1:1) == '[' .and. .not. number < low)) &
+         & .and. (number < high .or. (interval(n:) == ']' .and. .not. number > high))
    end function in_interval
 end module settings_reader

@@ -2,9 +2,9 @@
 !> or words, unit and meaning. Reading and its checks, `resolved.nml`, help, docs/namelists.md and Python's settings come from this
 !> table and from nothing else.
 module settings_schema
-   use crystal_class, only: crystal_class_names
    use settings_groups, only: settings_type
-   use settings_visitor, only: settings_visitor_type
+   use settings_visitor, only: kind_choice, kind_file, kind_source, kind_text, settings_visitor_type, shape_constants, &
+      & shape_list
    implicit none
    private
    public :: visit_settings, candidate_sources
@@ -20,28 +20,27 @@ contains
       type(settings_type), intent(inout) :: s
 
       call v%group('problem', s%problem%given, 'What the file is about.')
-      call v%choice('symmetry', s%problem%symmetry, 'unset', crystal_class_names(), &
+      call v%text('symmetry', s%problem%symmetry, kind_choice, 'unset', v%words('symmetry'), &
          & 'crystal symmetry of the material; a correction that is learnt from all classes needs none')
-      call v%reals('lattice', s%problem%lattice, 'unset', '(0, 1e4]', '', &
+      call v%reals('lattice', s%problem%lattice, shape_list, 'unset', '(0, 1e4]', '', &
          & 'unit cell, for indices of directions and planes: those of a, b, c (any unit), alpha, beta, gamma (degrees) that the ' &
          & //'symmetry leaves open, such as a, c; cubic crystals have none')
-      call v%text('title', s%problem%title, '', 'a title for the report')
+      call v%text('title', s%problem%title, kind_text, '', '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
-      call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', '', &
-         & 'seed of all random numbers; same seed, same results')
+      call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
 
       call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
-      call v%file('points', s%crystals%points, '*', &
+      call v%text('points', s%crystals%points, kind_file, '*', '', &
          & 'CSV of elastic constants (GPa) and Bunge-Euler angles, one indentation a row')
 
       call v%group('specimen', s%specimen%given, 'What is indented.')
-      call v%choice('geometry', s%specimen%geometry, 'halfspace', v%words('geometry'), &
+      call v%text('geometry', s%specimen%geometry, kind_choice, 'halfspace', v%words('geometry'), &
          & 'a half-space; a block with clamped bottom and free sides; a film on a substrate; a grain in a polycrystal')
       call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
       call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
 
       call v%optional_real('thickness_um', s%specimen%thickness_um, 'unset', '[1e-6, 1e6]', 'um', 'film: its thickness')
-      call v%choice('substrate', s%specimen%substrate, 'isotropic', 'isotropic, rigid', 'film: what it is bonded to')
+      call v%text('substrate', s%specimen%substrate, kind_choice, 'isotropic', 'isotropic, rigid', 'film: what it is bonded to')
       call v%optional_real('substrate_young_gpa', s%specimen%substrate_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
          & 'film: Young''s modulus of an isotropic substrate')
       call v%real('substrate_nu', s%specimen%substrate_nu, '0.3', '(-1, 0.5)', '', 'film: Poisson''s ratio of the substrate')
@@ -49,30 +48,29 @@ contains
          & 'grain: radius of the hemisphere, or of a cylinder')
       call v%optional_real('grain_depth_um', s%specimen%grain_depth_um, 'unset', '[1e-6, 1e6]', 'um', &
          & 'grain: depth of a cylinder; unset: a hemisphere')
-      call v%choice('matrix', s%specimen%matrix, 'self', 'self, isotropic', &
+      call v%text('matrix', s%specimen%matrix, kind_choice, 'self', 'self, isotropic', &
          & 'grain: what is around it, the average of a polycrystal of its own crystal (Hill) or what is stated')
       call v%optional_real('matrix_young_gpa', s%specimen%matrix_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
          & 'grain: Young''s modulus of an isotropic matrix')
       call v%real('matrix_nu', s%specimen%matrix_nu, '0.3', '(-1, 0.5)', '', 'grain: Poisson''s ratio of an isotropic matrix')
 
       call v%group('indenter', s%indenter%given, 'The rigid, frictionless indenter, and how far it goes.')
-      call v%choice('shape', s%indenter%shape, 'paraboloid', v%words('shape'), &
+      call v%text('shape', s%indenter%shape, kind_choice, 'paraboloid', v%words('shape'), &
          & 'a paraboloid, which is Hertz'' sphere; a true sphere; or a cone')
       call v%real('radius_um', s%indenter%radius_um, '16.0', '[0.001, 1e6]', 'um', &
          & 'sphere: its radius; paraboloid: the radius of its tip')
       call v%real('half_angle_deg', s%indenter%half_angle_deg, '70.3', '[5, 89]', 'degrees', &
          & 'cone: the angle between axis and surface; 70.3 has the area of a Berkovich tip at each depth')
-      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', &
-         & 'depth of the last point of the curve')
+      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', 'depth of the last point of the curve')
       call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
          & 'or its contact radius, as an isotropic half-space has it; 0.5 where neither is stated')
 
       call v%group('simulation', s%simulation%given, 'The indentation simulation.')
-      call v%choice('simulator', s%simulation%simulator, 'fe', 'fe, theory, import', &
+      call v%text('simulator', s%simulation%simulator, kind_choice, 'fe', 'fe, theory, import', &
          & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
-      call v%choice('element', s%simulation%element, '', 'c3d8, c3d8i', &
+      call v%text('element', s%simulation%element, kind_choice, '', 'c3d8, c3d8i', &
          & 'the brick element; empty: the one the mesh was made for')
-      call v%choice('integration', s%simulation%integration, 'selective', 'selective, full', &
+      call v%text('integration', s%simulation%integration, kind_choice, 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
       call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', &
          & 'elements per contact radius, relative to the default mesh')
@@ -82,7 +80,7 @@ contains
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%optional_real('growth', s%simulation%growth, 'unset', '[1.01, 2]', '', &
          & 'half-space, for studies: growth of the layers of bricks before them; unset: 1.35 with c3d8i, 1.13 with c3d8')
-      call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', '', 'points of the load-depth curve')
+      call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', 'points of the load-depth curve')
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')
 
@@ -101,66 +99,67 @@ contains
          & //'has a stiffness of its own')
       call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, 'unset', '[0.1, 1e4]', 'GPa', &
          & 'correction: greatest scale')
-      call v%constants('c_min', s%domain%c_min, 'unset', '[-500, 5000]', 'GPa', &
+      call v%reals('c_min', s%domain%c_min, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants: with these the crystals are those of &problem symmetry (the paper''s model needs them)')
-      call v%constants('c_max', s%domain%c_max, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
+      call v%reals('c_max', s%domain%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
       call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, 'unset', '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14) within the bounds')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
-      call v%text('file', s%surrogate%file, '', &
+      call v%text('file', s%surrogate%file, kind_text, '', '', &
          & 'halfspace: the exact theory; a name that comes with the package; else its file; empty: surrogate.txt if there is a ' &
          & //'&domain, else halfspace')
-      call v%choice('model', s%surrogate%model, 'correction', v%words('basis'), &
+      call v%text('model', s%surrogate%model, kind_choice, 'correction', v%words('basis'), &
          & 'what the specimen adds to the exact theory, for all classes, or the paper''s polynomial of the constants of one')
-      call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', '', &
+      call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', &
          & 'degree of the polynomials: of log stiffness (1 to 4), or of the constants (the paper''s Q)')
-      call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', '', &
+      call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', &
          & 'paper: highest degree of the surface harmonics in the orientation (L)')
-      call v%choice('truncation', s%surrogate%truncation, 'tensor', v%words('truncation'), &
+      call v%text('truncation', s%surrogate%truncation, kind_choice, 'tensor', v%words('truncation'), &
          & 'paper: `degree` limits each factor of a product, or their sum')
-      call v%text('scan', s%surrogate%scan, '', &
+      call v%text('scan', s%surrogate%scan, kind_text, '', '', &
          & 'paper: other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
 
       call v%group('design', s%design%given, 'Which simulations are made, and how many.')
-      call v%source('candidates', s%design%candidates, 'latin', candidate_sources, &
+      call v%text('candidates', s%design%candidates, kind_source, 'latin', candidate_sources, &
          & 'the points to choose from: a Latin hypercube, constants x orientations, or a CSV')
-      call v%integer('n_candidates', s%design%n_candidates, '2000', '[1, 1000000]', '', 'how many candidates are made')
-      call v%integer('initial', s%design%initial, '0', '[0, 100000]', '', &
+      call v%integer('n_candidates', s%design%n_candidates, '2000', '[1, 1000000]', 'how many candidates are made')
+      call v%integer('initial', s%design%initial, '0', '[0, 100000]', &
          & 'simulations before the variance chooses; 0: as the basis needs')
-      call v%choice('initial_set', s%design%initial_set, 'variance', 'variance, latin, boundary', &
+      call v%text('initial_set', s%design%initial_set, kind_choice, 'variance', 'variance, latin, boundary', &
          & 'these first: of largest variance too, a Latin hypercube of their own, or of largest coordinate')
-      call v%choice('orientations', s%design%orientations, 'sphere', 'sphere, declination', &
+      call v%text('orientations', s%design%orientations, kind_choice, 'sphere', 'sphere, declination', &
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
-      call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', '', &
+      call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', &
          & 'directions of each crystal of factorial candidates')
-      call v%choice('variance_of', s%design%variance_of, 'imse', v%words('acquisition'), &
+      call v%text('variance_of', s%design%variance_of, kind_choice, 'imse', v%words('acquisition'), &
          & 'what chooses the next simulation: the mean variance over all candidates that it leaves (imse; older name: ' &
          & //'all_moduli), its own variance (the paper; older name: modulus) or that of log M (older name: log_modulus)')
-      call v%integer('budget', s%design%budget, '40', '[1, 1000000]', '', 'simulations in all, those already done included')
-      call v%integer('batch', s%design%batch, '1', '[1, 10000]', '', 'simulations chosen at a time')
-      call v%integer('refit', s%design%refit, '1', '[1, 100000]', '', &
-         & 'simulations between two maximisations of the evidence')
+      call v%integer('budget', s%design%budget, '40', '[1, 1000000]', 'simulations in all, those already done included')
+      call v%integer('batch', s%design%batch, '1', '[1, 10000]', 'simulations chosen at a time')
+      call v%integer('refit', s%design%refit, '1', '[1, 100000]', 'simulations between two maximisations of the evidence')
       call v%real('target_gpa', s%design%target_gpa, '0.0', '[0, 1000]', 'GPa', &
          & 'stop at this error on unseen crystals; 0: at the budget')
-      call v%integer('patience', s%design%patience, '0', '[0, 1000000]', '', &
+      call v%integer('patience', s%design%patience, '0', '[0, 1000000]', &
          & 'stop if the error does not fall by 2 % over so many simulations; 0: at the budget')
-      call v%integer('validation', s%design%validation, '0', '[0, 1000000]', '', &
+      call v%integer('validation', s%design%validation, '0', '[0, 1000000]', &
          & 'simulations chosen and made after the last one, to compare with the surrogate that has not seen them')
-      call v%choice('reuse', s%design%reuse, 'all', 'all, chosen', &
+      call v%text('reuse', s%design%reuse, kind_choice, 'all', 'all, chosen', &
          & 'which rows of the campaign are data: all, or only those that this file would choose (and imported ones)')
 
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
-      call v%file('file', s%measurements%file, '*', 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
+      call v%text('file', s%measurements%file, kind_file, '*', '', &
+         & 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
       call v%names('columns', s%measurements%columns, 'unset', &
          & 'which column of the file is which, where its header does not say: ''name = header'', such as ' &
          & //'''modulus_gpa = E (raw)''; unset: by the names of the headers')
-      call v%text('sheet', s%measurements%sheet, '', 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
-      call v%file('ebsd', s%measurements%ebsd, 'unset', &
+      call v%text('sheet', s%measurements%sheet, kind_text, '', '', &
+         & 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
+      call v%text('ebsd', s%measurements%ebsd, kind_file, 'unset', '', &
          & 'orientation map (.ang, .ctf, .h5) that has the orientations of the grains at the columns x_um, y_um')
-      call v%choice('modulus_kind', s%measurements%modulus_kind, 'unset', v%words('modulus_kind'), &
+      call v%text('modulus_kind', s%measurements%modulus_kind, kind_choice, 'unset', v%words('modulus_kind'), &
          & 'which modulus was measured; unset: as the name of its column says (effective_modulus_gpa, Er ..), and it must say it')
-      call v%choice('angles', s%measurements%angles, 'degrees', 'degrees, radians', &
+      call v%text('angles', s%measurements%angles, kind_choice, 'degrees', 'degrees, radians', &
          & 'unit of the angles in the file, whatever the names of its columns')
       call v%real('indenter_modulus_gpa', s%measurements%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
          & 'Young''s modulus of the indenter (effective_modulus)')
@@ -174,60 +173,57 @@ contains
          & 'sd of the tilt of the indented direction, per component; a column of this name goes before it')
       call v%real('scatter_sd', s%measurements%scatter_sd, '0.0', '[0, 0.5]', '', &
          & 'relative sd of what differs from grain to grain beside the errors of measurement')
-      call v%choice('scale', s%measurements%scale, 'given', 'given, inferred', &
+      call v%text('scale', s%measurements%scale, kind_choice, 'given', 'given, inferred', &
          & 'sd_gpa as given, or times a common factor that is inferred (then the column may be absent)')
-      call v%choice('likelihood', s%measurements%likelihood, 'normal', v%words('likelihood'), &
+      call v%text('likelihood', s%measurements%likelihood, kind_choice, 'normal', v%words('likelihood'), &
          & 'distribution of the errors; student admits outliers')
       call v%real('student_dof', s%measurements%student_dof, '4.0', '[1, 1000]', '', &
          & 'degrees of freedom of Student''s t (likelihood = ''student'')')
 
       call v%group('prior', s%prior%given, 'What is known of the constants before the measurements (Step 2).')
-      call v%constants('c_min', s%prior%c_min, 'unset', '[-500, 5000]', 'GPa', &
+      call v%reals('c_min', s%prior%c_min, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants; unset: none')
-      call v%constants('c_max', s%prior%c_max, 'unset', '[-500, 5000]', 'GPa', &
+      call v%reals('c_max', s%prior%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'upper bounds of the constants; unset: none; equal to the lower one: the constant is known')
       call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, 'unset', '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14); unset: the log-anisotropy is limited instead')
-      call v%choice('measure', s%prior%measure, 'constants', 'constants, logarithms', &
+      call v%text('measure', s%prior%measure, kind_choice, 'constants', 'constants, logarithms', &
          & 'uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
 
       call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length, or a file.')
       call v%names('quantity', s%knowledge%quantity, 'unset', &
          & 'what is known: constants such as ''C11'', ratios such as ''C33/C11'', ''bulk_modulus'', ..')
-      call v%reals('mean', s%knowledge%mean, 'unset', '[-1e6, 1e6]', '', 'mean of each, in GPa where it has a unit')
-      call v%reals('sd', s%knowledge%sd, 'unset', '(0, 1e6]', '', 'standard deviation of each')
-      call v%file('stiffness_file', s%knowledge%stiffness_file, 'unset', &
+      call v%reals('mean', s%knowledge%mean, shape_list, 'unset', '[-1e6, 1e6]', '', 'mean of each, in GPa where it has a unit')
+      call v%reals('sd', s%knowledge%sd, shape_list, 'unset', '(0, 1e6]', '', 'standard deviation of each')
+      call v%text('stiffness_file', s%knowledge%stiffness_file, kind_file, 'unset', '', &
          & 'CSV of the means (GPa) and the covariance (GPa^2) of all constants, as from density functional theory')
 
       call v%group('sampler', s%sampler%given, 'How the posterior is sampled.')
-      call v%choice('method', s%sampler%method, 'ensemble', v%words('sampler'), &
+      call v%text('method', s%sampler%method, kind_choice, 'ensemble', v%words('sampler'), &
          & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
-      call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', '', &
-         & 'samples kept of each chain, after burn-in')
-      call v%integer('burn_in', s%sampler%burn_in, '6000', '[0, 100000000]', '', &
+      call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', 'samples kept of each chain, after burn-in')
+      call v%integer('burn_in', s%sampler%burn_in, '6000', '[0, 100000000]', &
          & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
-      call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', '', 'independent chains')
-      call v%choice('surrogate_variance', s%sampler%surrogate_variance, 'full', 'full, none', &
+      call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', 'independent chains')
+      call v%text('surrogate_variance', s%sampler%surrogate_variance, kind_choice, 'full', 'full, none', &
          & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')
       call v%logical('evidence', s%sampler%evidence, '.false.', &
          & 'estimate the evidence log Z, to compare classes and models of the same data; it depends on the bounds of the prior')
 
       call v%group('next', s%next%given, 'Which grain to measure next.')
-      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', &
-         & 'sd of the next measurement; 0: the median of those made')
-      call v%text('target', s%next%target, 'all', &
+      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', 'sd of the next measurement; 0: the median of those made')
+      call v%text('target', s%next%target, kind_text, 'all', '', &
          & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
-      call v%file('candidates', s%next%candidates, 'unset', &
+      call v%text('candidates', s%next%candidates, kind_file, 'unset', '', &
          & 'CSV of the grains to choose from: orientations as &measurements has them, names in the column grain; unset: all ' &
          & //'directions')
-      call v%integer('count', s%next%count, '5', '[1, 1000]', '', 'how many orientations to suggest')
+      call v%integer('count', s%next%count, '5', '[1, 1000]', 'how many orientations to suggest')
 
       call v%group('execution', s%execution%given, 'The machine.')
-      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', '', &
-         & 'threads; 0: all cores. Results do not depend on it')
-      call v%choice('engine', s%execution%engine, 'local', 'local, dask', &
+      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', 'threads; 0: all cores. Results do not depend on it')
+      call v%text('engine', s%execution%engine, kind_choice, 'local', 'local, dask', &
          & 'where simulations run: threads of this process, or workers of Dask (bayesindent; the batch program has threads)')
-      call v%text('scheduler', s%execution%scheduler, 'local', &
+      call v%text('scheduler', s%execution%scheduler, kind_text, 'local', '', &
          & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
    end subroutine visit_settings
 end module settings_schema

@@ -2,13 +2,13 @@
 !>
 !> `settings_schema` calls one of the typed procedures for each variable; they turn its component into the texts of a namelist and
 !> back, so that a visitor knows only these. Each takes `name`, the component (`value`), and what variable_type says of
-!> `default`, `allowed`, `unit` and `meaning`; a group also whether it is `given`.
+!> `kind`, `shape`, `default`, `allowed`, `unit` and `meaning`; a group also whether it is `given`.
 module settings_visitor
    use kinds, only: wp
    use namelist_file, only: value_type
    use numbers, only: number_text, read_integer, read_real
    use settings_groups, only: longest_item
-   use text, only: to_text
+   use text, only: join, split_list, to_text
    implicit none
    private
    public :: settings_visitor_type, variable_type, choice_list_type, is_text, allowed_in_words
@@ -36,7 +36,7 @@ module settings_visitor
       integer :: kind = kind_text, shape = shape_one
       !> Namelist text; '*' is required; 'unset' has no value.
       character(len=:), allocatable :: default
-      !> An interval, '[0, 1)', with '*' for no end; or the words of a choice, separated by ', '.
+      !> An interval, '[0, 1)'; or the words of a choice, separated by ', '.
       character(len=:), allocatable :: allowed
       character(len=:), allocatable :: unit, meaning
    end type variable_type
@@ -53,16 +53,12 @@ module settings_visitor
       procedure :: words
       procedure :: group
       procedure :: integer => visit_integer
+      procedure :: logical => visit_logical
+      procedure :: text => visit_text
+      procedure :: names => visit_names
       procedure :: real => visit_real
       procedure :: optional_real => visit_optional_real
       procedure :: reals => visit_reals
-      procedure :: constants => visit_constants
-      procedure :: logical => visit_logical
-      procedure :: text => visit_text
-      procedure :: file => visit_file
-      procedure :: choice => visit_choice
-      procedure :: source => visit_source
-      procedure :: names => visit_names
    end type settings_visitor_type
 
    abstract interface
@@ -107,61 +103,17 @@ contains
       call self%begin_group(given)
    end subroutine group
 
-   subroutine visit_integer(self, name, value, default, allowed, unit, meaning)
+   subroutine visit_integer(self, name, value, default, allowed, meaning)
       class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      character(len=*), intent(in) :: name, default, allowed, meaning
       integer, intent(inout) :: value
       character(len=:), allocatable :: text
       integer :: outcome
 
       text = to_text(value)
-      call visit_one(self, new_variable(self, name, kind_integer, shape_one, default, allowed, unit, meaning), text)
+      call self%text(name, text, kind_integer, default, allowed, meaning)
       if (allocated(text)) call read_integer(text, value, outcome)
    end subroutine visit_integer
-
-   subroutine visit_real(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      real(wp), intent(inout) :: value
-      real(wp), allocatable :: values(:)
-
-      values = [value]
-      call visit_list(self, new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
-      if (allocated(values)) value = values(1)
-   end subroutine visit_real
-
-   !> A real that may be unset.
-   subroutine visit_optional_real(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      real(wp), allocatable, intent(inout) :: value
-      real(wp), allocatable :: values(:)
-
-      if (allocated(value)) then
-         values = [value]
-         deallocate (value)
-      end if
-      call visit_list(self, new_variable(self, name, kind_real, shape_one, default, allowed, unit, meaning), values)
-      if (allocated(values)) value = values(1)
-   end subroutine visit_optional_real
-
-   !> A list of reals.
-   subroutine visit_reals(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      real(wp), allocatable, intent(inout) :: value(:)
-
-      call visit_list(self, new_variable(self, name, kind_real, shape_list, default, allowed, unit, meaning), value)
-   end subroutine visit_reals
-
-   !> A real for each constant of the crystal class.
-   subroutine visit_constants(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
-      real(wp), allocatable, intent(inout) :: value(:)
-
-      call visit_list(self, new_variable(self, name, kind_real, shape_constants, default, allowed, unit, meaning), value)
-   end subroutine visit_constants
 
    subroutine visit_logical(self, name, value, default, meaning)
       class(settings_visitor_type), intent(inout) :: self
@@ -170,44 +122,25 @@ contains
       character(len=:), allocatable :: text
 
       text = to_text(value)
-      call visit_one(self, new_variable(self, name, kind_logical, shape_one, default, '', '', meaning), text)
+      call self%text(name, text, kind_logical, default, '', meaning)
       if (allocated(text)) value = text == '.true.'
    end subroutine visit_logical
 
-   subroutine visit_text(self, name, value, default, meaning)
+   !> A value without a unit as the text of a namelist; unallocated: unset.
+   subroutine visit_text(self, name, value, kind, default, allowed, meaning)
       class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, meaning
+      character(len=*), intent(in) :: name, default, allowed, meaning
       character(len=:), allocatable, intent(inout) :: value
+      integer, intent(in) :: kind
+      type(value_type), allocatable :: values(:)
 
-      call visit_one(self, new_variable(self, name, kind_text, shape_one, default, '', '', meaning), value)
+      if (allocated(value)) then
+         allocate (values(1))
+         call move_alloc(value, values(1)%text)
+      end if
+      call self%visit(new_variable(self, name, kind, shape_one, default, allowed, '', meaning), values)
+      if (allocated(values)) value = values(1)%text
    end subroutine visit_text
-
-   !> The name of a CSV file.
-   subroutine visit_file(self, name, value, default, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, meaning
-      character(len=:), allocatable, intent(inout) :: value
-
-      call visit_one(self, new_variable(self, name, kind_file, shape_one, default, '', '', meaning), value)
-   end subroutine visit_file
-
-   !> One of the words `allowed`.
-   subroutine visit_choice(self, name, value, default, allowed, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, meaning
-      character(len=:), allocatable, intent(inout) :: value
-
-      call visit_one(self, new_variable(self, name, kind_choice, shape_one, default, allowed, '', meaning), value)
-   end subroutine visit_choice
-
-   !> One of the words `allowed`, or the name of a CSV file.
-   subroutine visit_source(self, name, value, default, allowed, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, meaning
-      character(len=:), allocatable, intent(inout) :: value
-
-      call visit_one(self, new_variable(self, name, kind_source, shape_one, default, allowed, '', meaning), value)
-   end subroutine visit_source
 
    !> A list of texts.
    subroutine visit_names(self, name, value, default, meaning)
@@ -232,45 +165,57 @@ contains
       end do
    end subroutine visit_names
 
-   !> One value as a text; unallocated: unset.
-   subroutine visit_one(self, variable, text)
+   subroutine visit_real(self, name, value, default, allowed, unit, meaning)
       class(settings_visitor_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      character(len=:), allocatable, intent(inout) :: text
-      type(value_type), allocatable :: values(:)
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), intent(inout) :: value
+      real(wp), allocatable :: values(:)
 
-      if (allocated(text)) then
-         allocate (values(1))
-         call move_alloc(text, values(1)%text)
+      values = [value]
+      call self%reals(name, values, shape_one, default, allowed, unit, meaning)
+      if (allocated(values)) value = values(1)
+   end subroutine visit_real
+
+   !> A real that may be unset.
+   subroutine visit_optional_real(self, name, value, default, allowed, unit, meaning)
+      class(settings_visitor_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), allocatable, intent(inout) :: value
+      real(wp), allocatable :: values(:)
+
+      if (allocated(value)) then
+         values = [value]
+         deallocate (value)
       end if
-      call self%visit(variable, values)
-      if (allocated(values)) text = values(1)%text
-   end subroutine visit_one
+      call self%reals(name, values, shape_one, default, allowed, unit, meaning)
+      if (allocated(values)) value = values(1)
+   end subroutine visit_optional_real
 
    !> Reals; unallocated: unset.
-   subroutine visit_list(self, variable, list)
+   subroutine visit_reals(self, name, value, shape, default, allowed, unit, meaning)
       class(settings_visitor_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      real(wp), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+      real(wp), allocatable, intent(inout) :: value(:)
+      integer, intent(in) :: shape
       type(value_type), allocatable :: values(:)
       integer :: i, outcome
 
-      if (allocated(list)) then
-         allocate (values(size(list)))
-         do i = 1, size(list)
-            values(i)%text = number_text(list(i))
+      if (allocated(value)) then
+         allocate (values(size(value)))
+         do i = 1, size(value)
+            values(i)%text = number_text(value(i))
          end do
-         deallocate (list)
+         deallocate (value)
       end if
-      call self%visit(variable, values)
+      call self%visit(new_variable(self, name, kind_real, shape, default, allowed, unit, meaning), values)
       if (.not. allocated(values)) return
-      allocate (list(size(values)))
+      allocate (value(size(values)))
       do i = 1, size(values)
-         call read_real(values(i)%text, list(i), outcome)
+         call read_real(values(i)%text, value(i), outcome)
       end do
-   end subroutine visit_list
+   end subroutine visit_reals
 
-   !> A variable of the group that is visited.
+   !> A variable of the group that is visited. (A constructor of this type overruns its texts with gfortran 12.)
    function new_variable(self, name, kind, shape, default, allowed, unit, meaning) result(v)
       class(settings_visitor_type), intent(in) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
@@ -293,48 +238,27 @@ contains
       is_text = any(v%kind == [kind_text, kind_choice, kind_file, kind_source])
    end function is_text
 
-   !> What is allowed, as a message says it: 'from 0 to below 1', 'above 0', ''cubic', 'hexagonal'', or ''.
+   !> What is allowed, as a message says it: '0 to below 1', 'above 0 to 1', ''cubic', 'hexagonal'', or ''.
    function allowed_in_words(v) result(words)
       type(variable_type), intent(in) :: v
       character(len=:), allocatable :: words
-      character(len=:), allocatable :: low, high, list
-      integer :: comma
+      character(len=:), allocatable :: ends(:)
 
+      words = ''
       select case (v%kind)
       case (kind_integer, kind_real)
-         words = ''
-         if (len(v%allowed) == 0) return
-         comma = index(v%allowed, ',')
-         low = trim(adjustl(v%allowed(2:comma - 1)))
-         high = trim(adjustl(v%allowed(comma + 1:len(v%allowed) - 1)))
-         if (v%allowed(1:1) == '[') then
-            words = low
-         else
-            words = 'above '//low
-         end if
-         if (high == '*') then
-            if (v%allowed(1:1) == '[') words = words//' or more'
-         else if (v%allowed(len(v%allowed):) == ']') then
-            words = words//' to '//high
-         else
-            words = words//' to below '//high
-         end if
+         allocate (ends, source=split_list(v%allowed(2:len(v%allowed) - 1)))
+         if (v%allowed(1:1) == '(') words = 'above '
+         words = words//trim(ends(1))//' to '
+         if (v%allowed(len(v%allowed):) == ')') words = words//'below '
+         words = words//trim(ends(2))
       case (kind_choice, kind_source)
-         words = ''
-         list = v%allowed
-         do
-            comma = index(list, ',')
-            if (comma == 0) exit
-            words = words//''''//list(:comma - 1)//''', '
-            list = adjustl(list(comma + 1:))
-            list = trim(list)
-         end do
-         words = words//''''//list//''''
+         words = ''''//join(split_list(v%allowed), ''', ''')//''''
          if (v%kind == kind_source) words = words//', or the name of a CSV file'
       case (kind_logical)
          words = '.true., .false.'
       case default
-         words = ''
+         continue
       end select
    end function allowed_in_words
 end module settings_visitor

@@ -1,9 +1,11 @@
 !> Text to numbers, CSV tables, the syntax of namelists, and the schema's own consistency.
 program test_input
+   use crystal_class, only: crystal_class_type
    use errors, only: error_type
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, parse_namelist
    use choices, only: all_choices
+   use settings_checks, only: check_settings
    use settings_groups, only: settings_type
    use settings_lists, only: new_schema, schema_type
    use settings_reader, only: read_settings
@@ -135,13 +137,14 @@ contains
    !> Every row of the table can be used as the reader uses it.
    subroutine test_schema()
       type(schema_type) :: s
-      integer :: i, n
+      integer :: i, j, n
 
       s = new_schema(all_choices())
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
             if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
-            call check('row '//v%group//' '//v%name//' is there once', s%find(v%group, v%name) == i)
+            call check('row '//v%group//' '//v%name//' is there once', count([(s%variables(j)%group == v%group .and. &
+               & s%variables(j)%name == v%name, j=1, size(s%variables))]) == 1)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
             if (v%kind == kind_integer .or. v%kind == kind_real) then
                n = len(v%allowed)
@@ -154,6 +157,7 @@ contains
 
    !> Values, defaults and what is unset, as components of the types.
    subroutine test_settings()
+      type(crystal_class_type) :: class
       type(namelist_file_type) :: file
       type(settings_type) :: s
       type(error_type), allocatable :: error
@@ -177,6 +181,7 @@ contains
       call check_refused('a group that is needed', error, 'f: &measurements: the group is missing; extract needs it')
       call parse_namelist('f', '&prior c_max = 3*250 /', file, error)
       call read_settings('f', file, '', '', all_choices(), s, error)
+      call check_settings('f', s, class, error)
       call check_refused('constants of no class', error, '&problem symmetry')
    end subroutine test_settings
 end program test_input

@@ -8,7 +8,9 @@ from pathlib import Path
 from lines import statements
 
 #: Each folder uses only those before it.
-LAYERS = ("common", "crystal", "settings", "theory", "fe", "surrogate", "inference", "pipeline", "report", "facade", "program")
+LAYERS = (
+    "common", "crystal", "settings", "tables", "problem", "theory", "fe", "surrogate", "inference", "pipeline", "report", "facade", "program",
+)  # fmt: skip
 WIDTH, STEP, BOX = 300, 66, (170, 34)
 
 

@@ -6,7 +6,7 @@ module settings_checks
    use kinds, only: wp
    use namelist_file, only: place
    use settings_groups, only: knowledge_settings_type, settings_type
-   use text, only: to_text
+   use text, only: join, to_text
    implicit none
    private
    public :: check_settings
@@ -19,14 +19,20 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
+      logical :: needed
 
-      call check_symmetry(path, settings, error)
-      if (allocated(error)) return
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) then
-         call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (allocated(error)) return
+      ! Only what is learnt for all classes needs no symmetry.
+      needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
+         & (settings%design%given .or. settings%domain%given))
+      if (needed .and. .not. allocated(settings%problem%symmetry)) then
+         call raise(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names(), &
+            & exit_bad_input)
+         return
       end if
-      if (.not. allocated(error)) call check_knowledge(path, settings%knowledge, error)
+      call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
          call raise(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
@@ -44,19 +50,6 @@ contains
       end associate
    end subroutine check_settings
 
-   !> Only what is learnt for all classes needs no symmetry.
-   subroutine check_symmetry(path, settings, error)
-      character(len=*), intent(in) :: path
-      type(settings_type), intent(in) :: settings
-      type(error_type), allocatable, intent(out) :: error
-      logical :: needed
-
-      needed = settings%measurements%given .or. settings%prior%given
-      if (settings%surrogate%model == 'paper') needed = needed .or. settings%design%given .or. settings%domain%given
-      if (needed .and. .not. allocated(settings%problem%symmetry)) call raise(error, place(path, 'problem', 'symmetry') &
-         & //'the variable is missing; allowed '//crystal_class_names(), exit_bad_input)
-   end subroutine check_symmetry
-
    !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
    subroutine check_bounds(path, group, class, low, high, error)
       character(len=*), intent(in) :: path, group
@@ -68,24 +61,41 @@ contains
       character(len=3), allocatable :: names(:)
       integer :: i
 
-      if (.not. (allocated(low) .and. allocated(high))) return
+      call check_count(place(path, group, 'c_min'), class, low, error)
+      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
+      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
       names = class%constants
-      do i = 1, size(low)
-         ! A prior whose bounds are equal fixes a constant.
-         if (low(i) > high(i) .or. (group == 'domain' .and. .not. low(i) < high(i))) then
-            call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below ' &
-               & //'its c_max of '//to_text(high(i))//' GPa', exit_bad_input)
-            return
-         end if
-      end do
+      ! A prior whose bounds are equal fixes a constant.
+      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
+      if (i > 0) then
+         call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
+            & //to_text(high(i))//' GPa', exit_bad_input)
+         return
+      end if
       ! The most stable crystal of the box: large on the diagonal, small off it.
-      best = high
-      do i = 1, size(best)
-         if (names(i)(2:2) /= names(i)(3:3)) best(i) = max(low(i), min(high(i), 0.0_wp))
-      end do
+      best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
       if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &
          & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
    end subroutine check_bounds
+
+   !> A value for each constant, or none.
+   subroutine check_count(prefix, class, values, error)
+      character(len=*), intent(in) :: prefix
+      type(crystal_class_type), intent(in) :: class
+      real(wp), allocatable, intent(in) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      if (.not. allocated(values)) return
+      if (class%n_constants == 0) then
+         call raise(error, prefix//'a value for each constant is needed, and so &problem symmetry', exit_bad_input)
+      else if (size(values) /= size(class%constants)) then
+         found = to_text(size(values))//' values'
+         if (size(values) == 1) found = 'one value'
+         call raise(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
+            & exit_bad_input)
+      end if
+   end subroutine check_count
 
    !> Three lists of equal length, or none.
    subroutine check_knowledge(path, knowledge, error)

@@ -3,17 +3,15 @@
 !> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
 !> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
 module repeated_tests
-   use checksums, only: checksum
    use chi_square, only: chi_square_above
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: angle_between, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
-   use kinds, only: degree, i8, wp
+   use kinds, only: degree, wp
    use point_index, only: number_equal
-   use point_tables, only: points_type
-   use table_columns, only: find_column, refuse_cell
+   use point_tables, only: first_rows, points_type
+   use table_columns, only: find_column
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
@@ -32,37 +30,25 @@ contains
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: first(:)
-      real(wp) :: key(3, points%n)
+      real(wp) :: key(2, points%n)
       integer :: column, i
 
       call find_column(points%table, 'grain', column, error)
       if (allocated(error) .or. column == 0) return
       do i = 1, points%n
-         if (len(points%table%cell(column, i)) == 0) then
-            call raise(error, 'line '//to_text(points%table%line(i))//', column '//printable(points%table%name(column)) &
-               & //': the cell is empty; the name or number of the grain is needed', exit_bad_input)
-            return
-         end if
-         key(:, i) = [real(points%group(i), wp), halves_of_checksum(points%table%cell(column, i))]
+         if (.not. points%table%is_empty(column, i)) cycle
+         call raise(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed', &
+            & exit_bad_input)
+         return
       end do
       points%named_by = column
+      key(1, :) = points%group
+      key(2, :) = first_rows(points%table, column)
       first = number_equal(key)
-      if (all(first == [(i, i=1, points%n)])) return
+      if (all(first == points%row)) return
       call check_tests(class, points, column, first, error)
       if (.not. allocated(error)) call merge_tests(points, first)
    end subroutine combine_tests
-
-   !> Two numbers by which names are told apart.
-   pure function halves_of_checksum(name) result(halves)
-      character(len=*), intent(in) :: name
-      real(wp) :: halves(2)
-      integer(i8) :: digits(2)
-      character(len=16) :: sum
-
-      sum = checksum(name)
-      read (sum, '(2z8)') digits
-      halves = real(digits, wp)
-   end function halves_of_checksum
 
    !> The tests of a grain have sds, and the orientation of its first one.
    subroutine check_tests(class, points, column, first, error)
@@ -73,7 +59,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: alike = 5.0_wp
       type(region_type) :: region
-      real(wp) :: g(3, 3), direction(3, points%n), angle
+      real(wp) :: direction(3, points%n), angle
       integer :: i
 
       if (.not. all(points%sd_gpa > 0.0_wp)) then
@@ -83,12 +69,11 @@ contains
       end if
       call new_region(class, region)
       if (region%dimension == 0) return
+      direction = points%directions()
       do i = 1, points%n
-         g = rotation_matrix(points%euler_deg(:, i)*degree)
-         direction(:, i) = g(:, 3)
          angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
          if (angle > alike) then
-            call refuse_cell(points%table, column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &
+            call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &
                & //'line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
             return
          end if
@@ -100,25 +85,16 @@ contains
       type(points_type), intent(inout) :: points
       !> Of each test the first one of its grain.
       integer, intent(in) :: first(:)
-      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square
-      integer :: tests(points%n), i
+      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
       integer, allocatable :: kept(:)
 
+      kept = pack(points%row, first == points%row)
       weight = 1.0_wp/points%sd_gpa**2
-      precision = 0.0_wp
-      modulus = 0.0_wp
-      chi_square = 0.0_wp
-      tests = 0
-      do i = 1, points%n
-         tests(first(i)) = tests(first(i)) + 1
-         precision(first(i)) = precision(first(i)) + weight(i)
-         modulus(first(i)) = modulus(first(i)) + weight(i)*points%modulus_gpa(i)
-      end do
-      kept = pack([(i, i=1, points%n)], tests > 0)
+      tests = sums(spread(1.0_wp, 1, points%n), first)
+      precision = sums(weight, first)
+      modulus = sums(weight*points%modulus_gpa, first)
       modulus(kept) = modulus(kept)/precision(kept)
-      do i = 1, points%n
-         chi_square(first(i)) = chi_square(first(i)) + weight(i)*(points%modulus_gpa(i) - modulus(first(i)))**2
-      end do
+      chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
       points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
       points%depth_um = means_of(points%depth_um, first, kept)
       points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
@@ -128,9 +104,22 @@ contains
       points%row = kept
       points%modulus_gpa = modulus(kept)
       points%sd_gpa = 1.0_wp/sqrt(precision(kept))
-      points%tests = tests(kept)
+      points%tests = nint(tests(kept))
       points%chi_square = chi_square(kept)
    end subroutine merge_tests
+
+   !> Of each grain the sum of its tests' `values`, at the place of its first test.
+   pure function sums(values, first)
+      real(wp), intent(in) :: values(:)
+      integer, intent(in) :: first(:)
+      real(wp) :: sums(size(values))
+      integer :: i
+
+      sums = 0.0_wp
+      do i = 1, size(values)
+         sums(first(i)) = sums(first(i)) + values(i)
+      end do
+   end function sums
 
    !> Of each grain the mean of the `values` that are given; NaN if none is.
    pure function means_of(values, first, kept) result(means)
@@ -138,15 +127,9 @@ contains
       !> As in `merge_tests`: of each test the first one of its grain; all those first ones.
       integer, intent(in) :: first(:), kept(:)
       real(wp) :: means(size(kept)), total(size(values)), given(size(values))
-      integer :: i
 
-      total = 0.0_wp
-      given = 0.0_wp
-      do i = 1, size(values)
-         if (.not. values(i) >= 0.0_wp) cycle
-         total(first(i)) = total(first(i)) + values(i)
-         given(first(i)) = given(first(i)) + 1.0_wp
-      end do
+      total = sums(merge(values, 0.0_wp, values >= 0.0_wp), first)
+      given = sums(merge(1.0_wp, 0.0_wp, values >= 0.0_wp), first)
       means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
    end function means_of
 

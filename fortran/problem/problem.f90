@@ -4,14 +4,12 @@
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
-   use point_tables, only: angles_look_like_radians, measurements_of_table, points_type, read_crystals, read_grains, &
-      & read_measurements, read_positions
+   use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter
    use settings_checks, only: check_settings
    use settings_groups, only: settings_type
@@ -19,10 +17,9 @@ module problem
    use settings_reader, only: read_settings
    use settings_schema, only: candidate_sources
    use settings_visitor, only: choice_list_type
-   use stated_columns, only: name_columns
-   use stiffness_table, only: read_stiffness_table, stiffness_table_of_text, stiffness_table_type
+   use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use table_columns, only: column_hint
+   use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, split_list, to_text
    use warning_lists, only: add_warning => warn, warning_type
@@ -66,6 +63,7 @@ module problem
    real(wp), parameter :: paper_contact = 0.5_wp
    !> As many angles below 2 pi are no chance.
    integer, parameter :: few_grains = 3
+   character(len=*), parameter :: like_radians = ': no angle is above 2 pi; angles are in degrees, and these look like radians'
 
 contains
 
@@ -94,68 +92,54 @@ contains
       allocate (self%warnings(0))
       call read_settings(path, namelist, command, needed, choices, self%settings, error)
       if (allocated(error)) return
-      associate (file => self%settings%surrogate%file, builds => self%settings%design%given .or. self%settings%domain%given)
-         if (len(file) == 0) self%settings%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', builds))
-      end associate
-      associate (last => self%settings%indenter)
+      associate (s => self%settings, last => self%settings%indenter)
+         if (len(s%surrogate%file) == 0) s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
+            & s%design%given .or. s%domain%given))
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) last%contact_radius_um = paper_contact
       end associate
-      if (allocated(self%settings%problem%symmetry)) call new_crystal_class(self%settings%problem%symmetry, self%class, error)
+      if (allocated(self%settings%problem%symmetry)) then
+         call new_crystal_class(self%settings%problem%symmetry, self%class, error)
+         ! One name for its synonyms.
+         if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
+      end if
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       call load_tables(self, error)
    end subroutine new_problem
 
-   !> Read the CSV files that the groups name.
+   !> Read the tables that the groups name.
    subroutine load_tables(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+      character(len=:), allocatable :: file, prefix
 
-      if (allocated(self%settings%crystals%points)) then
-         associate (name => self%settings%crystals%points)
+      associate (s => self%settings)
+         if (allocated(s%crystals%points)) then
             allocate (self%crystals)
-            call read_crystals(resolve_path(self%folder, name), place(self%path, 'crystals', 'points')//printable(name)//': ', &
-               & self%class, self%crystals, error)
+            prefix = place(self%path, 'crystals', 'points')//printable(s%crystals%points)
+            call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', self%class, self%crystals, error)
             if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) call warn_radians(self, 'crystals', 'points', printable(name))
-         end associate
-      end if
-      if (allocated(self%settings%measurements%file)) then
-         associate (name => self%settings%measurements%file)
-            if (is_spreadsheet(name)) self%spreadsheet = resolve_path(self%folder, name)
-         end associate
-      end if
-      if (allocated(self%settings%measurements%ebsd)) self%map = resolve_path(self%folder, self%settings%measurements%ebsd)
-      if (allocated(self%settings%measurements%file) .and. .not. allocated(self%spreadsheet)) then
-         if (allocated(self%map)) then
-            allocate (self%indents)
-            call read_table(resolve_path(self%folder, self%settings%measurements%file), self%indents, error)
-            call set_indents(self, error)
-            if (allocated(error)) return
+            if (angles_look_like_radians(self%crystals)) call self%warn(prefix//like_radians)
          end if
-      end if
-      if (allocated(self%settings%measurements%file) .and. .not. (allocated(self%spreadsheet) .or. allocated(self%map))) then
-         associate (name => self%settings%measurements%file)
-            allocate (self%measurements)
-            call read_measurements(resolve_path(self%folder, name), place(self%path, 'measurements', 'file') &
-               & //printable(name)//': ', self%settings%measurements, self%class, self%settings%problem%lattice, &
-               & self%measurements, error)
-            if (.not. allocated(error)) call question_measurements(self, printable(name), error)
-            if (allocated(error)) return
-         end associate
-      end if
-      if (allocated(self%settings%knowledge%stiffness_file)) then
-         associate (name => self%settings%knowledge%stiffness_file)
-            allocate (self%stiffness)
-            call read_stiffness_table(resolve_path(self%folder, name), place(self%path, 'knowledge', 'stiffness_file') &
-               & //printable(name)//': ', self%class, self%stiffness, error)
-            if (allocated(error)) return
-         end associate
-      end if
-      if (allocated(self%settings%next%candidates)) call load_grains(self, self%settings%next%candidates, error)
-      if (allocated(error)) return
-      associate (name => self%settings%design%candidates)
-         if (.not. any(split_list(candidate_sources) == name)) call load_candidates(self, name, error)
+         if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
+         if (allocated(s%measurements%file)) then
+            file = resolve_path(self%folder, s%measurements%file)
+            if (any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
+               self%spreadsheet = file
+            else
+               call read_table(file, table, error)
+               call take_measurements(self, table, error)
+            end if
+         end if
+         if (.not. allocated(error) .and. allocated(s%knowledge%stiffness_file)) then
+            call read_table(resolve_path(self%folder, s%knowledge%stiffness_file), table, error)
+            call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
+               & //printable(s%knowledge%stiffness_file)//': ', error)
+         end if
+         if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, s%next%candidates, error)
+         if (allocated(error) .or. any(split_list(candidate_sources) == s%design%candidates)) return
+         call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables
 
@@ -167,67 +151,71 @@ contains
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
+      integer :: i
 
       if (table == 'warning') then
          call self%warn(page)
          return
       end if
-      if (table == 'stiffness') then
-         if (allocated(self%stiffness)) deallocate (self%stiffness)
-         allocate (self%stiffness)
-         call stiffness_table_of_text(page, place(self%path, 'knowledge', 'stiffness'), self%class, self%stiffness, error)
-         return
-      end if
       call parse_table(page, parsed, error)
-      if (allocated(error)) then
-         error%message = prefix_of_table(self)//error%message
-      else if (table == 'ebsd') then
-         call self%indents%join(parsed, error)
-         if (allocated(error)) error%message = prefix_of_table(self)//error%message
-         if (.not. allocated(error)) call set_measurements(self, self%indents, error)
-      else
-         if (.not. allocated(self%spreadsheet)) call count_rows(parsed)
-         if (allocated(self%map)) then
-            self%indents = parsed
-            call set_indents(self, error)
-         else
-            call set_measurements(self, parsed, error)
-         end if
-      end if
+      select case (table)
+      case ('stiffness')
+         call take_stiffness(self, parsed, place(self%path, 'knowledge', 'stiffness'), error)
+      case ('ebsd')
+         if (.not. allocated(error)) call self%indents%join(parsed, error)
+         call set_measurements(self, self%indents, error)
+      case default
+         ! Rows that are lines of no file are counted from 1, without the header.
+         if (.not. allocated(self%spreadsheet)) parsed%line = [(i, i=1, parsed%rows)]
+         call take_measurements(self, parsed, error)
+      end select
    end subroutine set_table
 
-   !> Rows that are lines of no file are counted from 1, without the header.
-   subroutine count_rows(table)
-      type(table_type), intent(inout) :: table
-      integer :: i
-
-      table%line = [(i, i=1, table%rows)]
-   end subroutine count_rows
-
-   !> Where the measurements were made that wait for their orientations.
-   subroutine set_indents(self, error)
+   !> A stiffness that is known; `error` may be that of its reading.
+   subroutine take_stiffness(self, table, prefix, error)
       type(problem_type), intent(inout) :: self
-      !> Of their reading, if there was one.
+      type(table_type), intent(in) :: table
+      !> Of messages.
+      character(len=*), intent(in) :: prefix
+      type(error_type), allocatable, intent(inout) :: error
+      type(stiffness_table_type) :: stiffness
+
+      if (.not. allocated(error)) call new_stiffness_table(table, self%class, stiffness, error)
+      if (allocated(error)) error%message = prefix//error%message
+      if (.not. allocated(error)) self%stiffness = stiffness
+   end subroutine take_stiffness
+
+   !> Measurements, which wait if their orientations are in a map; `error` may be that of their reading.
+   subroutine take_measurements(self, table, error)
+      type(problem_type), intent(inout) :: self
+      type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(inout) :: error
 
+      if (.not. allocated(self%map)) then
+         call set_measurements(self, table, error)
+         return
+      end if
+      self%indents = table
       if (.not. allocated(error)) call name_columns(self%indents, self%settings%measurements%columns, error)
       if (.not. allocated(error)) call read_positions(self%indents, self%positions, error)
       if (allocated(error)) error%message = prefix_of_table(self)//error%message
-   end subroutine set_indents
+   end subroutine take_measurements
 
+   !> Measurements with their orientations; `error` may be that of their reading.
    subroutine set_measurements(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: name
+      type(error_type), allocatable, intent(inout) :: error
+      type(points_type) :: measurements
 
-      if (allocated(self%measurements)) deallocate (self%measurements)
-      allocate (self%measurements)
-      call measurements_of_table(table, prefix_of_table(self), self%settings%measurements, self%class, &
-         & self%settings%problem%lattice, self%measurements, error)
-      name = 'the table'
-      if (allocated(self%settings%measurements%file)) name = printable(self%settings%measurements%file)
-      if (.not. allocated(error)) call question_measurements(self, name, error)
+      if (.not. allocated(error)) call read_measurements(table, self%settings%measurements, self%class, &
+         & self%settings%problem%lattice, measurements, error)
+      if (allocated(error)) then
+         error%message = prefix_of_table(self)//error%message
+      else
+         self%measurements = measurements
+         call question_measurements(self, error)
+      end if
    end subroutine set_measurements
 
    !> With which messages on the measurements begin.
@@ -240,15 +228,6 @@ contains
          & //printable(self%settings%measurements%file)//': '
    end function prefix_of_table
 
-   pure logical function is_spreadsheet(name)
-      character(len=*), intent(in) :: name
-      integer :: dot
-
-      dot = index(name, '.', back=.true.)
-      is_spreadsheet = .false.
-      if (dot > 0) is_spreadsheet = any(lower(name(dot:)) == [character(len=5) :: '.xlsx', '.xlsm'])
-   end function is_spreadsheet
-
    subroutine load_candidates(self, name, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -256,17 +235,15 @@ contains
       character(len=:), allocatable :: prefix
       integer :: i
 
-      prefix = place(self%path, 'design', 'candidates')
+      prefix = place(self%path, 'design', 'candidates')//printable(name)//': '
       allocate (self%candidates)
-      call read_crystals(resolve_path(self%folder, name), prefix//printable(name)//': ', self%class, self%candidates, error)
-      if (allocated(error)) return
+      call read_crystals(resolve_path(self%folder, name), prefix, self%class, self%candidates, error)
+      if (allocated(error) .or. .not. allocated(self%class%name)) return
       do i = 1, self%candidates%n
-         if (.not. allocated(self%class%name)) exit
-         if (self%candidates%classes(self%candidates%class(i))%name /= self%class%name) then
-            call raise(error, prefix//printable(name)//': line '//to_text(self%candidates%table%line(i)) &
-               & //': the crystal is not of the symmetry of &problem', exit_bad_input)
-            return
-         end if
+         if (self%candidates%classes(self%candidates%class(i))%name == self%class%name) cycle
+         call raise(error, prefix//'line '//to_text(self%candidates%table%line(i)) &
+            & //': the crystal is not of the symmetry of &problem', exit_bad_input)
+         return
       end do
    end subroutine load_candidates
 
@@ -276,50 +253,47 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Of each the moduli of 2000 draws are kept.
       integer, parameter :: most_grains = 2000
-      character(len=:), allocatable :: prefix
+      type(table_type) :: table
+      logical :: radians
 
-      prefix = place(self%path, 'next', 'candidates')//printable(name)//': '
+      radians = self%settings%measurements%angles == 'radians'
       allocate (self%grains)
-      call read_grains(resolve_path(self%folder, name), prefix, self%settings%measurements%angles == 'radians', self%class, &
-         & self%settings%problem%lattice, self%grains, error)
-      if (allocated(error)) return
-      if (self%grains%n > most_grains) then
-         call raise(error, prefix//to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
-      else if (self%settings%measurements%angles == 'degrees') then
-         call refuse_radians(self%grains, prefix, error)
+      call read_table(resolve_path(self%folder, name), table, error)
+      if (.not. allocated(error)) call read_grains(table, radians, self%class, self%settings%problem%lattice, self%grains, error)
+      if (.not. allocated(error) .and. self%grains%n > most_grains) then
+         call raise(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
+      else if (.not. (allocated(error) .or. radians)) then
+         call refuse_radians(self%grains, error)
       end if
+      if (allocated(error)) error%message = place(self%path, 'next', 'candidates')//printable(name)//': '//error%message
    end subroutine load_grains
 
    !> As many angles below a full turn in radians, not all of them whole, are no chance.
-   subroutine refuse_radians(points, prefix, error)
+   subroutine refuse_radians(points, error)
       type(points_type), intent(in) :: points
-      character(len=*), intent(in) :: prefix
       type(error_type), allocatable, intent(out) :: error
 
-      if (.not. points%has_angles .or. points%n < few_grains .or. .not. angles_look_like_radians(points)) return
-      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call raise(error, prefix//'no angle is above 2 pi, so ' &
+      if (points%n < few_grains .or. .not. angles_look_like_radians(points)) return
+      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call raise(error, 'no angle is above 2 pi, so ' &
          & //'these look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 ' &
          & //'to a phi1', exit_bad_input)
    end subroutine refuse_radians
 
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
-   subroutine question_measurements(self, name, error)
+   subroutine question_measurements(self, error)
       type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: name
       type(error_type), allocatable, intent(out) :: error
-      !> Degrees.
-      real(wp), parameter :: alike = 5.0_wp
-      character(len=:), allocatable :: prefix
-      type(region_type) :: region
-      real(wp) :: g(3, 3)
-      real(wp), allocatable :: directions(:, :)
-      character(len=:), allocatable :: hint
+      character(len=:), allocatable :: prefix, hint
       logical :: radians
       integer :: i
 
+      prefix = 'the table'
+      if (allocated(self%settings%measurements%file)) prefix = printable(self%settings%measurements%file)
+      prefix = place(self%path, 'measurements', 'file')//prefix
       self%settings%measurements%modulus_kind = self%measurements%modulus_kind
-      prefix = place(self%path, 'measurements', 'file')//name
       call combine_tests(self%class, self%measurements, error)
+      radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
+      if (.not. allocated(error) .and. radians) call refuse_radians(self%measurements, error)
       if (allocated(error)) then
          error%message = prefix//': '//error%message
          return
@@ -331,69 +305,51 @@ contains
             if (len(hint) > 0) call self%warn(prefix//': the column '//printable(table%name(i))//' is not read'//hint)
          end do
       end associate
-      radians = self%settings%measurements%angles == 'degrees' .and. self%measurements%has_angles
-      if (radians) radians = angles_look_like_radians(self%measurements)
-      if (radians) call refuse_radians(self%measurements, prefix//': ', error)
-      if (allocated(error)) return
-      associate (euler => self%measurements%euler_deg)
-         if (self%measurements%n == 1) then
-            call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
-         else if (allocated(self%class%name)) then
-            allocate (directions(3, self%measurements%n))
-            do i = 1, self%measurements%n
-               g = rotation_matrix(euler(:, i)*degree)
-               directions(:, i) = g(:, 3)
-            end do
-            call new_region(self%class, region)
-            if (region%dimension > 0 .and. .not. radians) then
-               if (all_alike(region, directions, alike*degree)) then
-                  call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
-                     & //'modulus depends on orientation')
-               else
-                  call question_number(self, prefix, region, directions, alike*degree, error)
-               end if
-            end if
-         end if
-      end associate
-      if (allocated(error)) return
-      if (radians) call warn_radians(self, 'measurements', 'file', name)
+      if (self%measurements%n == 1) then
+         call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
+      else if (allocated(self%class%name) .and. .not. radians) then
+         call question_directions(self, prefix, error)
+         if (allocated(error)) return
+      end if
+      if (radians) call self%warn(prefix//like_radians)
       if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call self%warn(prefix &
          & //': an sd_gpa is more than half of its modulus_gpa')
    end subroutine question_measurements
 
-   !> Fewer grains in different directions than there are combinations of the constants that indentation sees.
-   subroutine question_number(self, prefix, region, directions, alike, error)
+   !> Grains that are all alike, or in fewer different directions than there are combinations of the constants that indentation sees.
+   subroutine question_directions(self, prefix, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: prefix
-      type(region_type), intent(in) :: region
-      !> Unit vectors in crystal axes (3, n), and the angle (radians) below which two are the same.
-      real(wp), intent(in) :: directions(:, :), alike
       type(error_type), allocatable, intent(out) :: error
+      !> Two directions are the same below so many degrees.
+      real(wp), parameter :: alike = 5.0_wp
       !> To first order in the anisotropy a modulus has no harmonics of higher degree.
       integer, parameter :: degree_seen = 4
+      type(region_type) :: region
       type(harmonics_type) :: harmonics
-      integer :: kept(size(directions, 2)), n, i, j
+      real(wp) :: directions(3, self%measurements%n)
+      integer :: kept(self%measurements%n), n, i, j
 
+      call new_region(self%class, region)
+      if (region%dimension == 0) return
+      directions = self%measurements%directions()
+      if (all_alike(region, directions, alike*degree)) then
+         call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
+            & //'modulus depends on orientation')
+         return
+      end if
       call new_harmonics(self%class, degree_seen, harmonics, error)
       if (allocated(error)) return
       n = 0
       do i = 1, size(directions, 2)
-         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike, j=1, n)])) cycle
+         if (any([(angle_between(region, directions(:, i), directions(:, kept(j))) < alike*degree, j=1, n)])) cycle
          n = n + 1
          kept(n) = i
          if (n == harmonics%n) return
       end do
       call self%warn(prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n)//' combinations of the ' &
          & //to_text(self%class%n_constants)//' constants are visible to indentation, and so many directions are needed at least')
-   end subroutine question_number
-
-   subroutine warn_radians(self, group, variable, name)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: group, variable, name
-
-      call self%warn(place(self%path, group, variable)//name &
-         & //': no angle is above 2 pi; angles are in degrees, and these look like radians')
-   end subroutine warn_radians
+   end subroutine question_directions
 
    !> Add a warning.
    subroutine warn(self, message)

@@ -7,11 +7,11 @@ module stiffness_table
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use tables, only: parse_table, read_table, table_type
+   use tables, only: table_type
    use text, only: join, to_text
    implicit none
    private
-   public :: stiffness_table_type, read_stiffness_table, stiffness_table_of_text
+   public :: stiffness_table_type, new_stiffness_table
 
    type :: stiffness_table_type
       !> The cells as written.
@@ -25,96 +25,63 @@ module stiffness_table
 
 contains
 
-   !> Read a file.
-   subroutine read_stiffness_table(path, prefix, class, self, error)
-      !> With `prefix` messages begin.
-      character(len=*), intent(in) :: path, prefix
+   !> The mean and the covariance that the rows of a table have.
+   subroutine new_stiffness_table(table, class, self, error)
+      type(table_type), intent(in) :: table
       type(crystal_class_type), intent(in) :: class
       type(stiffness_table_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      character(len=4), dimension(class%n_constants + 1) :: headers, labels
+      integer, dimension(class%n_constants + 1) :: column, row
+      real(wp) :: values(class%n_constants, class%n_constants + 1)
+      integer :: i, j
 
-      call read_table(path, self%table, error)
-      if (.not. allocated(error)) call read_rows(self, class, error)
-      if (allocated(error)) error%message = prefix//error%message
-   end subroutine read_stiffness_table
-
-   !> The same from a text that is no file.
-   subroutine stiffness_table_of_text(page, prefix, class, self, error)
-      !> CSV, and with what messages begin.
-      character(len=*), intent(in) :: page, prefix
-      type(crystal_class_type), intent(in) :: class
-      type(stiffness_table_type), intent(out) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call parse_table(page, self%table, error)
-      if (.not. allocated(error)) call read_rows(self, class, error)
-      if (allocated(error)) error%message = prefix//error%message
-   end subroutine stiffness_table_of_text
-
-   subroutine read_rows(self, class, error)
-      type(stiffness_table_type), intent(inout) :: self
-      type(crystal_class_type), intent(in) :: class
-      type(error_type), allocatable, intent(out) :: error
-      integer :: column(0:class%n_constants), place, i, j, k
-
-      k = class%n_constants
-      column = [self%table%find('row'), (self%table%find(class%constants(j)), j=1, k)]
-      do j = 0, k
-         if (column(j) > 0) cycle
-         call raise(error, 'the column '//label(j, 'row')//' is missing; a '//class%name//' crystal needs row, ' &
-            & //join(class%constants, ', '), exit_bad_input)
+      self%table = table
+      headers = [character(len=4) :: 'row', class%constants]
+      labels = [character(len=4) :: 'mean', class%constants]
+      column = [(table%find(trim(headers(j))), j=1, size(column))]
+      j = findloc(column, 0, dim=1)
+      if (j > 0) then
+         call raise(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs ' &
+            & //join(headers, ', '), exit_bad_input)
          return
-      end do
-      do j = 1, self%table%columns
+      end if
+      do j = 1, table%columns
          if (any(column == j)) cycle
-         call raise(error, 'the column '//printable(self%table%name(j))//' is none of row, '//join(class%constants, ', ') &
+         call raise(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ') &
             & //', the constants of a '//class%name//' crystal', exit_bad_input)
          return
       end do
-      allocate (self%mean(k), self%covariance(k, k))
-      do i = 0, k
-         call find_row(label(i, 'mean'), place)
-         if (allocated(error)) return
-         do j = 1, k
-            if (i == 0) call self%table%number(column(j), place, self%mean(j), error)
-            if (i > 0) call self%table%number(column(j), place, self%covariance(i, j), error)
+      row = 0
+      do i = 1, table%rows
+         j = findloc(labels == table%cell(column(1), i), .true., dim=1)
+         if (j == 0) cycle
+         if (row(j) > 0) then
+            call raise(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice', exit_bad_input)
+            return
+         end if
+         row(j) = i
+      end do
+      j = findloc(row, 0, dim=1)
+      if (j > 0) then
+         call raise(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) and those of the covariance ' &
+            & //'(GPa^2), '//join(class%constants, ', '), exit_bad_input)
+      else if (table%rows /= size(row)) then
+         call raise(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: ' &
+            & //join(labels, ', '), exit_bad_input)
+      end if
+      do i = 1, size(row)
+         do j = 1, class%n_constants
             if (allocated(error)) return
+            call table%number(column(j + 1), row(i), values(j, i), error)
          end do
       end do
-      if (self%table%rows /= k + 1) call raise(error, to_text(self%table%rows)//' rows; '//to_text(k + 1) &
-         & //' are needed: mean, '//join(class%constants, ', '), exit_bad_input)
-      if (.not. allocated(error)) call check_mean(self, class, error)
+      if (allocated(error)) return
+      self%mean = values(:, 1)
+      self%covariance = transpose(values(:, 2:))
+      call check_mean(self, class, error)
       if (.not. allocated(error)) call check_covariance(self, class, error)
-
-   contains
-
-      !> The name of a constant, or what stands for 0.
-      pure function label(number, zeroth) result(name)
-         integer, intent(in) :: number
-         character(len=*), intent(in) :: zeroth
-         character(len=:), allocatable :: name
-
-         name = zeroth
-         if (number > 0) name = class%constants(number)
-      end function label
-
-      subroutine find_row(name, row)
-         character(len=*), intent(in) :: name
-         integer, intent(out) :: row
-         integer :: r
-
-         row = 0
-         do r = 1, self%table%rows
-            if (self%table%cell(column(0), r) /= name) cycle
-            if (row > 0) call raise(error, 'line '//to_text(self%table%line(r))//': the row '//name//' is there twice', &
-               & exit_bad_input)
-            if (row > 0) return
-            row = r
-         end do
-         if (row == 0) call raise(error, 'the row '//name//' is missing; the rows are mean (GPa) and those of the covariance ' &
-            & //'(GPa^2), '//join(class%constants, ', '), exit_bad_input)
-      end subroutine find_row
-   end subroutine read_rows
+   end subroutine new_stiffness_table
 
    subroutine check_mean(self, class, error)
       type(stiffness_table_type), intent(in) :: self

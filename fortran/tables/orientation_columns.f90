@@ -8,7 +8,6 @@ module orientation_columns
    use crystal_lattice, only: lattice_parameters, lattice_type, new_lattice
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, pi, wp
-   use table_columns, only: refuse_cell
    use tables, only: table_type
    use text, only: join, to_text
    implicit none
@@ -87,25 +86,16 @@ contains
             if (allocated(error)) return
          end do
          if (way == quaternions) then
-            if (abs(norm2(row) - 1.0_wp) > rounding) then
-               call refuse_cell(table, columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + q2^2 + q3^2 = ' &
-                  & //to_text(sum(row**2))//', and 1 is needed', error)
-               return
-            end if
+            if (abs(norm2(row) - 1.0_wp) > rounding) call table%refuse(columns(1), i, ' is of no unit quaternion: q0^2 + q1^2 + ' &
+               & //'q2^2 + q3^2 = '//to_text(sum(row**2))//', and 1 is needed', error)
             v = direction_of_quaternion(row/norm2(row))
          else
-            if (way == four_directions .or. way == four_planes) then
-               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) then
-                  call refuse_cell(table, columns(3), i, ': the first three of four indices have the sum ' &
-                     & //to_text(sum(row(:3)))//', and 0 is needed', error)
-                  return
-               end if
-               row = merge([row(1) - row(3), row(2) - row(3), row(4), 0.0_wp], [row(1), row(2), row(4), 0.0_wp], &
-                  & way == four_directions)
-            end if
-            if (maxval(abs(row)) <= 0.0_wp) then
-               call refuse_cell(table, columns(1), i, ' and all other indices are 0: no direction', error)
-               return
+            if (maxval(abs(row)) <= 0.0_wp) call table%refuse(columns(1), i, ' and all other indices are 0: no direction', error)
+            if (size(columns) == 4) then
+               if (abs(sum(row(:3))) > rounding*maxval(abs(row))) call table%refuse(columns(3), i, ': the first three of four ' &
+                  & //'indices have the sum '//to_text(sum(row(:3)))//', and 0 is needed', error)
+               if (way == four_directions) row(:2) = row(:2) - row(3)
+               row(3) = row(4)
             end if
             if (way == directions .or. way == four_directions) then
                v = lattice%direction(row(:3))
@@ -113,6 +103,7 @@ contains
                v = lattice%normal(row(:3))
             end if
          end if
+         if (allocated(error)) return
          euler_deg(:, i) = angles_of_direction(v)
       end do
    end subroutine read_directions

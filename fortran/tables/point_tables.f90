@@ -1,0 +1,459 @@
+!> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
+!> ones are carried through.
+module point_tables
+   use checksums, only: hash_of
+   use crystal_class, only: crystal_class_type, general_class, new_crystal_class
+   use crystal_elasticity, only: check_stiffness, rotation_matrix
+   use errors, only: error_type, exit_bad_input, raise
+   use kinds, only: degree, i8, pi, wp
+   use orientation_columns, only: find_ways, read_directions
+   use point_index, only: number_equal
+   use settings_groups, only: measurements_settings_type
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
+   use tables, only: read_table, table_type
+   use text, only: join, to_text
+   implicit none
+   private
+   public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians
+
+   !> One row a point. What a table has not is NaN.
+   type :: points_type
+      integer :: n = 0
+      !> The cells as written.
+      type(table_type) :: table
+      !> The crystal classes that rows have, and the number of each row's, (n); none in measurements.
+      type(crystal_class_type), allocatable :: classes(:)
+      integer, allocatable :: class(:)
+      !> In the order of the class, padded with NaN, GPa, (21, n).
+      real(wp), allocatable :: constants(:, :)
+      !> Crystal frame, GPa, (6, 6, n).
+      real(wp), allocatable :: stiffness(:, :, :)
+      !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
+      real(wp), allocatable :: euler_deg(:, :)
+      logical :: has_angles = .true.
+      !> Moduli and their sds, GPa, (n).
+      real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
+      !> Of measurements: which modulus was measured.
+      character(len=:), allocatable :: modulus_kind
+      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth of the indentation and radius of the
+      !> grain, um; and its group, 1, 2, .., (n).
+      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), grain_radius_um(:)
+      integer, allocatable :: group(:)
+      !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n).
+      integer :: named_by = 0
+      integer, allocatable :: row(:)
+      !> Where a point is several tests combined: their numbers, and the chi-square of each one's tests about their mean, (n).
+      integer, allocatable :: tests(:)
+      real(wp), allocatable :: chi_square(:)
+   contains
+      procedure :: name
+      procedure :: directions
+   end type points_type
+
+   character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
+   !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
+   real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
+   !> Of depths and grains, um.
+   real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
+   !> What a modulus of a metal, and a stiffness, can be, GPa.
+   real(wp), parameter :: moduli_allowed(2) = [1.0_wp, 2000.0_wp], stiffness_most = 5000.0_wp
+   character(len=*), parameter :: no_modulus = ' GPa is no modulus of a metal; allowed 1.0 to 2000.0 GPa', &
+      & in_mpa = ' GPa looks like MPa; allowed 1.0 to 2000.0 GPa'
+
+contains
+
+   !> Crystals and orientations. `prefix` begins the message of a refusal.
+   subroutine read_crystals(path, prefix, default_class, points, error)
+      character(len=*), intent(in) :: path, prefix
+      !> Of the rows that do not say theirs.
+      type(crystal_class_type), intent(in) :: default_class
+      type(points_type), intent(out) :: points
+      type(error_type), allocatable, intent(out) :: error
+      integer :: column
+
+      call read_table(path, points%table, error)
+      if (.not. allocated(error)) call read_angles(points, .false., error)
+      if (.not. allocated(error)) call read_constants(points, default_class, error)
+      if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
+      if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
+      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .true., no_modulus, &
+         & points%modulus_gpa, error, in_mpa)
+      if (allocated(error)) error%message = prefix//error%message
+   end subroutine read_crystals
+
+   !> The name of point `i`, or its number.
+   function name(self, i)
+      class(points_type), intent(in) :: self
+      !> 1, 2, ..
+      integer, intent(in) :: i
+      character(len=:), allocatable :: name
+
+      if (self%named_by > 0) then
+         name = self%table%cell(self%named_by, self%row(i))
+      else
+         name = to_text(i)
+      end if
+   end function name
+
+   !> The indented direction of each point in crystal axes, (3, n).
+   pure function directions(self)
+      class(points_type), intent(in) :: self
+      real(wp) :: directions(3, self%n), g(3, 3)
+      integer :: i
+
+      do i = 1, self%n
+         g = rotation_matrix(self%euler_deg(:, i)*degree)
+         directions(:, i) = g(:, 3)
+      end do
+   end function directions
+
+   !> Orientations with moduli, as `&measurements` says.
+   subroutine read_measurements(table, asked, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
+      type(measurements_settings_type), intent(in) :: asked
+      !> Of the grains.
+      type(crystal_class_type), intent(in) :: crystal
+      !> Of its unit cell, see `new_lattice`; perhaps unallocated.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(points_type), intent(out) :: points
+      type(error_type), allocatable, intent(out) :: error
+      integer :: column
+
+      points%table = table
+      call name_columns(points%table, asked%columns, error)
+      if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
+      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
+      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .false., no_modulus, &
+         & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
+      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call raise(error, 'the column sd_gpa is ' &
+         & //'missing; it may be absent only with scale = ''inferred''; the columns are '//column_list(points%table) &
+         & //nearest_to(points%table, 'sd_gpa'), exit_bad_input)
+      if (.not. allocated(error)) call read_numbers(points%table, column, [tiny(1.0_wp), moduli_allowed(2)], .false., ' GPa; a ' &
+         & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)
+      call read_optional(points%table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
+      call read_optional(points%table, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
+      call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
+      if (.not. allocated(error)) call read_groups(points)
+   end subroutine read_measurements
+
+   !> The columns x_um and y_um.
+   subroutine read_positions(table, positions, error)
+      type(table_type), intent(in) :: table
+      !> um, (n, 2).
+      real(wp), allocatable, intent(out) :: positions(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=4), parameter :: names(2) = ['x_um', 'y_um']
+      real(wp), allocatable :: values(:)
+      integer :: column, j
+
+      allocate (positions(table%rows, 2))
+      do j = 1, 2
+         call find_column(table, names(j), column, error, needed=.true.)
+         if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., '', values, error)
+         if (allocated(error)) return
+         positions(:, j) = values
+      end do
+   end subroutine read_positions
+
+   !> Orientations of grains that may be measured, with their names.
+   subroutine read_grains(table, radians, crystal, parameters, points, error)
+      type(table_type), intent(in) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(crystal_class_type), intent(in) :: crystal
+      !> See `read_measurements`.
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(points_type), intent(out) :: points
+      type(error_type), allocatable, intent(out) :: error
+
+      points%table = table
+      call read_orientations(points, radians, crystal, parameters, error)
+      if (.not. allocated(error)) call find_column(points%table, 'grain', points%named_by, error)
+   end subroutine read_grains
+
+   !> The angles of every row, or angles for the direction that is stated in another way.
+   subroutine read_orientations(points, radians, crystal, parameters, error)
+      type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(crystal_class_type), intent(in) :: crystal
+      real(wp), allocatable, intent(in) :: parameters(:)
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: columns(:)
+      integer :: way, angles(3), j
+
+      call find_ways(points%table, way, columns, error)
+      do j = 1, 3
+         if (allocated(error)) return
+         call find_column(points%table, trim(angle_names(j)), angles(j), error)
+      end do
+      if (allocated(error)) return
+      if (way == 0) then
+         call read_angles(points, radians, error)
+         if (allocated(error) .and. all(angles == 0)) error%message = error%message &
+            & //'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
+      else if (all(angles > 0)) then
+         call raise(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', '&
+            & //points%table%name(columns(2))//', ..; one of them is allowed', exit_bad_input)
+      else
+         call set_size(points)
+         points%has_angles = .false.
+         call read_directions(points%table, way, columns, crystal, parameters, points%euler_deg, error)
+      end if
+   end subroutine read_orientations
+
+   !> A point a row; what is not read yet is NaN.
+   subroutine set_size(points)
+      type(points_type), intent(inout) :: points
+      integer :: i
+
+      points%n = points%table%rows
+      points%row = [(i, i=1, points%n)]
+      allocate (points%euler_deg(3, points%n))
+      allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
+   end subroutine set_size
+
+   !> The angles of every row.
+   subroutine read_angles(points, radians, error)
+      type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
+      type(error_type), allocatable, intent(out) :: error
+      ! Half a turn in radians is a rounded number.
+      real(wp), parameter :: largest_turn = 36000.0_wp, rounding = 1.0e-4_wp
+      real(wp), allocatable :: values(:)
+      real(wp) :: allowed(2), unit
+      integer :: column(3), j
+
+      call set_size(points)
+      do j = 1, 3
+         call find_column(points%table, trim(angle_names(j)), column(j), error, needed=.true.)
+         if (allocated(error)) return
+         if (.not. radians) call check_unit(points%table, column(j), degrees, error)
+         if (allocated(error)) then
+            error%message = 'column '//points%table%name(column(j))//' is in radians; degrees are needed, or of measurements ' &
+               & //'angles = ''radians'''
+            return
+         end if
+      end do
+      unit = merge(degree, 1.0_wp, radians)
+      do j = 1, 3
+         allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
+         call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
+            & merge(' radians', ' degrees', radians)//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
+         if (allocated(error)) return
+         points%euler_deg(j, :) = min(values, allowed(2))/unit
+      end do
+   end subroutine read_angles
+
+   !> The independent constants of each row, and the stiffness.
+   subroutine read_constants(points, default_class, error)
+      type(points_type), intent(inout) :: points
+      type(crystal_class_type), intent(in) :: default_class
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: general
+      real(wp), allocatable :: values(:)
+      integer, allocatable :: own(:, :)
+      integer :: column(21), i, j
+
+      call new_crystal_class(general_class, general, error)
+      if (allocated(error)) return
+      allocate (points%constants(21, points%n), source=nan)
+      allocate (points%stiffness(6, 6, points%n))
+      do j = 1, 21
+         column(j) = points%table%find(general%constants(j))
+         if (column(j) == 0) cycle
+         call check_unit(points%table, column(j), ' gpa ', error)
+         if (.not. allocated(error)) call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
+            & ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
+         if (allocated(error)) return
+         points%constants(j, :) = values
+      end do
+      ! All 21 columns and no word on the symmetry: the crystals are given whole.
+      if (all(column > 0) .and. points%table%find('symmetry') == 0) then
+         call read_classes(points, general, error)
+      else
+         call read_classes(points, default_class, error)
+      end if
+      if (allocated(error)) return
+      allocate (own(21, size(points%classes)), source=0)
+      do i = 1, size(points%classes)
+         associate (names => points%classes(i)%constants)
+            own(:size(names), i) = [(findloc(general%constants, names(j), dim=1), j=1, size(names))]
+         end associate
+      end do
+      do i = 1, points%n
+         call take_constants(points, i, general, own(:, points%class(i)), column, error)
+         if (allocated(error)) return
+      end do
+   end subroutine read_constants
+
+   !> The class of each row, which may say it.
+   subroutine read_classes(points, usual, error)
+      type(points_type), intent(inout) :: points
+      !> Of the rows that do not.
+      type(crystal_class_type), intent(in) :: usual
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
+      integer, allocatable :: first(:)
+      character(len=:), allocatable :: cell
+      integer :: column, i, j
+
+      column = points%table%find('symmetry')
+      first = first_rows(points%table, column)
+      allocate (points%classes(0), points%class(points%n))
+      do i = 1, points%n
+         if (first(i) < i) then
+            points%class(i) = points%class(first(i))
+            cycle
+         end if
+         cell = ''
+         if (column > 0) cell = points%table%cell(column, i)
+         class = usual
+         if (len(cell) > 0) call new_crystal_class(cell, class, error)
+         if (allocated(error)) then
+            error%message = points%table%place(column, i)//error%message
+            return
+         end if
+         do j = 1, size(points%classes)
+            if (points%classes(j)%name == class%name) exit
+         end do
+         if (j > size(points%classes)) points%classes = [points%classes, class]
+         points%class(i) = j
+      end do
+   end subroutine read_classes
+
+   !> Of the entries of row i the constants of its class, and the stiffness.
+   subroutine take_constants(points, i, general, own, column, error)
+      type(points_type), intent(inout) :: points
+      integer, intent(in) :: i
+      !> The class whose constants are all entries.
+      type(crystal_class_type), intent(in) :: general
+      !> Which entries are the constants of the row's class; the columns of all, or 0.
+      integer, intent(in) :: own(21), column(21)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: entries(21), implied(21)
+      integer :: j, k
+
+      entries = points%constants(:, i)
+      points%constants(:, i) = nan
+      associate (class => points%classes(points%class(i)), table => points%table)
+         do k = 1, class%n_constants
+            j = own(k)
+            if (column(j) == 0) then
+               call raise(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
+                  & //join(class%constants, ', '), exit_bad_input)
+            else if (.not. abs(entries(j)) <= stiffness_most) then
+               call table%number(column(j), i, entries(j), error)
+            end if
+            if (allocated(error)) return
+            points%constants(k, i) = entries(j)
+         end do
+         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
+         ! A constant that does not apply is empty, or what the symmetry makes it.
+         implied = general%constants_of(points%stiffness(:, :, i))
+         do j = 1, 21
+            if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+            call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+               & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
+            return
+         end do
+      end associate
+      call check_stiffness(points%stiffness(:, :, i), error)
+      if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+   end subroutine take_constants
+
+   !> A column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
+   subroutine read_optional(table, name, allowed, unit, values, error)
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: name
+      !> The least and the greatest.
+      real(wp), intent(in) :: allowed(2)
+      !> After a blank.
+      character(len=*), intent(in) :: unit
+      real(wp), allocatable, intent(out) :: values(:)
+      type(error_type), allocatable, intent(inout) :: error
+      integer :: column
+
+      if (.not. allocated(error)) call find_column(table, name, column, error)
+      if (.not. allocated(error)) call read_numbers(table, column, allowed, .true., unit//'; allowed ' &
+         & //to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
+   end subroutine read_optional
+
+   !> The numbers of a `column`, NaN where its cells are empty and may be, or where it is 0.
+   subroutine read_numbers(table, column, allowed, may_be_empty, refusal, values, error, refusal_of_large)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: column
+      !> The least and the greatest.
+      real(wp), intent(in) :: allowed(2)
+      logical, intent(in) :: may_be_empty
+      !> What follows a cell that is not allowed.
+      character(len=*), intent(in) :: refusal
+      real(wp), allocatable, intent(out) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      !> The same of too large numbers, where it differs.
+      character(len=*), intent(in), optional :: refusal_of_large
+      integer :: i
+
+      allocate (values(table%rows), source=nan)
+      if (column == 0) return
+      do i = 1, table%rows
+         if (may_be_empty) then
+            if (table%is_empty(column, i)) cycle
+         end if
+         call table%number(column, i, values(i), error)
+         if (allocated(error)) return
+         if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
+         call table%refuse(column, i, refusal, error)
+         if (present(refusal_of_large) .and. values(i) > allowed(2)) call table%refuse(column, i, refusal_of_large, error)
+         return
+      end do
+   end subroutine read_numbers
+
+   !> Groups are numbered in the order in which their names appear.
+   subroutine read_groups(points)
+      type(points_type), intent(inout) :: points
+      integer, allocatable :: first(:)
+      integer :: last, i
+
+      first = first_rows(points%table, points%table%find('group'))
+      allocate (points%group(points%n))
+      last = 0
+      do i = 1, points%n
+         if (first(i) == i) last = last + 1
+         points%group(i) = last
+         if (first(i) < i) points%group(i) = points%group(first(i))
+      end do
+   end subroutine read_groups
+
+   !> Of each row the first one that has the same cell in a `column`; the first of all if that is 0.
+   function first_rows(table, column) result(first)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: column
+      integer, allocatable :: first(:)
+      real(wp), allocatable :: key(:, :)
+      integer(i8) :: hash
+      integer :: i
+
+      if (column == 0) then
+         allocate (first(table%rows), source=1)
+         return
+      end if
+      allocate (key(2, table%rows))
+      do i = 1, table%rows
+         hash = hash_of(table%cell(column, i))
+         key(:, i) = real([ibits(hash, 0, 32), ibits(hash, 32, 32)], wp)
+      end do
+      first = number_equal(key)
+   end function first_rows
+
+   !> No angle above a full turn in radians, and not all zero.
+   pure logical function angles_look_like_radians(points)
+      type(points_type), intent(in) :: points
+      real(wp) :: largest
+
+      largest = maxval(abs(points%euler_deg))
+      angles_look_like_radians = points%has_angles .and. largest > 0.0_wp .and. largest <= 2.0_wp*pi + 1.0e-6_wp
+   end function angles_look_like_radians
+end module point_tables

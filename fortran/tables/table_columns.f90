@@ -1,0 +1,285 @@
+!> Which column of a table is which quantity: the names that tables have, whatever the case, with their units in brackets, after a
+!> slash, as the last word or in a row of their own.
+module table_columns
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: printable
+   use orientation_columns, only: direction_names
+   use spelling, only: suggestion
+   use tables, only: longest_name, table_type
+   use text, only: join, lower, split_list
+   implicit none
+   private
+   public :: find_column, find_modulus, column_list, nearest_to, check_unit, column_hint, name_columns, degrees
+
+   !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
+   type :: column_type
+      character(len=longest_name) :: name
+      !> Separated by ', '.
+      character(len=176) :: others
+      character(len=34) :: units
+   end type column_type
+   character(len=*), parameter :: degrees = ' deg degrees degree ° ', angle_units = degrees//'rad radians ', &
+      & gpa = ' gpa ', um = ' um µm μm '
+   type(column_type), parameter :: known_columns(*) = [ &
+      & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
+      & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
+      & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
+      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa), &
+      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus', gpa), &
+      & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff', gpa), &
+      & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
+      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, error, err, uncertainty, standard_deviation, ' &
+      & //'standard_error, sem, sigma, modulus_sd, modulus_std, er_sd, er_std, e_r_sd, e_r_std', gpa), &
+      & column_type('orientation_sd_deg', 'orientation_sd', degrees), &
+      & column_type('depth_um', '', um), &
+      & column_type('grain_radius_um', '', um), &
+      & column_type('x_um', 'x', um), &
+      & column_type('y_um', 'y', um), &
+      & column_type('group', '', ''), &
+      & column_type('grain', 'grain_id, grain_number', '')]
+   !> The rows of the moduli; all but the first name their kind, and then the unit.
+   integer, parameter :: plain = 4, last_modulus = 7
+   character(len=*), parameter :: modulus_unit = '_gpa'
+   !> What may be a unit in a name.
+   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm '
+   !> Fewer letters are near to everything.
+   integer, parameter :: shortest_misspelt = 4
+
+contains
+
+   !> A column by its name or by another one; 0 where there is none.
+   subroutine find_column(table, name, column, error, needed)
+      type(table_type), intent(in) :: table
+      !> Of `known_columns`.
+      character(len=*), intent(in) :: name
+      integer, intent(out) :: column
+      type(error_type), allocatable, intent(out) :: error
+      !> It must be there.
+      logical, intent(in), optional :: needed
+      integer, allocatable :: found(:)
+      integer :: i, j
+
+      i = findloc(known_columns%name, name, dim=1)
+      found = pack([(j, j=1, table%columns)], [(is_other_name(table%called(j), i), j=1, table%columns)])
+      column = table%find(name)
+      if (column == 0 .and. size(found) > 1) then
+         call raise(error, 'the columns '//printable(table%name(found(1)))//' and '//printable(table%name(found(2))) &
+            & //' are both '//name//'; one of them is allowed, or one that is named '//name, exit_bad_input)
+         return
+      end if
+      if (column == 0 .and. size(found) == 1) column = found(1)
+      if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
+      if (present(needed) .and. column == 0) call raise(error, 'the column '//name//' is missing; the columns are ' &
+         & //column_list(table)//nearest_to(table, name), exit_bad_input)
+   end subroutine find_column
+
+   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit.
+   pure logical function is_other_name(name, i)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: i
+      character(len=:), allocatable :: word, unit
+
+      call split_name(name, word, unit)
+      is_other_name = any(split_list(known_columns(i)%others) == word)
+   end function is_other_name
+
+   !> The unit that a column's name or the row of units says, if any, is one of `units`.
+   subroutine check_unit(table, column, units, error)
+      type(table_type), intent(in) :: table
+      !> Its number.
+      integer, intent(in) :: column
+      !> Words, each between blanks.
+      character(len=*), intent(in) :: units
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word, unit, allowed
+      integer :: i
+
+      call split_name(table%name(column), word, unit)
+      do i = 1, 2
+         if (i == 2) unit = trim(table%units(column))
+         if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
+         allowed = 'allowed'//trim(units)
+         if (len_trim(units) == 0) allowed = 'this column has none'
+         call raise(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed, &
+            & exit_bad_input)
+         return
+      end do
+   end subroutine check_unit
+
+   !> 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)', 'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
+   pure subroutine split_name(name, word, unit)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable, intent(out) :: word, unit
+      integer :: k
+
+      word = lower(name)
+      unit = ''
+      k = scan(word, '([/')
+      if (k > 0) then
+         unit = word(k + 1:)
+         if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
+         unit = trim(adjustl(unit))
+         word = word(:k - 1)
+      end if
+      word = trim(word)
+      do k = 1, len(word)
+         if (scan(word(k:k), ' -.') == 1) word(k:k) = '_'
+      end do
+      k = index(word, '''')
+      if (k > 0) word = word(:k - 1)//word(k + 1:)
+      k = index(word, '_', back=.true.)
+      if (k > 1 .and. len(unit) == 0) then
+         if (index(unit_words, ' '//word(k + 1:)//' ') > 0) then
+            unit = word(k + 1:)
+            word = word(:k - 1)
+         end if
+      end if
+   end subroutine split_name
+
+   !> The column of the moduli, and their kind from its name or as stated.
+   subroutine find_modulus(table, stated, column, kind, error)
+      type(table_type), intent(in) :: table
+      !> A kind of modulus, or unallocated.
+      character(len=:), allocatable, intent(in) :: stated
+      integer, intent(out) :: column
+      character(len=:), allocatable, intent(out) :: kind
+      type(error_type), allocatable, intent(out) :: error
+      character(len=longest_name) :: names(plain:last_modulus), kinds(plain:last_modulus)
+      character(len=:), allocatable :: choices, found
+      integer :: columns(plain:last_modulus), i, own
+
+      names = known_columns(plain:last_modulus)%name
+      found = ''
+      own = 0
+      do i = plain, last_modulus
+         kinds(i) = names(i)(:index(names(i), modulus_unit) - 1)
+         call find_column(table, trim(names(i)), columns(i), error)
+         if (allocated(error)) return
+         if (columns(i) == 0) cycle
+         found = found//' and '//printable(table%name(columns(i)))
+         if (i > plain .and. .not. allocated(stated)) own = i
+         if (i > plain .and. allocated(stated)) own = merge(i, own, stated == kinds(i))
+      end do
+      choices = ''''//join(kinds(plain + 1:), ''', ''')//''''
+      column = columns(plain)
+      if (allocated(stated)) kind = stated
+      if (len(found) == 0) then
+         call raise(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, ' &
+            & //join(names(plain + 1:), ', ')//'; the columns are '//column_list(table)//nearest_to(table, join(names, ', ')), &
+            & exit_bad_input)
+      else if (allocated(stated) .and. own == 0 .and. column == 0) then
+         call raise(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
+            & //'; leave modulus_kind out, or name the column modulus_gpa', exit_bad_input)
+      else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
+         call raise(error, 'the columns '//found(6:)//' are moduli; which to take says modulus_kind: '//choices, exit_bad_input)
+      else if (.not. allocated(stated) .and. column > 0) then
+         call raise(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does ' &
+            & //'modulus_kind; allowed '//choices//' (effective_modulus: what instruments call reduced modulus, Er)', &
+            & exit_bad_input)
+      else if (own > 0) then
+         column = columns(own)
+         kind = trim(kinds(own))
+      end if
+   end subroutine find_modulus
+
+   !> '; X: did you mean Y?' of the column that is nearest to one of `names` (separated by ', ') or their other names; or nothing.
+   function nearest_to(table, names) result(words)
+      type(table_type), intent(in) :: table
+      !> Of `known_columns`.
+      character(len=*), intent(in) :: names
+      character(len=:), allocatable :: words
+      character(len=:), allocatable :: allowed, near
+      integer :: j
+
+      allowed = names
+      do j = 1, size(known_columns)
+         if (any(split_list(names) == known_columns(j)%name)) allowed = allowed//', '//trim(known_columns(j)%others)
+      end do
+      words = ''
+      do j = 1, table%columns
+         near = column_hint(table, j, allowed)
+         if (len(near) == 0) cycle
+         words = '; '//printable(table%name(j))//':'//near(2:)
+         return
+      end do
+   end function nearest_to
+
+   !> Whether a name is one of those of `known_columns`.
+   pure logical function is_known(name)
+      character(len=*), intent(in) :: name
+      integer :: i
+
+      is_known = any([(is_other_name(name, i) .or. lower(known_columns(i)%name) == lower(name), i=1, size(known_columns))])
+   end function is_known
+
+   !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
+   function column_hint(table, column, allowed) result(words)
+      type(table_type), intent(in) :: table
+      !> Its number.
+      integer, intent(in) :: column
+      !> What is known, where that is not all names, separated by ', '.
+      character(len=*), intent(in), optional :: allowed
+      character(len=:), allocatable :: words
+
+      words = ''
+      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
+      if (present(allowed)) words = suggestion(table%name(column), allowed)
+      if (.not. present(allowed)) words = suggestion(table%name(column), join(known_columns%name, ', '))
+   end function column_hint
+
+   function column_list(table) result(list)
+      type(table_type), intent(in) :: table
+      character(len=:), allocatable :: list
+      integer, parameter :: most = 30
+      integer :: j
+
+      list = ''
+      do j = 1, min(table%columns, most)
+         list = list//', '//printable(table%name(j))
+      end do
+      list = list(3:)
+      if (table%columns > most) list = list//', ...'
+   end function column_list
+
+   !> Give columns the names that `said` has for them; their units stay those of the header.
+   subroutine name_columns(table, said, error)
+      type(table_type), intent(inout) :: table
+      !> Of each a name, = and the header of its column; unallocated: nothing is said.
+      character(len=*), allocatable, intent(in) :: said(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=longest_name) :: given(table%columns)
+      character(len=:), allocatable :: names, known(:), name, header, place
+      integer :: equals, column, i, k
+
+      if (.not. allocated(said)) return
+      names = join(known_columns%name, ', ')//', '//direction_names()
+      known = split_list(names)
+      given = ''
+      table%given_names = ''
+      do i = 1, size(said)
+         equals = index(said(i), '=')
+         name = trim(adjustl(said(i)(:max(1, equals) - 1)))
+         header = trim(adjustl(said(i)(equals + 1:)))
+         place = 'columns: '''//printable(trim(said(i)))//''': '
+         do k = 1, size(known)
+            if (lower(known(k)) == lower(name)) exit
+         end do
+         column = table%find(header)
+         if (len(name) == 0 .or. len(header) == 0) then
+            call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
+               & exit_bad_input)
+         else if (k > size(known)) then
+            call raise(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names, &
+               & exit_bad_input)
+         else if (column == 0) then
+            call raise(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &
+               & //'; the columns are '//column_list(table), exit_bad_input)
+         else if (any(given == known(k)) .or. len_trim(given(column)) > 0) then
+            call raise(error, place//'the name or the column is there twice; each is allowed once', exit_bad_input)
+         end if
+         if (allocated(error)) return
+         given(column) = known(k)
+      end do
+      table%given_names = given
+   end subroutine name_columns
+end module table_columns

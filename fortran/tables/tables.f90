@@ -1,0 +1,485 @@
+!> Tables of text cells from CSV, and back: a header row, then rows; lines that start with # are comments.
+!>
+!> Cells are separated by commas, semicolons or tabs, whichever the header has most of; if not by commas, numbers may have decimal ones.
+!> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
+!> order mark are accepted. A row of units may follow the header.
+module tables
+   use checksums, only: checksum
+   use errors, only: error_type, exit_bad_input, raise
+   use files, only: new_file_type, printable, read_text_file
+   use numbers, only: number_malformed, number_ok, read_real, short_text
+   use text, only: lower, quoted, split_list, to_text
+   use kinds, only: wp
+   implicit none
+   private
+   public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
+
+   !> Bytes of a name that a program gives to a column.
+   integer, parameter :: longest_name = 23
+   !> Words of a row of units; the longest has so many bytes.
+   character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
+   integer, parameter :: longest_unit = 7
+   character, parameter :: newline = achar(10), return = achar(13), tab = achar(9)
+   character(len=*), parameter :: delimiters = ',;'//tab
+
+   type :: table_type
+      !> Rows and columns, the header not counted.
+      integer :: rows = 0, columns = 0
+      !> Line of the file on which each row begins, (rows).
+      integer, allocatable :: line(:)
+      !> The name that stands for that of the header, (columns), empty where there is none.
+      character(len=longest_name), allocatable :: given_names(:)
+      !> What a row of units says, in lower case, (columns), empty where it says nothing.
+      character(len=longest_unit), allocatable :: units(:)
+      !> The text, in which cells are without quotes, and first and last byte of each, (2, columns, 0:rows); row 0 is the header.
+      character(len=:), allocatable, private :: buffer
+      integer, allocatable, private :: bounds(:, :, :)
+      logical, private :: decimal_comma = .false.
+   contains
+      procedure :: cell
+      procedure :: is_empty
+      procedure :: name
+      procedure :: called
+      procedure :: find
+      procedure :: number
+      procedure :: place
+      procedure :: refuse
+      procedure :: join
+      procedure :: digest
+   end type table_type
+
+contains
+
+   !> Read the table of a file. The message of a refusal does not name the file, only the line.
+   subroutine read_table(path, table, error)
+      character(len=*), intent(in) :: path
+      type(table_type), intent(out) :: table
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: content
+
+      call read_text_file(path, content, error)
+      if (allocated(error)) return
+      call parse_table(content, table, error)
+   end subroutine read_table
+
+   !> The table of the text `content` of a CSV file.
+   subroutine parse_table(content, table, error)
+      character(len=*), intent(in) :: content
+      type(table_type), intent(out) :: table
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: bounds(:, :), line(:)
+      integer :: rows, above, i
+
+      call split(content, table, bounds, line, rows, error)
+      if (allocated(error)) return
+      if (rows == 0) then
+         call raise(error, 'the table has no header row', exit_bad_input)
+         return
+      end if
+      allocate (table%given_names(table%columns), table%units(table%columns))
+      table%given_names = ''
+      table%units = ''
+      above = 1
+      if (rows > 1) call read_units(table, bounds(:, table%columns + 1:2*table%columns), above)
+      table%rows = rows - above
+      table%line = line(above + 1:rows)
+      allocate (table%bounds(2, table%columns, 0:table%rows))
+      table%bounds(:, :, 0) = bounds(:, :table%columns)
+      do i = 1, table%rows
+         table%bounds(:, :, i) = bounds(:, (i + above - 1)*table%columns + 1:(i + above)*table%columns)
+      end do
+      call check_header(table, line(1), error)
+      if (allocated(error)) return
+      if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
+   end subroutine parse_table
+
+   !> A row of units and nothing else is one of the rows `above` those of the table.
+   subroutine read_units(table, bounds, above)
+      type(table_type), intent(inout) :: table
+      !> Of the cells below the header.
+      integer, intent(in) :: bounds(:, :)
+      integer, intent(inout) :: above
+      character(len=longest_unit) :: units(table%columns)
+      character(len=:), allocatable :: word
+      integer :: j
+
+      do j = 1, table%columns
+         word = bare_unit(table%buffer(bounds(1, j):bounds(2, j)))
+         if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
+         units(j) = word
+      end do
+      if (all(units == '')) return
+      above = 2
+      where (units /= '-') table%units = units
+   end subroutine read_units
+
+   !> 'gpa' of '[GPa]'.
+   pure function bare_unit(string) result(word)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: word
+
+      word = lower(string)
+      if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
+      word = trim(adjustl(word))
+   end function bare_unit
+
+   !> Names must be names, and each of its own.
+   subroutine check_header(table, line, error)
+      type(table_type), intent(in) :: table
+      integer, intent(in) :: line
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: value
+      integer :: i, j, outcome
+      logical :: numeric
+
+      numeric = .true.
+      do j = 1, table%columns
+         call read_real(table%name(j), value, outcome)
+         numeric = numeric .and. outcome /= number_malformed
+      end do
+      if (numeric) call raise(error, 'line '//to_text(line)//': numbers where the header row with the names of the columns ' &
+         & //'must be', exit_bad_input)
+      do j = 2, table%columns
+         if (allocated(error)) return
+         if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call raise(error, 'line ' &
+            & //to_text(line)//': the column '//printable(table%name(j))//' is there twice', exit_bad_input)
+      end do
+   end subroutine check_header
+
+   !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
+   pure character function delimiter_of(header)
+      character(len=*), intent(in) :: header
+      integer :: counts(len(delimiters)), i, k
+      logical :: quoted
+
+      counts = 0
+      quoted = .false.
+      do i = 1, len(header)
+         if (header(i:i) == '"') quoted = .not. quoted
+         k = index(delimiters, header(i:i))
+         if (k > 0 .and. .not. quoted) counts(k) = counts(k) + 1
+      end do
+      k = maxloc(counts, dim=1)
+      delimiter_of = delimiters(k:k)
+   end function delimiter_of
+
+   !> Cut the text into cells, all rows of which have as many as the header.
+   subroutine split(content, table, bounds, line, rows, error)
+      character(len=*), intent(in) :: content
+      type(table_type), intent(inout) :: table
+      !> Of the cells, row by row from the header; the lines on which rows begin, and the number of rows.
+      integer, allocatable, intent(out) :: bounds(:, :), line(:)
+      integer, intent(out) :: rows
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: words
+      character :: delimiter
+      integer :: cells, above, number, last, lines, separators, i
+
+      allocate (character(len=len(content) + 1) :: table%buffer)
+      table%buffer(:len(content)) = content
+      table%buffer(len(content) + 1:) = newline
+      lines = 0
+      separators = 0
+      do i = 1, len(table%buffer)
+         if (table%buffer(i:i) == newline) lines = lines + 1
+         if (any(table%buffer(i:i) == [',', ';', tab])) separators = separators + 1
+      end do
+      allocate (bounds(2, separators + lines), line(lines))
+      cells = 0
+      rows = 0
+      number = 1
+      i = 1
+      do while (i <= len(table%buffer))
+         ! At the start of a line: skip it if blank or a comment.
+         last = i - 2 + index(table%buffer(i:), newline)
+         if (is_skipped(table%buffer(i:last))) then
+            i = last + 2
+            number = number + 1
+            cycle
+         end if
+         rows = rows + 1
+         if (rows == 1) delimiter = delimiter_of(table%buffer(i:last))
+         table%decimal_comma = delimiter /= ','
+         line(rows) = number
+         above = cells
+         do
+            cells = cells + 1
+            call take_cell(table%buffer, delimiter, i, number, bounds(:, cells), error)
+            if (allocated(error)) then
+               error%message = 'line '//to_text(line(rows))//': '//error%message
+               return
+            end if
+            i = i + 1
+            if (table%buffer(i - 1:i - 1) == newline) exit
+         end do
+         number = number + 1
+         ! Empty cells beyond the header, and rows of nothing else, are none.
+         do while (cells - above > merge(0, table%columns, rows == 1))
+            if (bounds(2, cells) >= bounds(1, cells)) exit
+            cells = cells - 1
+         end do
+         if (all(bounds(2, above + 1:cells) < bounds(1, above + 1:cells))) then
+            cells = above
+            rows = rows - 1
+            cycle
+         end if
+         if (rows == 1) table%columns = cells
+         if (cells - above == table%columns) cycle
+         words = ''
+         if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
+            & //'semicolons'
+         if (table%columns == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
+         call raise(error, 'line '//to_text(line(rows))//': '//to_text(cells - above)//' cells where the header has ' &
+            & //to_text(table%columns)//words, exit_bad_input)
+         return
+      end do
+   end subroutine split
+
+   !> The cell at byte `i`, which is left at what ends it. A text in quotes is moved to the front, over these.
+   subroutine take_cell(buffer, delimiter, i, line, bounds, error)
+      ! allow(C072)
+      character(len=*), intent(inout) :: buffer
+      character, intent(in) :: delimiter
+      !> The place, and the number of its line.
+      integer, intent(inout) :: i, line
+      !> First and last byte.
+      integer, intent(out) :: bounds(2)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: last
+
+      do while (buffer(i:i) == ' ' .or. (buffer(i:i) == tab .and. delimiter /= tab))
+         i = i + 1
+      end do
+      if (buffer(i:i) /= '"') then
+         bounds(1) = i
+         do while (buffer(i:i) /= delimiter .and. buffer(i:i) /= newline)
+            i = i + 1
+         end do
+         do last = i - 1, bounds(1), -1
+            if (buffer(last:last) /= ' ' .and. buffer(last:last) /= tab .and. buffer(last:last) /= return) exit
+         end do
+         bounds(2) = last
+         return
+      end if
+      bounds = [i, i - 1]
+      do
+         i = i + 1
+         if (i > len(buffer)) then
+            call raise(error, 'a double quote is not closed', exit_bad_input)
+            return
+         end if
+         if (buffer(i:i) == '"') then
+            i = i + 1
+            if (buffer(i:i) /= '"') exit
+         end if
+         if (buffer(i:i) == newline) line = line + 1
+         bounds(2) = bounds(2) + 1
+         buffer(bounds(2):bounds(2)) = buffer(i:i)
+      end do
+      do while (index(' '//tab//return, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
+         i = i + 1
+      end do
+      if (index(delimiter//newline, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
+   end subroutine take_cell
+
+   pure logical function is_skipped(line)
+      character(len=*), intent(in) :: line
+      integer :: i
+
+      i = verify(line, ' '//tab//return)
+      is_skipped = i == 0
+      if (i > 0) is_skipped = line(i:i) == '#'
+   end function is_skipped
+
+   !> The cell in a `column` and `row`.
+   pure function cell(self, column, row) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      !> 0 is the header.
+      integer, intent(in) :: row
+      character(len=:), allocatable :: string
+
+      string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))
+   end function cell
+
+   !> Whether there is nothing in a `column` and `row`.
+   pure logical function is_empty(self, column, row)
+      class(table_type), intent(in) :: self
+      !> As of `cell`.
+      integer, intent(in) :: column, row
+
+      is_empty = self%bounds(2, column, row) < self%bounds(1, column, row)
+   end function is_empty
+
+   !> Let the columns of another table with as many rows follow; it has no row of units.
+   subroutine join(self, other, error)
+      class(table_type), intent(inout) :: self
+      type(table_type), intent(in) :: other
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: bounds(:, :, :)
+      integer :: j
+
+      do j = 1, other%columns
+         if (self%find(other%name(j)) == 0) cycle
+         call raise(error, 'the column '//printable(self%name(self%find(other%name(j))))//' is there, and follows from the other ' &
+            & //'table; leave it out', exit_bad_input)
+         return
+      end do
+      allocate (bounds(2, self%columns + other%columns, 0:self%rows))
+      bounds(:, :self%columns, :) = self%bounds
+      bounds(:, self%columns + 1:, :) = len(self%buffer) + other%bounds
+      call move_alloc(bounds, self%bounds)
+      self%buffer = self%buffer//other%buffer
+      self%columns = self%columns + other%columns
+      self%given_names = [self%given_names, other%given_names]
+      self%units = [self%units, other%units]
+   end subroutine join
+
+   !> The name of a `column`.
+   pure function name(self, column) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      character(len=:), allocatable :: string
+
+      string = self%cell(column, 0)
+   end function name
+
+   !> What a `column` is known as: the name that was given to it, or that of the header.
+   pure function called(self, column) result(string)
+      class(table_type), intent(in) :: self
+      integer, intent(in) :: column
+      character(len=:), allocatable :: string
+
+      string = trim(self%given_names(column))
+      if (len(string) == 0) string = self%name(column)
+   end function called
+
+   !> Number of the column that was given this name, or has it, exactly or else whatever the case; 0 if there is none.
+   pure integer function find(self, name)
+      class(table_type), intent(in) :: self
+      character(len=*), intent(in) :: name
+      integer :: j
+
+      find = findloc(self%given_names, name, dim=1)
+      if (find > 0) return
+      do j = self%columns, 1, -1
+         if (lower(self%called(j)) == lower(name)) find = j
+      end do
+      do j = 1, self%columns
+         if (self%called(j) == name) exit
+      end do
+      if (j <= self%columns) find = j
+   end function find
+
+   !> The finite number `value` in a cell; a refusal names line, `column` and value.
+   subroutine number(self, column, row, value, error)
+      class(table_type), intent(in) :: self
+      !> Counted from 1.
+      integer, intent(in) :: column, row
+      real(wp), intent(out) :: value
+      type(error_type), allocatable, intent(out) :: error
+      integer :: outcome, comma
+      character(len=:), allocatable :: string, words
+
+      call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), value, outcome)
+      if (outcome == number_ok) return
+      words = ''
+      string = self%cell(column, row)
+      comma = index(string, ',')
+      if (.not. self%decimal_comma .and. comma > 0) words = '; decimal commas are read where semicolons or tabs ' &
+         & //'separate the cells'
+      if (self%decimal_comma .and. index(string, '.') == 0 .and. index(string, ',', back=.true.) == comma) then
+         if (comma > 0) string(comma:comma) = '.'
+      end if
+      call read_real(string, value, outcome)
+      if (len(string) == 0) then
+         call raise(error, self%place(column, row)//'the cell is empty; a number is needed', exit_bad_input)
+      else if (outcome == number_malformed) then
+         call raise(error, self%place(column, row)//''''//printable(string)//''' is not a number'//words, exit_bad_input)
+      else if (outcome /= number_ok) then
+         call raise(error, self%place(column, row)//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
+      end if
+   end subroutine number
+
+   !> 'line 2, column phi1: ', the beginning of a message about a cell.
+   pure function place(self, column, row)
+      class(table_type), intent(in) :: self
+      !> As of `number`.
+      integer, intent(in) :: column, row
+      character(len=:), allocatable :: place
+
+      place = 'line '//to_text(self%line(row))//', column '//printable(self%name(column))//': '
+   end function place
+
+   !> Refuse a cell: its text, then what is wrong with it.
+   pure subroutine refuse(self, column, row, message, error)
+      class(table_type), intent(in) :: self
+      !> As of `number`.
+      integer, intent(in) :: column, row
+      !> What follows the text of the cell.
+      character(len=*), intent(in) :: message
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, self%place(column, row)//printable(self%cell(column, row))//message, exit_bad_input)
+   end subroutine refuse
+
+   !> A text, `string`, as a cell of a CSV file: in double quotes if it must be.
+   pure function csv_cell(string) result(cell)
+      character(len=*), intent(in) :: string
+      character(len=:), allocatable :: cell
+
+      cell = string
+      if (scan(string, ',"'//achar(10)//achar(13)) > 0 .or. index(string, '#') == 1 &
+         & .or. string /= adjustl(string) .or. len(string) /= len_trim(string)) cell = quoted(string, '"')
+   end function csv_cell
+
+   !> Write a table with the columns `names`, separated by commas; its own of these names are left out.
+   subroutine write_table(table, path, names, values, error)
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: path, names
+      !> Of each row and each name; what is not finite is an empty cell.
+      real(wp), intent(in) :: values(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      type(new_file_type) :: file
+      character(len=:), allocatable :: added(:), line
+      logical :: kept(table%columns)
+      integer :: i, j
+
+      allocate (added, source=split_list(names))
+      kept = [(all(added /= table%name(j)), j=1, table%columns)]
+      call file%begin(path)
+      do i = 0, table%rows
+         line = ''
+         do j = 1, table%columns
+            if (kept(j)) line = line//csv_cell(table%cell(j, i))//','
+         end do
+         do j = 1, size(added)
+            if (i == 0) line = line//trim(added(j))//','
+            if (i > 0) line = line//short_text(values(max(i, 1), j))//','
+         end do
+         line(len(line):) = newline
+         call file%add(line)
+      end do
+      call file%finish(error)
+   end subroutine write_table
+
+   !> A short name for the cells.
+   function digest(self)
+      class(table_type), intent(in) :: self
+      character(len=:), allocatable :: digest
+      character(len=:), allocatable :: joined
+      integer :: i, j, filled
+
+      allocate (character(len=sum(self%bounds(2, :, :) - self%bounds(1, :, :)) + 2*(self%rows + 1)*self%columns) :: joined)
+      filled = 0
+      do i = 0, self%rows
+         do j = 1, self%columns
+            associate (cell => self%buffer(self%bounds(1, j, i):self%bounds(2, j, i))//tab)
+               joined(filled + 1:filled + len(cell)) = cell
+               filled = filled + len(cell)
+            end associate
+         end do
+      end do
+      digest = checksum(joined(:filled))
+   end function digest
+end module tables
