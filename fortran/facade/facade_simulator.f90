@@ -82,7 +82,8 @@ end subroutine simulation_resolution
 
 !> Force over modulus, `unit_force` (um2), of the isotropic half-space at each `depth` (um) of n, under the indenter of a problem.
 subroutine simulation_unit_force(problem, n, depth, unit_force, status, message)
-   use indenters, only: indenter_type, new_indenter
+   use abstract_indenter, only: indenter_type
+   use indenters, only: new_indenter
    use interoperation, only: c_double, c_int, c_int64_t, error_to_status, error_type
    use problem, only: problem_type
    use problem_handles, only: problem_of_handle
@@ -95,11 +96,11 @@ subroutine simulation_unit_force(problem, n, depth, unit_force, status, message)
    character(len=1024), intent(out) :: message
    type(error_type), allocatable :: error
    type(problem_type), pointer :: self
-   type(indenter_type) :: tip
+   class(indenter_type), allocatable :: indenter
 
    unit_force = 0.0_c_double
    call problem_of_handle(problem, self, error)
-   if (.not. allocated(error)) call new_indenter(self%settings%indenter, tip, error)
-   if (.not. allocated(error)) unit_force = tip%unit_force(depth)
+   if (.not. allocated(error)) call new_indenter(self%settings%indenter, indenter, error)
+   if (.not. allocated(error)) unit_force = indenter%unit_force(depth)
    call error_to_status(error, status, message)
 end subroutine simulation_unit_force

@@ -1,16 +1,16 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
 module fe_grid
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_contact, only: contact_residual, solve_contact
    use fe_mesh, only: mesh_type
-   use indenters, only: indenter_type
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_inverse
    use memory, only: raise_no_memory
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, kept_factor, &
       & release_factor, solve_factored
-   use specimen_mesh, only: specimen_mesh_type
    use text, only: to_text
    implicit none
    private
@@ -41,20 +41,20 @@ module fe_grid
 contains
 
    !> The mesh of a specimen, ready to be indented.
-   subroutine new_grid(specimen, tip, refine, grid, error)
-      class(specimen_mesh_type), intent(in) :: specimen
-      type(indenter_type), intent(in) :: tip
+   subroutine new_grid(specimen, indenter, refine, grid, error)
+      class(specimen_type), intent(in) :: specimen
+      class(indenter_type), intent(in) :: indenter
       !> Elements per contact radius relative to the specimen's default.
       real(wp), intent(in) :: refine
       type(grid_type), intent(out) :: grid
       type(error_type), allocatable, intent(out) :: error
 
-      call specimen%make(refine, tip%contact_radius, grid%mesh, error)
+      call specimen%make(refine, grid%mesh, error)
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
       associate (x => grid%mesh%x(:, grid%mesh%contact))
-         grid%gap = tip%gap(sqrt(x(1, :)**2 + x(2, :)**2))
+         grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
       end associate
       associate (a => grid%assembly)
          call analyse_pattern(a%column_start, a%row, a%group, a%kept, grid%cholesky, error)

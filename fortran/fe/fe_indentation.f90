@@ -2,16 +2,16 @@
 !>
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
    use settings_groups, only: settings_type
    use sparse_cholesky, only: free_analysis
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    use text, only: to_text
    implicit none
    private
@@ -24,10 +24,9 @@ module fe_indentation
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type
-      type(indenter_type) :: indenter
-      class(specimen_mesh_type), allocatable :: specimen
-      !> Name of the brick element, and its formulation (`fe_element`).
-      character(len=:), allocatable :: element
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
+      !> Formulation of the bricks (`fe_element`).
       integer :: formulation = brick_selective
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
@@ -67,25 +66,22 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      call new_indenter(settings%indenter, model%indenter, error)
-      if (.not. allocated(error)) call new_specimen(settings, model%indenter%contact_radius, &
-         & model%specimen, error)
+      call new_indentation(settings, model%indenter, model%specimen, error)
       if (allocated(error)) return
-      associate (simulation => settings%simulation, tip => model%indenter)
-         model%element = model%specimen%element_of(simulation%element)
-         if (model%element == 'c3d8i') then
+      associate (simulation => settings%simulation, indenter => model%indenter)
+         if (model%specimen%element == 'c3d8i') then
             model%formulation = brick_incompatible
          else if (simulation%integration == 'full') then
             model%formulation = brick_full
          else
             model%formulation = brick_selective
          end if
-         model%depth = tip%depth_of([(tip%contact_radius*i/simulation%depths, i=1, simulation%depths)])
-         model%depth(simulation%depths) = tip%depth
+         model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
+         model%depth(simulation%depths) = indenter%depth
 
          allocate (model%grid(merge(2, 1, simulation%extrapolate)))
          do i = 1, size(model%grid)
-            call new_grid(model%specimen, tip, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
+            call new_grid(model%specimen, indenter, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
                & model%grid(i), error)
             if (allocated(error)) then
                call free_indentation_model(model)
@@ -94,7 +90,7 @@ contains
             model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
          end do
          if (.not. any(is_resolved(model, model%depth))) then
-            call raise(error, 'the contact radius spans '//to_text(tip%contact_radius/model%grid(1)%mesh%element_size, 3) &
+            call raise(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
                & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
                & //to_text(simulation%refine)//')', exit_bad_input)
             call free_indentation_model(model)
@@ -108,8 +104,10 @@ contains
       !> um.
       real(wp), intent(in) :: depth(:)
       logical :: is_resolved(size(depth))
+      real(wp) :: contact_radius(size(depth))
 
-      is_resolved = model%indenter%contact_radius_of(depth) >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
+      contact_radius = model%indenter%contact_radius_of(depth)
+      is_resolved = contact_radius >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
    !> Give back what the meshes hold outside Fortran; the model is then empty.

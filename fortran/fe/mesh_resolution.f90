@@ -3,13 +3,13 @@
 !> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
 !> largest error grows with its power 3.5, and falls with the square of the fineness.
 module mesh_resolution
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_groups, only: settings_type
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    use text, only: to_text
    implicit none
    private
@@ -34,17 +34,16 @@ contains
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp) :: largest(size(stiffness, 3))
       type(error_type), allocatable :: error
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
       real(wp) :: fineness, scale
       integer :: i
 
       largest = 0.0_wp
-      call new_indenter(settings%indenter, tip, error)
-      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error)) return
-      fineness = settings%simulation%refine*tip%contact_radius/specimen%element_size(tip%contact_radius)
-      scale = merge(worst_incompatible, worst_plain, specimen%element_of(settings%simulation%element) == 'c3d8i')
+      fineness = settings%simulation%refine*specimen%contact_radius/specimen%element_size
+      scale = merge(worst_incompatible, worst_plain, specimen%element == 'c3d8i')
       if (settings%simulation%extrapolate) scale = extrapolated*scale
       scale = scale*(studied_fineness/fineness)**order
       do i = 1, size(largest)

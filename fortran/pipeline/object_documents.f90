@@ -246,7 +246,8 @@ contains
       type(described_values_type), intent(inout) :: visitor
 
       call visitor%document%begin_object()
-      call visitor%document%put('element', model%element)
+      call visitor%document%put('element', model%specimen%element)
+      call visitor%document%put('parts', model%specimen%parts)
       call visitor%document%put('elements', model%elements)
       call visitor%document%put('depths', size(model%depth))
       call visitor%document%put('depth_max_um', model%indenter%depth)

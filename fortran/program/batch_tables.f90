@@ -1,10 +1,11 @@
 !> The tables of simulated crystals: `moduli.csv` and `curves.csv`, as the Python program writes them.
 module batch_tables
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use abstract_indenter, only: indenter_type
    use campaign, only: row_type
    use errors, only: error_type
    use files, only: new_file_type
-   use indenters, only: indenter_type, new_indenter
+   use indenters, only: new_indenter
    use kinds, only: wp
    use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
    use numbers, only: short_text
@@ -56,10 +57,10 @@ contains
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: file
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
       integer :: i, j
 
-      call new_indenter(self%settings%indenter, tip, error)
+      call new_indenter(self%settings%indenter, indenter, error)
       if (allocated(error)) return
       call file%begin(path)
       call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
@@ -67,7 +68,7 @@ contains
          do j = 1, size(rows(i)%outcome%depth)
             associate (depth => rows(i)%outcome%depth(j), force => rows(i)%outcome%force(j))
                call file%add(to_text(i)//','//short_text(depth)//','//short_text(force)//',' &
-                  & //short_text(force/tip%unit_force(depth))//newline)
+                  & //short_text(force/indenter%unit_force(depth))//newline)
             end associate
          end do
       end do

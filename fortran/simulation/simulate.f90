@@ -3,17 +3,17 @@
 !> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
 !> say nothing about the crystal.
 module simulate
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_bad_input, exit_failure, raise
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use namelist_file, only: place
    use settings_groups, only: settings_type
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    implicit none
    private
    public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error
@@ -75,33 +75,27 @@ contains
       !> Whether the specimen is the half-space, which theory knows.
       logical, intent(out) :: has_theory
       type(error_type), allocatable, intent(out) :: error
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
 
       has_theory = .false.
-      call new_indenter(settings%indenter, tip, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error)) then
-         error%message = place(path, '', '')//'&indenter '//error%message
-         return
+         error%message = place(path, '', '')//error%message
+      else
+         has_theory = .not. specimen%has_length
       end if
-      call new_specimen(settings, tip%contact_radius, specimen, error)
-      if (allocated(error)) then
-         error%message = place(path, '', '')//'&specimen '//error%message
-         return
-      end if
-      has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of its Kelvin stiffness, GPa; 0 where the
    !> crystal's own scale changes moduli by a factor only.
    real(wp) function specimen_stiffness(settings) result(scale)
       type(settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(specimen_type), allocatable :: specimen
       real(wp) :: poisson, anisotropy, own(6, 6)
 
       scale = 0.0_wp
-      call find_specimen(settings, tip, specimen)
+      call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
       own = specimen%own_stiffness()
       if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
@@ -110,25 +104,23 @@ contains
    !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of its own, um; 0 of one without.
    real(wp) function specimen_contact_radius(settings) result(radius)
       type(settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(specimen_type), allocatable :: specimen
 
       radius = 0.0_wp
-      call find_specimen(settings, tip, specimen)
+      call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
-      if (specimen%has_length) radius = tip%contact_radius
+      if (specimen%has_length) radius = specimen%contact_radius
    end function specimen_contact_radius
 
    !> What finite elements, ours or others', indent; not allocated where theory takes their place, or it cannot be.
-   subroutine find_specimen(settings, tip, specimen)
+   subroutine find_specimen(settings, specimen)
       type(settings_type), intent(in) :: settings
-      type(indenter_type), intent(out) :: tip
-      class(specimen_mesh_type), allocatable, intent(out) :: specimen
+      class(specimen_type), allocatable, intent(out) :: specimen
+      class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
 
       if (settings%simulation%simulator == 'theory') return
-      call new_indenter(settings%indenter, tip, error)
-      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error) .and. allocated(specimen)) deallocate (specimen)
    end subroutine find_specimen
 
