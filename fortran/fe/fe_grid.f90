@@ -57,7 +57,7 @@ contains
          grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
       end associate
       associate (a => grid%assembly)
-         call analyse_pattern(a%column_start, a%row, a%group, a%kept, grid%cholesky, error)
+         call analyse_pattern(a%column_start, a%row, a%group, a%n_contact, grid%cholesky, error)
       end associate
    end subroutine new_grid
 
@@ -96,7 +96,7 @@ contains
       integer(i8) :: start, finish, rate
       integer :: n, depths, status
 
-      n = grid%assembly%kept
+      n = grid%assembly%n_contact
       depths = size(curve%depth)
       allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
       if (status /= 0) then
@@ -174,7 +174,7 @@ contains
       allocate (x(n), residual(n), source=0.0_wp)
       do i = 0, refinements
          residual = -product_with(grid%assembly, values, x)
-         residual(n - grid%assembly%kept + 1:) = residual(n - grid%assembly%kept + 1:) - force
+         residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact + 1:) - force
          call solve_factored(grid%cholesky, factor, residual)
          x = x + residual
       end do
