@@ -9,7 +9,7 @@ module crystal_class
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotations_about
+   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotation_about, rotations_about
 
    type :: row_type
       character(len=12) :: name
@@ -117,15 +117,24 @@ contains
          angle = 1.0_wp
          if (folds(i) > 0) angle = 2.0_wp*pi/folds(i)
          u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
-         u = u/norm2(u)
-         rotations(:, 1, i) = cos(angle)*[1, 0, 0] + sin(angle)*[0.0_wp, u(3), -u(2)] + (1.0_wp - cos(angle))*u*u(1)
-         rotations(:, 2, i) = cos(angle)*[0, 1, 0] + sin(angle)*[-u(3), 0.0_wp, u(1)] + (1.0_wp - cos(angle))*u*u(2)
-         rotations(:, 3, i) = cos(angle)*[0, 0, 1] + sin(angle)*[u(2), -u(1), 0.0_wp] + (1.0_wp - cos(angle))*u*u(3)
+         rotations(:, :, i) = rotation_about(u, angle)
          ! Zeros, halves and ones exactly.
          where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) &
             & rotations(:, :, i) = snapped(rotations(:, :, i))
       end do
    end subroutine rotations_about
+
+   !> The rotation by an angle.
+   pure function rotation_about(axis, angle) result(rotation)
+      !> Of any length; radians.
+      real(wp), intent(in) :: axis(3), angle
+      real(wp) :: rotation(3, 3)
+      real(wp) :: u(3), cross(3, 3)
+
+      u = axis/norm2(axis)
+      cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
+      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3]) + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
+   end function rotation_about
 
    pure elemental real(wp) function snapped(x)
       real(wp), intent(in) :: x

@@ -67,30 +67,20 @@ contains
       !> Of the layer, see `brick_strain`.
       real(wp), intent(in) :: growth
       real(wp), intent(out) :: stress(6)
-      real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
-      integer :: n, p, q
+      real(wp) :: b(6, 33, 8), volume(8), k(33, 33), unknown(33)
+      integer :: p, q
 
-      n = unknowns_of(formulation, growth)
       call brick_strain(x, formulation, growth, b, volume)
+      k = 0.0_wp
+      do q = 1, 8
+         k = k + volume(q)*matmul(transpose(b(:, :, q)), matmul(c, b(:, :, q)))
+      end do
+      call eliminate_modes(k(:unknowns_of(formulation, growth), :unknowns_of(formulation, growth)), 24)
       unknown = 0.0_wp
       unknown(:24) = reshape(u, [24])
-      if (formulation == brick_incompatible) then
-         k = 0.0_wp
-         load = 0.0_wp
-         do q = 1, 8
-            k = k + volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, b(:, 25:, q)))
-            load = load - volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, matmul(b(:, :24, q), unknown(:24))))
-         end do
-         do p = n - 24, 1, -1
-            load(:p - 1) = load(:p - 1) - k(:p - 1, p)*(load(p)/k(p, p))
-            do q = 1, p - 1
-               k(:p - 1, q) = k(:p - 1, q) - k(:p - 1, p)*(k(p, q)/k(p, p))
-            end do
-         end do
-         do p = 1, n - 24
-            unknown(24 + p) = (load(p) - dot_product(k(p, :p - 1), unknown(25:23 + p)))/k(p, p)
-         end do
-      end if
+      do p = 25, unknowns_of(formulation, growth)
+         unknown(p) = -dot_product(k(p, :p - 1), unknown(:p - 1))/k(p, p)
+      end do
       stress = 0.0_wp
       do q = 1, 8
          stress = stress + volume(q)*matmul(c, matmul(b(:, :, q), unknown))
@@ -138,17 +128,13 @@ contains
          end do
       end do
       if (formulation == brick_selective) then
-         do a = 1, 8
-            do i = 1, 3
-               mean(i, a) = sum(gradient(i, a, :)*volume)/sum(volume)
-            end do
-         end do
+         mean = 0.0_wp
          do q = 1, 8
-            do a = 1, 8
-               do i = 1, 3
-                  b(1:3, 3*a - 3 + i, q) = b(1:3, 3*a - 3 + i, q) + (mean(i, a) - gradient(i, a, q))/3.0_wp
-               end do
-            end do
+            mean = mean + gradient(:, :, q)*volume(q)
+         end do
+         mean = mean/sum(volume)
+         do q = 1, 8
+            b(1:3, :24, q) = b(1:3, :24, q) + spread(reshape(mean - gradient(:, :, q), [24]), 1, 3)/3.0_wp
          end do
       else if (formulation == brick_incompatible) then
          natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp])

@@ -7,10 +7,11 @@
 !> 6 x 6 matrix doubles the angles, where the sum would need n inverses of (nn). F_n^-1 has the blocks of N too; D is positive and E
 !> negative definite in both, being means of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
 module barnett_lothe
+   use crystal_elasticity, only: voigt_index
    use kinds, only: pi, wp
    implicit none
    private
-   public :: lanes, tolerance, inverse_barnett
+   public :: lanes, tolerance, contraction_maps, inverse_barnett
 
    !> Directions that one call takes: they fill the vector units.
    integer, parameter :: lanes = 8
@@ -23,6 +24,38 @@ module barnett_lothe
    integer, parameter :: transposed(9) = [1, 4, 7, 2, 5, 8, 3, 6, 9]
 
 contains
+
+   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness as linear functions of the products a_k b_l.
+   pure subroutine contraction_maps(c, one, both)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> From a_k b_l, l fastest, to (ab) by columns.
+      real(wp), intent(out) :: one(9, 9)
+      !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
+      real(wp), intent(out) :: both(6, 6)
+      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
+      integer :: i, j, k, l, p, q
+
+      do j = 1, 3
+         do i = 1, 3
+            do k = 1, 3
+               do l = 1, 3
+                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
+               end do
+            end do
+         end do
+      end do
+      do q = 1, 6
+         i = first(q)
+         j = second(q)
+         do p = 1, 6
+            k = first(p)
+            l = second(p)
+            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
+            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
+         end do
+      end do
+   end subroutine contraction_maps
 
    !> B^-1/(8 pi^2) = L^-1/(2 pi), 1/GPa: components 11, 22, 33, 23, 13, 12.
    pure subroutine inverse_barnett(mm, mn, nn, f)

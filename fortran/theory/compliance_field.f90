@@ -9,9 +9,9 @@
 !> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
 !> over the shape of the contact ellipse for each grain (Willis, J. Mech. Phys. Solids 14, 163, 1966).
 module compliance_field
-   use barnett_lothe, only: inverse_barnett, lanes
+   use barnett_lothe, only: contraction_maps, inverse_barnett, lanes
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix, voigt_index
+   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: group_rotations, new_region, region_type, representative
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -243,37 +243,6 @@ contains
       end do
       call minimise_compliance(field%n_grains, modes, moduli)
    end subroutine field_moduli
-
-   !> The contractions (ab)_ij = a_k C_kijl b_l as linear functions of the products that the field keeps of a and b.
-   pure subroutine contraction_maps(c, one, both)
-      real(wp), intent(in) :: c(6, 6)
-      !> From a_k b_l, l fastest, to (ab) by columns.
-      real(wp), intent(out) :: one(9, 9)
-      !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
-      real(wp), intent(out) :: both(6, 6)
-      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-      integer :: i, j, k, l, p, q
-
-      do j = 1, 3
-         do i = 1, 3
-            do k = 1, 3
-               do l = 1, 3
-                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
-               end do
-            end do
-         end do
-      end do
-      do q = 1, 6
-         i = first(q)
-         j = second(q)
-         do p = 1, 6
-            k = first(p)
-            l = second(p)
-            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
-            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
-         end do
-      end do
-   end subroutine contraction_maps
 
    !> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn:
    !> Newton's method from the minimum for a small anisotropy, all grains at once.
