@@ -117,11 +117,11 @@ contains
             xi(3) = 2.0_wp*(rho - 1.0_wp)/(growth - 1.0_wp) - 1.0_wp
             weight = rho**2/growth
          end if
-         natural = natural_gradient(xi)
+         natural = natural_gradient(xi, 1.0_wp)
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, inverse, determinant)
          volume(q) = weight*determinant
-         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = decaying_gradient(xi, growth)
+         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = natural_gradient(xi, growth)
          gradient(:, :, q) = matmul(transpose(inverse), natural)
          do a = 1, 8
             b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))
@@ -137,7 +137,7 @@ contains
             b(1:3, :24, q) = b(1:3, :24, q) + spread(reshape(mean - gradient(:, :, q), [24]), 1, 3)/3.0_wp
          end do
       else if (formulation == brick_incompatible) then
-         natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp])
+         natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, centre_inverse, centre_determinant)
          do q = 1, 8
@@ -210,23 +210,9 @@ contains
       end do
    end subroutine eliminate_modes
 
-   !> Derivatives of the eight shape functions with respect to the natural coordinates.
-   pure function natural_gradient(xi) result(g)
-      real(wp), intent(in) :: xi(3)
-      real(wp) :: g(3, 8)
-      real(wp) :: f(3)
-      integer :: a
-
-      do a = 1, 8
-         f = 1.0_wp + xi*corner(:, a)
-         g(1, a) = 0.125_wp*corner(1, a)*f(2)*f(3)
-         g(2, a) = 0.125_wp*corner(2, a)*f(1)*f(3)
-         g(3, a) = 0.125_wp*corner(3, a)*f(1)*f(2)
-      end do
-   end function natural_gradient
-
-   !> As `natural_gradient`, of displacements that decay from face to face of a layer (`brick_strain`).
-   pure function decaying_gradient(xi, growth) result(g)
+   !> Derivatives of the eight shape functions with respect to the natural coordinates. With a growth above 1 they decay from face to face
+   !> of a layer (`brick_strain`), else they are linear.
+   pure function natural_gradient(xi, growth) result(g)
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)
       real(wp) :: f(2), rho, share, slope
@@ -235,15 +221,17 @@ contains
       rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
       do a = 1, 8
          f = 1.0_wp + xi(:2)*corner(:2, a)
-         share = (growth - rho)/(rho*(growth - 1.0_wp))
-         slope = -0.5_wp*growth/rho**2
-         if (a > 4) then
-            share = 1.0_wp - share
-            slope = -slope
+         if (growth > 1.0_wp) then
+            share = (growth - rho)/(rho*(growth - 1.0_wp))
+            if (a > 4) share = 1.0_wp - share
+            slope = 0.5_wp*corner(3, a)*growth/rho**2
+         else
+            share = 0.5_wp*(1.0_wp + xi(3)*corner(3, a))
+            slope = 0.5_wp*corner(3, a)
          end if
          g(:, a) = 0.25_wp*[corner(1, a)*f(2)*share, corner(2, a)*f(1)*share, f(1)*f(2)*slope]
       end do
-   end function decaying_gradient
+   end function natural_gradient
 
    !> Strain of the three displacement components whose common gradient is `g`.
    pure function strain_of(g) result(b)
@@ -259,17 +247,14 @@ contains
    pure subroutine invert(j, inverse, determinant)
       real(wp), intent(in) :: j(3, 3)
       real(wp), intent(out) :: inverse(3, 3), determinant
+      integer :: i
 
-      inverse(1, 1) = j(2, 2)*j(3, 3) - j(2, 3)*j(3, 2)
-      inverse(1, 2) = j(1, 3)*j(3, 2) - j(1, 2)*j(3, 3)
-      inverse(1, 3) = j(1, 2)*j(2, 3) - j(1, 3)*j(2, 2)
-      inverse(2, 1) = j(2, 3)*j(3, 1) - j(2, 1)*j(3, 3)
-      inverse(2, 2) = j(1, 1)*j(3, 3) - j(1, 3)*j(3, 1)
-      inverse(2, 3) = j(1, 3)*j(2, 1) - j(1, 1)*j(2, 3)
-      inverse(3, 1) = j(2, 1)*j(3, 2) - j(2, 2)*j(3, 1)
-      inverse(3, 2) = j(1, 2)*j(3, 1) - j(1, 1)*j(3, 2)
-      inverse(3, 3) = j(1, 1)*j(2, 2) - j(1, 2)*j(2, 1)
-      determinant = j(1, 1)*inverse(1, 1) + j(1, 2)*inverse(2, 1) + j(1, 3)*inverse(3, 1)
+      do i = 1, 3
+         associate (p => j(:, modulo(i, 3) + 1), q => j(:, modulo(i + 1, 3) + 1))
+            inverse(i, :) = [p(2)*q(3) - p(3)*q(2), p(3)*q(1) - p(1)*q(3), p(1)*q(2) - p(2)*q(1)]
+         end associate
+      end do
+      determinant = dot_product(j(1, :), inverse(:, 1))
       if (abs(determinant) > 0.0_wp) inverse = inverse/determinant
    end subroutine invert
 end module fe_element

@@ -100,26 +100,15 @@ contains
    !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
    pure real(wp) function tail(h, cosine, sine)
       real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
-      real(wp) :: re, im, old, mean, sum_re, sum_im
-      integer :: i, j, squarings
+      complex(wp) :: z(size(h))
+      integer :: j
 
-      squarings = nint(log(size(h)/8.0_wp)/log(2.0_wp))
-      mean = 0.0_wp
-      sum_re = 0.0_wp
-      sum_im = 0.0_wp
-      do i = 1, size(h)
-         re = cosine(i)*(cosine(i)**2 - 3.0_wp*sine(i)**2)
-         im = sine(i)*(3.0_wp*cosine(i)**2 - sine(i)**2)
-         do j = 1, squarings
-            old = re
-            re = re**2 - im**2
-            im = 2.0_wp*old*im
-         end do
-         mean = mean + h(i)
-         sum_re = sum_re + h(i)*re
-         sum_im = sum_im + h(i)*im
+      z = cmplx(cosine, sine, wp)
+      z = z*z*z
+      do j = 1, nint(log(size(h)/8.0_wp)/log(2.0_wp))
+         z = z*z
       end do
-      tail = 2.0_wp*sqrt(sum_re**2 + sum_im**2)/mean
+      tail = 2.0_wp*abs(sum(h*z))/sum(h)
    end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
