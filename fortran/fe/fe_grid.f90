@@ -1,5 +1,6 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
 module fe_grid
+   use, intrinsic :: iso_c_binding, only: c_ptr
    use abstract_indenter, only: indenter_type
    use abstract_specimen, only: specimen_type
    use errors, only: error_type, raise
@@ -9,8 +10,8 @@ module fe_grid
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_inverse
    use memory, only: raise_no_memory
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, kept_factor, &
-      & release_factor, solve_factored
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, &
+      & retained_factor, solve_factored
    use text, only: to_text
    implicit none
    private
@@ -61,7 +62,8 @@ contains
       end associate
    end subroutine new_grid
 
-   !> The curve at the depths that it brings.
+   !> The curve at the depths that it brings: factor the matrix, solve the contact at every depth, and compare force and reactions at the
+   !> last.
    subroutine indent_grid(grid, formulation, c, field_step, curve, error)
       type(grid_type), intent(in) :: grid
       !> Of the bricks (`fe_element`).
@@ -73,56 +75,44 @@ contains
       !> In: its depths.
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error
-      type(factor_type) :: factor
-
-      call acquire_factor(grid%cholesky, factor, error)
-      if (allocated(error)) return
-      call solve_curve(grid, formulation, c, field_step, factor, curve, error)
-      call release_factor(grid%cholesky, factor)
-   end subroutine indent_grid
-
-   !> Factor the matrix, solve the contact at every depth, and compare force and reactions at the last.
-   subroutine solve_curve(grid, formulation, c, field_step, factor, curve, error)
-      type(grid_type), intent(in) :: grid
-      integer, intent(in) :: formulation
-      !> GPa (6, 6, materials).
-      real(wp), intent(in) :: c(:, :, :)
-      integer, intent(in) :: field_step
-      type(factor_type), intent(inout) :: factor
-      type(curve_type), intent(inout) :: curve
-      type(error_type), allocatable, intent(out) :: error
+      type(c_ptr) :: factor
       real(wp), allocatable :: values(:), compliance(:, :), forces(:, :), u(:, :)
       real(wp) :: held(3), total
       integer(i8) :: start, finish, rate
       integer :: n, depths, status
 
+      call acquire_factor(grid%cholesky, factor, error)
+      if (allocated(error)) return
       n = grid%assembly%n_contact
       depths = size(curve%depth)
-      allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
-      if (status /= 0) then
-         call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
-         return
-      end if
-      call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
-      if (allocated(error)) return
-      call system_clock(start, rate)
-      call factorise(grid%cholesky, factor, values, error)
-      call system_clock(finish)
-      if (allocated(error)) return
-      curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
-      call kept_factor(grid%cholesky, factor, compliance)
-      call cholesky_inverse(compliance)
-      call solve_depths(grid, compliance, curve, forces, error)
-      if (allocated(error)) return
-      if (field_step > 0) then
-         call solve_displacement(grid, factor, values, forces(:, field_step), u)
-         curve%displacement = u
-      end if
-      if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
-      call reaction(grid%mesh, formulation, c, u, held)
-      total = sum(forces(:, depths))
-      curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
-   end subroutine solve_curve
+      solve: block
+         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
+         if (status /= 0) then
+            call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
+            exit solve
+         end if
+         call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
+         if (allocated(error)) exit solve
+         call system_clock(start, rate)
+         call factorise(grid%cholesky, factor, values, error)
+         call system_clock(finish)
+         if (allocated(error)) exit solve
+         curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
+         call retained_factor(grid%cholesky%handle, factor, compliance)
+         call cholesky_inverse(compliance)
+         call solve_depths(grid, compliance, curve, forces, error)
+         if (allocated(error)) exit solve
+         if (field_step > 0) then
+            call solve_displacement(grid, factor, values, forces(:, field_step), u)
+            curve%displacement = u
+         end if
+         if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
+         call reaction(grid%mesh, formulation, c, u, held)
+         total = sum(forces(:, depths))
+         curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
+      end block solve
+      call release_factor(grid%cholesky%handle, factor)
+   end subroutine indent_grid
 
    !> The contact at every depth, each starting from the one before.
    subroutine solve_depths(grid, compliance, curve, forces, error)
@@ -161,7 +151,7 @@ contains
    !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, the solution is refined.
    subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
-      type(factor_type), intent(inout) :: factor
+      type(c_ptr), intent(in) :: factor
       !> Of the matrix, mN/um; into the material, mN (contact nodes).
       real(wp), intent(in) :: values(:), force(:)
       !> um (3, nodes).
@@ -175,7 +165,7 @@ contains
       do i = 0, refinements
          residual = -product_with(grid%assembly, values, x)
          residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact + 1:) - force
-         call solve_factored(grid%cholesky, factor, residual)
+         call solve_factored(grid%cholesky%handle, factor, residual)
          x = x + residual
       end do
       call expand_displacement(grid%mesh, grid%assembly, x, u)

@@ -136,7 +136,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of the depth whose displacement is kept.
       integer, intent(in), optional :: field_step
-      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth))
+      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth)), moduli(3)
       integer(i8) :: start, finish, rate
       integer :: solves, step
 
@@ -158,9 +158,12 @@ contains
          depth = smaller
       end do
       if (allocated(error)) return
-      call estimate_modulus(model%indenter%unit_force(depth), result%force, is_resolved(model, depth), result%modulus, &
-         & result%modulus_slope, result%modulus_last)
-      result%modulus_by_depth = result%force/model%indenter%unit_force(depth)
+      moduli = moduli_of(model, depth, result%force)
+      result%modulus = moduli(1)
+      result%modulus_slope = moduli(2)
+      result%modulus_last = moduli(3)
+      result%modulus_by_depth = model%indenter%unit_force(depth)
+      result%modulus_by_depth = result%force/result%modulus_by_depth
       result%elements = solves*model%elements
       call system_clock(finish)
       result%seconds = real(finish - start, wp)/real(rate, wp)
@@ -193,18 +196,20 @@ contains
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
       type(curve_type) :: coarse
-      real(wp) :: ratio
+      real(wp) :: ratio, moduli(3)
 
       result%depth = depth
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
-      result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
+      moduli = moduli_of(model, depth, result%force)
+      result%modulus_of_mesh = moduli(1:1)
       if (size(model%grid) == 1) return
       coarse%depth = depth
       call indent_grid(model%grid(2), model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
-      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
+      moduli = moduli_of(model, depth, coarse%force)
+      result%modulus_of_mesh = [result%modulus_of_mesh, moduli(1)]
       ! The error of both meshes is taken to fall with the square of the element size.
       ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
       result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
@@ -213,33 +218,23 @@ contains
       result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
    end subroutine simulate_depths
 
-   pure real(wp) function modulus_of(model, curve)
+   !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
+   !> last point alone.
+   pure function moduli_of(model, depth, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
-      type(curve_type), intent(in) :: curve
-      real(wp) :: slope, last
+      !> um, mN.
+      real(wp), intent(in) :: depth(:), force(:)
+      real(wp) :: moduli(3)
+      real(wp) :: unit_force(size(depth)), x(size(depth)), y(size(depth))
+      logical :: used(size(depth))
 
-      call estimate_modulus(model%indenter%unit_force(curve%depth), curve%force, is_resolved(model, curve%depth), modulus_of, &
-         & slope, last)
-   end function modulus_of
-
-   !> The modulus of a curve: least squares through the origin over the depths that are used.
-   pure subroutine estimate_modulus(unit_force, force, used, modulus, slope, last)
-      !> Force over modulus at each depth, um2; mN.
-      real(wp), intent(in) :: unit_force(:), force(:)
-      logical, intent(in) :: used(:)
-      !> GPa: the estimate, the slope of a line with intercept, and the last point alone.
-      real(wp), intent(out) :: modulus, slope, last
-      real(wp) :: x, y
-      integer :: n, m
-
-      n = size(force)
-      m = count(used)
-      modulus = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
-      last = force(n)/unit_force(n)
-      slope = modulus
-      if (m < 2) return
-      x = sum(unit_force, mask=used)/m
-      y = sum(force, mask=used)/m
-      slope = sum((unit_force - x)*(force - y), mask=used)/sum((unit_force - x)**2, mask=used)
-   end subroutine estimate_modulus
+      unit_force = model%indenter%unit_force(depth)
+      used = is_resolved(model, depth)
+      moduli(1:2) = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
+      moduli(3) = force(size(force))/unit_force(size(force))
+      if (count(used) < 2) return
+      x = unit_force - sum(unit_force, mask=used)/count(used)
+      y = force - sum(force, mask=used)/count(used)
+      moduli(2) = sum(x*y, mask=used)/sum(x**2, mask=used)
+   end function moduli_of
 end module fe_indentation

@@ -100,15 +100,20 @@ contains
    !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
    pure real(wp) function tail(h, cosine, sine)
       real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
-      complex(wp) :: z(size(h))
-      integer :: j
+      complex(wp) :: z, total
+      integer :: i, j, squarings
 
-      z = cmplx(cosine, sine, wp)
-      z = z*z*z
-      do j = 1, nint(log(size(h)/8.0_wp)/log(2.0_wp))
-         z = z*z
+      squarings = nint(log(size(h)/8.0_wp)/log(2.0_wp))
+      total = 0.0_wp
+      do i = 1, size(h)
+         z = cmplx(cosine(i), sine(i), wp)
+         z = z*z*z
+         do j = 1, squarings
+            z = z*z
+         end do
+         total = total + h(i)*z
       end do
-      tail = 2.0_wp*abs(sum(h*z))/sum(h)
+      tail = 2.0_wp*abs(total)/sum(h)
    end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.
