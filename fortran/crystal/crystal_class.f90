@@ -18,7 +18,7 @@ module crystal_class
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
-      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; words are free, the same word is the same length.
+      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; names are free, the same name is the same value.
       character(len=29) :: cell
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants

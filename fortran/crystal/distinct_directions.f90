@@ -34,8 +34,7 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(region_type), intent(out) :: region
       real(wp), allocatable :: corners(:, :)
-      real(wp), parameter :: signs(2) = [1.0_wp, -1.0_wp]
-      integer :: g, i, j, k, n
+      integer :: g, i, n
 
       region%dimension = max(0, 2 - count(class%folds == 0))
       allocate (region%triangles(3, 3, 0))
@@ -46,17 +45,13 @@ contains
          region%equator = cshift(region%axis, -1)
       end if
       if (region%dimension < 2) return
-      do i = 1, 2
-         do j = 1, 2
-            do k = 1, 2
-               ! An octant of the sphere, cut to the region.
-               corners = reshape([0.0_wp, 0.0_wp, signs(i), signs(j), 0.0_wp, 0.0_wp, 0.0_wp, signs(k), 0.0_wp], [3, 3])
-               call cut_to_region(region%group, corners)
-               do n = 3, size(corners, 2)
-                  region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
-                     & reshape(corners(:, [1, n - 1, n]), [9]))
-               end do
-            end do
+      do i = 0, 7
+         ! An octant of the sphere, cut to the region.
+         corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
+         call cut_to_region(region%group, corners)
+         do n = 3, size(corners, 2)
+            region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
+               & reshape(corners(:, [1, n - 1, n]), [9]))
          end do
       end do
    end subroutine new_region

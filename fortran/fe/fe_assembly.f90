@@ -32,6 +32,9 @@ module fe_assembly
 
    !> A brick with hanging nodes spans at most this many nodes.
    integer, parameter :: most_nodes = 20
+   integer :: r, c
+   logical, parameter :: lower(3*most_nodes, 3*most_nodes) = &
+      & reshape([((r >= c, r=1, 3*most_nodes), c=1, 3*most_nodes)], [3*most_nodes, 3*most_nodes])
 
 contains
 
@@ -220,7 +223,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: class_stiffness(:, :)
       real(wp) :: k(24, 24), small(12, 12), expanded(3*most_nodes, 3*most_nodes), half(24, 3*most_nodes)
-      real(wp) :: packed(3*most_nodes*(3*most_nodes + 1)/2)
       logical :: valid
       integer :: e, i, m, n, p, n_bricks, status
 
@@ -241,7 +243,7 @@ contains
             call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
             return
          end if
-         call pack_lower(k, class_stiffness(:, i))
+         class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
       n_bricks = size(mesh%brick, 2)
       p = 0
@@ -251,15 +253,13 @@ contains
          if (e > n_bricks) then
             i = e - n_bricks
             call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), small)
-            call pack_lower(small, packed)
-            call scatter(packed, 1.0_wp, assembly%place(p + 1:p + m), values)
+            call scatter(pack(small, lower(:12, :12)), 1.0_wp, assembly%place(p + 1:p + m), values)
          else if (assembly%constrained(e) == 0) then
             call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p + 1:p + m), values)
          else
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
             call expand(k, assembly%weight(:, :n/3, assembly%constrained(e)), n/3, half, expanded)
-            call pack_lower(expanded(:n, :n), packed)
-            call scatter(packed, 1.0_wp, assembly%place(p + 1:p + m), values)
+            call scatter(pack(expanded(:n, :n), lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
          end if
          p = p + m
       end do
@@ -275,19 +275,6 @@ contains
          if (place(i) > 0) values(place(i)) = values(place(i)) + scale*packed(i)
       end do
    end subroutine scatter
-
-   pure subroutine pack_lower(k, packed)
-      real(wp), intent(in) :: k(:, :)
-      real(wp), intent(inout) :: packed(:)
-      integer :: j, n, p
-
-      n = size(k, 1)
-      p = 0
-      do j = 1, n
-         packed(p + 1:p + n - j + 1) = k(j:, j)
-         p = p + n - j + 1
-      end do
-   end subroutine pack_lower
 
    !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded element.
    pure subroutine expand(k, weight, m, half, expanded)
