@@ -31,7 +31,7 @@ subroutine simulator_run(handle, depths, stiffness, euler, curve, numbers, statu
    real(c_double), intent(out) :: curve(depths, 2), numbers(5)
    integer(c_int), intent(out) :: status
    character(len=1024), intent(out) :: message
-   class(simulator_type), pointer :: simulator
+   type(simulator_type), pointer :: simulator
    type(outcome_type) :: outcome
    type(error_type), allocatable :: error
    integer :: n

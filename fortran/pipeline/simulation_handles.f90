@@ -13,7 +13,7 @@ module simulation_handles
    public :: new_simulation_handle, model_of_handle, simulator_of_handle
 
    type :: held_simulator_type
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
    end type held_simulator_type
 
 contains
@@ -62,7 +62,7 @@ contains
 
    subroutine simulator_of_handle(handle, simulator, error)
       integer(i8), intent(in) :: handle
-      class(simulator_type), pointer, intent(out) :: simulator
+      type(simulator_type), pointer, intent(out) :: simulator
       type(error_type), allocatable, intent(out) :: error
       class(*), pointer :: object
 

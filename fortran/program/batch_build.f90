@@ -31,7 +31,7 @@ contains
       type(warning_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(build_type) :: build
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
       character(len=:), allocatable :: document
       integer(i8) :: last_told, now, rate
       integer, parameter :: interval = 5
@@ -63,7 +63,7 @@ contains
    !> Simulate on threads what is wanted; each result is kept as soon as it is there.
    subroutine simulate_wanted(build, simulator, error)
       type(build_type), intent(inout) :: build
-      class(simulator_type), intent(in) :: simulator
+      type(simulator_type), intent(in) :: simulator
       type(error_type), allocatable, intent(out) :: error
       type(row_type) :: rows(build%n_wanted())
       real(wp) :: stiffness(6, 6, size(rows))

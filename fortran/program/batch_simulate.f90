@@ -28,7 +28,7 @@ contains
       type(row_type), allocatable :: rows(:)
       type(row_type) :: stored
       type(campaign_type) :: store
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
       character(len=:), allocatable :: warning
       real(wp) :: largest(self%crystals%n)
       logical :: found
@@ -82,7 +82,7 @@ contains
    !> the machine could not do is tried once more, alone. An error starts no more; what is under way is still stored.
    subroutine simulate_into(store, simulator, stiffness, n_threads, rows, new, error)
       type(campaign_type), intent(inout) :: store
-      class(simulator_type), intent(in) :: simulator
+      type(simulator_type), intent(in) :: simulator
       !> Of each row, GPa (6, 6, rows).
       real(wp), intent(in) :: stiffness(:, :, :)
       integer, intent(in) :: n_threads

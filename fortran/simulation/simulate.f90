@@ -35,35 +35,12 @@ module simulate
       character(len=:), allocatable :: message
    end type outcome_type
 
-   !> Read-only once made, so that threads share it.
-   type, abstract :: simulator_type
+   !> Read-only once made, so that threads share it: a model of finite elements, or without one the theory.
+   type :: simulator_type
+      type(indentation_model_type), allocatable :: model
    contains
-      !> Simulate a crystal and take the time.
-      procedure, non_overridable :: run
-      procedure(evaluate_crystal), deferred, private :: evaluate
+      procedure :: run
    end type simulator_type
-
-   abstract interface
-      subroutine evaluate_crystal(self, stiffness, euler, outcome, error)
-         import :: error_type, outcome_type, simulator_type, wp
-         class(simulator_type), intent(in) :: self
-         !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
-         real(wp), intent(in) :: stiffness(6, 6), euler(3)
-         type(outcome_type), intent(inout) :: outcome
-         type(error_type), allocatable, intent(out) :: error
-      end subroutine evaluate_crystal
-   end interface
-
-   type, extends(simulator_type) :: fe_simulator_type
-      type(indentation_model_type) :: model
-   contains
-      procedure, private :: evaluate => evaluate_fe
-   end type fe_simulator_type
-
-   type, extends(simulator_type) :: theory_simulator_type
-   contains
-      procedure, private :: evaluate => evaluate_theory
-   end type theory_simulator_type
 
 contains
 
@@ -127,23 +104,22 @@ contains
    !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)
       type(settings_type), intent(in) :: settings
-      class(simulator_type), allocatable, intent(out) :: simulator
+      type(simulator_type), allocatable, intent(out) :: simulator
       type(error_type), allocatable, intent(out) :: error
-      type(fe_simulator_type), allocatable :: fe
 
+      allocate (simulator)
       select case (settings%simulation%simulator)
       case ('fe')
-         allocate (fe)
-         call new_indentation_model(settings, fe%model, error)
-         call move_alloc(fe, simulator)
+         allocate (simulator%model)
+         call new_indentation_model(settings, simulator%model, error)
       case ('theory')
-         simulator = theory_simulator_type()
       case default
          call raise(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
             & //"'build --ask', import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
       end select
    end subroutine new_simulator
 
+   !> Simulate a crystal and take the time.
    subroutine run(self, stiffness, euler, outcome, error)
       class(simulator_type), intent(in) :: self
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -151,13 +127,26 @@ contains
       type(outcome_type), intent(out) :: outcome
       !> Of the input or the machine: there is no outcome.
       type(error_type), allocatable, intent(out) :: error
+      type(indentation_result_type) :: result
+      type(halfspace_type) :: theory
       integer(i8) :: start, finish, rate
 
       call system_clock(start, rate)
       outcome%depth = [real(wp) ::]
       outcome%force = [real(wp) ::]
       outcome%message = ''
-      call self%evaluate(stiffness, euler, outcome, error)
+      if (.not. allocated(self%model)) then
+         call halfspace_modulus(stiffness, euler, theory, error)
+         outcome%modulus = theory%modulus
+      else
+         call simulate_indentation(self%model, stiffness, euler, result, error)
+         if (.not. allocated(error)) then
+            outcome%modulus = result%modulus
+            outcome%elements = result%elements
+            outcome%depth = result%depth
+            outcome%force = result%force
+         end if
+      end if
       call system_clock(finish)
       outcome%seconds = real(finish - start, wp)/real(rate, wp)
       outcome%status = outcome_done
@@ -185,34 +174,4 @@ contains
       largest = largest_mesh_error(settings, stiffness)
       warning = resolution_warning(largest)
    end subroutine simulation_error
-
-   subroutine evaluate_fe(self, stiffness, euler, outcome, error)
-      class(fe_simulator_type), intent(in) :: self
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-      type(indentation_result_type) :: result
-
-      call simulate_indentation(self%model, stiffness, euler, result, error)
-      if (allocated(error)) return
-      outcome%modulus = result%modulus
-      outcome%elements = result%elements
-      outcome%depth = result%depth
-      outcome%force = result%force
-   end subroutine evaluate_fe
-
-   subroutine evaluate_theory(self, stiffness, euler, outcome, error)
-      class(theory_simulator_type), intent(in) :: self
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-      type(halfspace_type) :: theory
-
-      associate (unused => self)
-      end associate
-      call halfspace_modulus(stiffness, euler, theory, error)
-      outcome%modulus = theory%modulus
-   end subroutine evaluate_theory
 end module simulate
