@@ -104,7 +104,7 @@ contains
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
-      real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3), xi(3), weight, rho
+      real(wp) :: gradient(3, 8, 8), mean(3, 8), shift(24), mode(3), xi(3), weight, rho
       integer :: a, i, q
 
       b = 0.0_wp
@@ -134,7 +134,10 @@ contains
          end do
          mean = mean/sum(volume)
          do q = 1, 8
-            b(1:3, :24, q) = b(1:3, :24, q) + spread(reshape(mean - gradient(:, :, q), [24]), 1, 3)/3.0_wp
+            shift = reshape(mean - gradient(:, :, q), [24])/3.0_wp
+            do i = 1, 3
+               b(i, :24, q) = b(i, :24, q) + shift
+            end do
          end do
       else if (formulation == brick_incompatible) then
          natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)
@@ -215,21 +218,25 @@ contains
    pure function natural_gradient(xi, growth) result(g)
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)
-      real(wp) :: f(2), rho, share, slope
+      !> Of the inner and of the outer face.
+      real(wp) :: share(2)
+      real(wp) :: f1, f2, rho, slope
       integer :: a
 
-      rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
+      share = [0.5_wp*(1.0_wp - xi(3)), 0.5_wp*(1.0_wp + xi(3))]
+      slope = 0.5_wp
+      if (growth > 1.0_wp) then
+         rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
+         share(1) = (growth - rho)/(rho*(growth - 1.0_wp))
+         share(2) = 1.0_wp - share(1)
+         slope = 0.5_wp*growth/rho**2
+      end if
       do a = 1, 8
-         f = 1.0_wp + xi(:2)*corner(:2, a)
-         if (growth > 1.0_wp) then
-            share = (growth - rho)/(rho*(growth - 1.0_wp))
-            if (a > 4) share = 1.0_wp - share
-            slope = 0.5_wp*corner(3, a)*growth/rho**2
-         else
-            share = 0.5_wp*(1.0_wp + xi(3)*corner(3, a))
-            slope = 0.5_wp*corner(3, a)
-         end if
-         g(:, a) = 0.25_wp*[corner(1, a)*f(2)*share, corner(2, a)*f(1)*share, f(1)*f(2)*slope]
+         f1 = 1.0_wp + xi(1)*corner(1, a)
+         f2 = 1.0_wp + xi(2)*corner(2, a)
+         g(1, a) = 0.25_wp*corner(1, a)*f2*share((a + 3)/4)
+         g(2, a) = 0.25_wp*corner(2, a)*f1*share((a + 3)/4)
+         g(3, a) = 0.25_wp*corner(3, a)*f1*f2*slope
       end do
    end function natural_gradient
 

@@ -127,7 +127,7 @@ contains
       integer :: i
 
       associate (x => grid%mesh%x(:, grid%mesh%contact))
-         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_reach - grid%mesh%element_size
+         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
       end associate
       curve%force = 0.0_wp*curve%depth
       curve%contact_radius = curve%force
@@ -138,7 +138,7 @@ contains
          curve%left_zone = any(active .and. edge)
          if (curve%left_zone) then
             call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
-               & //' um (it may reach '//to_text(grid%mesh%contact_reach - grid%mesh%element_size)//' um)')
+               & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
             return
          end if
          curve%force(i) = sum(forces(:, i))

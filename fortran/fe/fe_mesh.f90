@@ -38,7 +38,7 @@ module fe_mesh
       !> Surface nodes that may touch the indenter.
       integer, allocatable :: contact(:)
       !> Contact may reach this far from the centre, and edge of an element there, um.
-      real(wp) :: contact_reach = 0.0_wp, element_size = 0.0_wp
+      real(wp) :: contact_limit = 0.0_wp, element_size = 0.0_wp
    end type mesh_type
 
    !> A mesh under construction.
@@ -120,12 +120,12 @@ contains
       end do
       call add_bricks_of_lattice(1, nz, 1, self)
       self%element_size = plan%half_width/n
-      self%contact_reach = plan%half_width
+      self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
       if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) &
-         & self%contact_reach = plan%half_width - self%element_size
+         & self%contact_limit = plan%half_width - self%element_size
       top = reshape(self%at(:, :, nz), [(nx + 1)**2])
-      self%contact = pack(top, hypot(self%x(1, top), self%x(2, top)) <= self%contact_reach*(1.0_wp + equal))
+      self%contact = pack(top, hypot(self%x(1, top), self%x(2, top)) <= self%contact_limit*(1.0_wp + equal))
       self%at(1:nx - 1, 1:nx - 1, 1:nz) = 0
    end subroutine fill_box
 
