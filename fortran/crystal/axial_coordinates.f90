@@ -5,6 +5,7 @@
 !> them the trace, which comes last here, and eight complex ones of order 1 to 4. A mirror that holds the axis and x conjugates the
 !> latter. All are coordinates in an orthonormal basis: the sum of their squares is that of the matrix' entries.
 module axial_coordinates
+   use crystal_elasticity, only: bond_matrix
    use kinds, only: wp
    implicit none
    private
@@ -59,15 +60,9 @@ contains
       !> A rotation of vectors.
       real(wp), intent(in) :: r(3, 3)
       real(wp) :: q(6, 6)
-      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-      integer :: i, j
 
-      do j = 1, 6
-         do i = 1, 6
-            q(i, j) = r(first(i), first(j))*r(second(i), second(j))
-            if (j > 3) q(i, j) = (q(i, j) + r(first(i), second(j))*r(second(i), first(j)))*root_half
-            if (i > 3) q(i, j) = q(i, j)*root_2
-         end do
-      end do
+      q = bond_matrix(r)
+      q(4:, :) = root_2*q(4:, :)
+      q(:, 4:) = root_half*q(:, 4:)
    end function kelvin_rotation
 end module axial_coordinates

@@ -6,10 +6,11 @@ module crystal_class
    use crystal_elasticity, only: rotate_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
+   use linear_algebra, only: cholesky_factor, cholesky_solve
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotations_about
+   public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotation_about, rotations_about
 
    type :: row_type
       character(len=12) :: name
@@ -17,7 +18,7 @@ module crystal_class
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
-      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; words are free, the same word is the same length.
+      !> The unit cell: edges a, b, c and angles alpha, beta, gamma in degrees; names are free, the same name is the same value.
       character(len=29) :: cell
       !> Independent entries of the stiffness in the order in which they are passed.
       character(len=83) :: constants
@@ -117,15 +118,24 @@ contains
          angle = 1.0_wp
          if (folds(i) > 0) angle = 2.0_wp*pi/folds(i)
          u = [(merge(1.0_wp, 0.0_wp, scan(items(i), 'xyz' (j:j)) > 0), j=1, 3)]
-         u = u/norm2(u)
-         rotations(:, 1, i) = cos(angle)*[1, 0, 0] + sin(angle)*[0.0_wp, u(3), -u(2)] + (1.0_wp - cos(angle))*u*u(1)
-         rotations(:, 2, i) = cos(angle)*[0, 1, 0] + sin(angle)*[-u(3), 0.0_wp, u(1)] + (1.0_wp - cos(angle))*u*u(2)
-         rotations(:, 3, i) = cos(angle)*[0, 0, 1] + sin(angle)*[u(2), -u(1), 0.0_wp] + (1.0_wp - cos(angle))*u*u(3)
+         rotations(:, :, i) = rotation_about(u, angle)
          ! Zeros, halves and ones exactly.
          where (abs(rotations(:, :, i) - snapped(rotations(:, :, i))) < 1.0e-12_wp) &
             & rotations(:, :, i) = snapped(rotations(:, :, i))
       end do
    end subroutine rotations_about
+
+   !> The rotation by an angle.
+   pure function rotation_about(axis, angle) result(rotation)
+      !> Of any length; radians.
+      real(wp), intent(in) :: axis(3), angle
+      real(wp) :: rotation(3, 3)
+      real(wp) :: u(3), cross(3, 3)
+
+      u = axis/norm2(axis)
+      cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
+      rotation = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3]) + sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
+   end function rotation_about
 
    pure elemental real(wp) function snapped(x)
       real(wp), intent(in) :: x
@@ -133,65 +143,48 @@ contains
       snapped = 0.5_wp*anint(2.0_wp*x)
    end function snapped
 
-   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: null space of C(g) - C on the 21
-   !> entries by elimination of the entries that are not named. The multiples are halves of integers in every class.
+   !> The stiffnesses that every generator leaves alone, as multiples of the named entries: C(g) = C for the 21 entries, solved by least
+   !> squares for those that are not named. The multiples are halves of integers in every class.
    subroutine derive_map(self, error)
       type(crystal_class_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), map(21, self%n_constants), row(21)
-      integer :: first(21), second(21), order(21), n_dependent, i, j, k, g, pivot
+      integer :: i, j
+      !> The entries of the upper triangle row by row.
+      integer, parameter :: first(21) = [([(i, j=i, 6)], i=1, 6)], second(21) = [([(j, j=i, 6)], i=1, 6)]
+      real(wp) :: equations(21*size(self%generators, 3), 21), unit(6, 6), change(6, 6), map(21, self%n_constants)
+      real(wp), allocatable :: gram(:, :), solution(:, :)
+      integer :: named(self%n_constants), k, g
+      integer, allocatable :: other(:)
 
-      ! The entries of the upper triangle row by row; `order` puts those first that are not named.
-      k = 0
-      do i = 1, 6
-         do j = i, 6
-            k = k + 1
-            first(k) = i
-            second(k) = j
-         end do
-      end do
-      n_dependent = 21 - self%n_constants
-      j = 0
-      do k = 1, 21
-         i = findloc(self%constants, entry_name(first(k), second(k)), dim=1)
-         if (i > 0) then
-            order(n_dependent + i) = k
-         else
-            j = j + 1
-            order(j) = k
-         end if
-      end do
+      named = [(findloc([(entry_name(first(i), second(i)), i=1, 21)], self%constants(k), dim=1), k=1, self%n_constants)]
+      other = pack([(k, k=1, 21)], [(all(named /= k), k=1, 21)])
       do k = 1, 21
          unit = 0.0_wp
-         unit(first(order(k)), second(order(k))) = 1.0_wp
-         unit(second(order(k)), first(order(k))) = 1.0_wp
+         unit(first(k), second(k)) = 1.0_wp
+         unit(second(k), first(k)) = 1.0_wp
          do g = 1, size(self%generators, 3)
             change = rotate_stiffness(unit, self%generators(:, :, g)) - unit
             equations(21*g - 20:21*g, k) = [(change(first(i), second(i)), i=1, 21)]
          end do
       end do
-      map = 0.0_wp
-      do k = 1, n_dependent
-         pivot = k - 1 + maxloc(abs(equations(k:, k)), dim=1)
-         if (abs(equations(pivot, k)) < 1.0e-6_wp) exit
-         row = equations(pivot, :)/equations(pivot, k)
-         equations(pivot, :) = equations(k, :)
-         equations(k, :) = row
-         do i = 1, size(equations, 1)
-            if (i /= k .and. abs(equations(i, k)) > 0.0_wp) equations(i, :) = equations(i, :) - equations(i, k)*row
-         end do
-      end do
-      if (k <= n_dependent .or. any(abs(equations(k:, :)) > 1.0e-6_wp)) then
+      solution = -matmul(transpose(equations(:, other)), equations(:, named))
+      if (size(other) > 0) then
+         gram = matmul(transpose(equations(:, other)), equations(:, other))
+         call cholesky_factor(gram, error)
+         if (.not. allocated(error)) call cholesky_solve(gram, solution)
+      end if
+      if (allocated(error) .or. any(abs(matmul(equations(:, other), solution) + equations(:, named)) > 1.0e-6_wp)) then
          call raise(error, 'the constants of a '//self%name//' crystal do not span its stiffnesses')
          return
       end if
-      map(order(:n_dependent), :) = -snapped(equations(:n_dependent, n_dependent + 1:))
-      if (any(abs(map(order(:n_dependent), :) + equations(:n_dependent, n_dependent + 1:)) > 1.0e-6_wp)) then
+      map = 0.0_wp
+      map(other, :) = snapped(solution)
+      if (any(abs(map(other, :) - solution) > 1.0e-6_wp)) then
          call raise(error, 'an entry of a '//self%name//' stiffness is no multiple of half a constant')
          return
       end if
       do i = 1, self%n_constants
-         map(order(n_dependent + i), i) = 1.0_wp
+         map(named(i), i) = 1.0_wp
       end do
       allocate (self%row(0), self%column(0), self%constant(0), self%factor(0))
       do k = 1, 21

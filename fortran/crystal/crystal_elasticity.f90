@@ -9,7 +9,7 @@ module crystal_elasticity
    use text, only: to_text
    implicit none
    private
-   public :: rotation_matrix, euler_angles, rotate_stiffness, stiffness_tensor, voigt_index
+   public :: rotation_matrix, euler_angles, rotate_stiffness, bond_matrix, voigt_index
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
       & logarithmic_mean
    public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
@@ -62,11 +62,21 @@ contains
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
       real(wp) :: rotated(6, 6)
-      real(wp) :: bond(6, 6), a(3, 3)
+      real(wp) :: bond(6, 6)
+
+      bond = bond_matrix(transpose(g))
+      rotated = matmul(bond, matmul(c, transpose(bond)))
+      rotated = 0.5_wp*(rotated + transpose(rotated))
+   end function rotate_stiffness
+
+   !> Bond's matrix, which turns stresses in Voigt's order.
+   pure function bond_matrix(a) result(bond)
+      !> A rotation of vectors.
+      real(wp), intent(in) :: a(3, 3)
+      real(wp) :: bond(6, 6)
       integer, parameter :: first(3) = [2, 1, 1], second(3) = [3, 3, 2]
       integer :: i, j
 
-      a = transpose(g)
       do j = 1, 3
          do i = 1, 3
             bond(i, j) = a(i, j)**2
@@ -76,26 +86,7 @@ contains
                & + a(first(i), second(j))*a(second(i), first(j))
          end do
       end do
-      rotated = matmul(bond, matmul(c, transpose(bond)))
-      rotated = 0.5_wp*(rotated + transpose(rotated))
-   end function rotate_stiffness
-
-   !> The fourth-rank tensor C_ijkl of a stiffness matrix.
-   pure function stiffness_tensor(c) result(tensor)
-      real(wp), intent(in) :: c(6, 6)
-      real(wp) :: tensor(3, 3, 3, 3)
-      integer :: i, j, k, l
-
-      do l = 1, 3
-         do k = 1, 3
-            do j = 1, 3
-               do i = 1, 3
-                  tensor(i, j, k, l) = c(voigt_index(i, j), voigt_index(k, l))
-               end do
-            end do
-         end do
-      end do
-   end function stiffness_tensor
+   end function bond_matrix
 
    !> Born's criterion: the strain energy is positive, that is, the stiffness is positive definite.
    pure logical function is_stable(c)
@@ -187,31 +178,15 @@ contains
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
       type(averages_type) :: averages
-      real(wp) :: inverse(6, 6), volumetric, normal, shear, coupled
-      integer :: k
-      logical :: stable
+      real(wp) :: s(6, 6)
 
-      averages%bulk_voigt = (c(1, 1) + c(2, 2) + c(3, 3) + 2.0_wp*(c(1, 2) + c(2, 3) + c(1, 3)))/9.0_wp
+      s = compliance(c)
+      averages%bulk_voigt = sum(c(:3, :3))/9.0_wp
       averages%shear_voigt = (c(1, 1) + c(2, 2) + c(3, 3) - c(1, 2) - c(2, 3) - c(1, 3) &
          & + 3.0_wp*(c(4, 4) + c(5, 5) + c(6, 6)))/15.0_wp
-      call invert_factor(c, inverse, stable)
-      if (.not. stable) then
-         averages%bulk_reuss = ieee_value(1.0_wp, ieee_quiet_nan)
-         averages%shear_reuss = averages%bulk_reuss
-         return
-      end if
-      ! Sums of compliances: S11 + S22 + S33 with and without 2 (S12 + S23 + S13), and S44 + S55 + S66.
-      volumetric = inverse(1, 1)**2 + (inverse(2, 1) + inverse(2, 2))**2
-      normal = inverse(1, 1)**2 + inverse(2, 1)**2 + inverse(2, 2)**2
-      do k = 3, 6
-         volumetric = volumetric + (inverse(k, 1) + inverse(k, 2) + inverse(k, 3))**2
-         normal = normal + inverse(k, 1)**2 + inverse(k, 2)**2 + inverse(k, 3)**2
-      end do
-      shear = inverse(4, 4)**2 + inverse(5, 4)**2 + inverse(5, 5)**2 &
-         & + inverse(6, 4)**2 + inverse(6, 5)**2 + inverse(6, 6)**2
-      coupled = 0.5_wp*(volumetric - normal)
-      averages%bulk_reuss = 1.0_wp/volumetric
-      averages%shear_reuss = 15.0_wp/(4.0_wp*(normal - coupled) + 3.0_wp*shear)
+      averages%bulk_reuss = 1.0_wp/sum(s(:3, :3))
+      averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) - s(1, 3)) &
+         & + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
    end function polycrystal_averages
 
    !> Universal anisotropy index 5 Gv/Gr + Kv/Kr - 6 (paper's Eq. 14; Ranganathan & Ostoja-Starzewski 2008): 0 for an

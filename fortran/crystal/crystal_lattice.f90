@@ -30,14 +30,14 @@ contains
    pure function lattice_parameters(class) result(list)
       type(crystal_class_type), intent(in) :: class
       character(len=:), allocatable :: list
-      character(len=len(class%cell)) :: words(6)
+      character(len=len(class%cell)) :: fields(6)
       integer :: i
 
-      words = split_list(class%cell)
+      fields = split_list(class%cell)
       list = ''
       do i = 1, 6
-         if (scan(words(i)(1:1), '0123456789') > 0 .or. any(words(:i - 1) == words(i))) cycle
-         list = list//', '//trim(words(i))
+         if (scan(fields(i)(1:1), '0123456789') > 0 .or. any(fields(:i - 1) == fields(i))) cycle
+         list = list//', '//trim(fields(i))
       end do
       list = list(3:)
       if (list == 'a') list = ''
@@ -50,12 +50,12 @@ contains
       real(wp), intent(in) :: values(:)
       type(lattice_type), intent(out) :: lattice
       type(error_type), allocatable, intent(out) :: error
-      character(len=len(class%cell)), allocatable :: words(:), names(:)
+      character(len=len(class%cell)), allocatable :: fields(:), names(:)
       character(len=24) :: stated(6)
       real(wp) :: cell(6), cosine(3), height
       integer :: i, k, outcome
 
-      words = split_list(class%cell)
+      fields = split_list(class%cell)
       names = split_list(lattice_parameters(class))
       if (size(values) /= size(names)) then
          if (size(names) == 0) then
@@ -69,11 +69,11 @@ contains
       end if
       cell = 1.0_wp
       do i = 1, 6
-         k = findloc(names, words(i), dim=1)
+         k = findloc(names, fields(i), dim=1)
          if (k > 0) then
             cell(i) = values(k)
          else if (i > 3) then
-            call read_real(trim(words(i)), cell(i), outcome)
+            call read_real(trim(fields(i)), cell(i), outcome)
          end if
       end do
       cosine = cos(cell(4:)*degree)
@@ -97,7 +97,7 @@ contains
             lattice%normals(:, i) = [p(2)*q(3) - p(3)*q(2), p(3)*q(1) - p(1)*q(3), p(1)*q(2) - p(2)*q(1)]
          end associate
       end do
-      lattice%is_hexagonal = words(6) == '120'
+      lattice%is_hexagonal = fields(6) == '120'
    end subroutine new_lattice
 
    !> The unit vector along [uvw], in crystal axes.
@@ -134,11 +134,11 @@ contains
    end function indices
 
    !> '[1 -1 2]': the smallest indices of a direction to 2 degrees, or else the nearest up to 9.
-   function nearest(self, v) result(words)
+   function nearest(self, v) result(text)
       class(lattice_type), intent(in) :: self
       !> Unit vector in crystal axes.
       real(wp), intent(in) :: v(3)
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: text
       integer, parameter :: most = 9
       real(wp), parameter :: near = cos(2.0_wp*degree)
       real(wp) :: cosine, largest
@@ -160,6 +160,6 @@ contains
          end do
          if (largest > near) exit
       end do
-      words = '['//to_text(best(1))//' '//to_text(best(2))//' '//to_text(best(3))//']'
+      text = '['//to_text(best(1))//' '//to_text(best(2))//' '//to_text(best(3))//']'
    end function nearest
 end module crystal_lattice

@@ -3,7 +3,7 @@
 !> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these fill a few spherical triangles
 !> (cubic: 001, 101, 111); with one axis of infinite order they are an arc from that axis; with two a point.
 module distinct_directions
-   use crystal_class, only: crystal_class_type
+   use crystal_class, only: crystal_class_type, rotation_about
    use kinds, only: degree, pi, wp
    implicit none
    private
@@ -34,32 +34,24 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(region_type), intent(out) :: region
       real(wp), allocatable :: corners(:, :)
-      real(wp), parameter :: signs(2) = [1.0_wp, -1.0_wp]
-      integer :: g, i, j, k, n
+      integer :: g, i, n
 
       region%dimension = max(0, 2 - count(class%folds == 0))
       allocate (region%triangles(3, 3, 0))
       call close_group(class%generators(:, :, pack([(g, g=1, size(class%folds))], class%folds > 0)), region%group)
       if (region%dimension == 1) then
-         g = findloc(class%folds, 0, dim=1)
-         associate (r => class%generators(:, :, g))
-            region%axis = abs([r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)])
-         end associate
+         region%axis = abs(axis_of(class%generators(:, :, findloc(class%folds, 0, dim=1))))
          region%axis = region%axis/norm2(region%axis)
          region%equator = cshift(region%axis, -1)
       end if
       if (region%dimension < 2) return
-      do i = 1, 2
-         do j = 1, 2
-            do k = 1, 2
-               ! An octant of the sphere, cut to the region.
-               corners = reshape([0.0_wp, 0.0_wp, signs(i), signs(j), 0.0_wp, 0.0_wp, 0.0_wp, signs(k), 0.0_wp], [3, 3])
-               call cut_to_region(region%group, corners)
-               do n = 3, size(corners, 2)
-                  region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
-                     & reshape(corners(:, [1, n - 1, n]), [9]))
-               end do
-            end do
+      do i = 0, 7
+         ! An octant of the sphere, cut to the region.
+         corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
+         call cut_to_region(region%group, corners)
+         do n = 3, size(corners, 2)
+            region%triangles = reshape(region%triangles, [3, 3, size(region%triangles, 3) + 1], &
+               & reshape(corners(:, [1, n - 1, n]), [9]))
          end do
       end do
    end subroutine new_region
@@ -70,39 +62,27 @@ contains
       integer, intent(in) :: order
       real(wp), allocatable :: rotations(:, :, :)
       real(wp), allocatable :: generators(:, :, :), group(:, :, :)
-      integer, allocatable :: list(:)
-      integer :: g, i
-      logical :: infinite
+      logical, allocatable :: retained(:)
+      integer :: g, infinite
 
-      allocate (list(0))
-      infinite = .false.
-      do g = 1, size(class%folds)
-         if (class%folds(g) == 0 .and. infinite) cycle
-         infinite = infinite .or. class%folds(g) == 0
-         list = [list, g]
-      end do
-      generators = class%generators(:, :, list)
-      do i = 1, size(list)
-         if (class%folds(list(i)) == 0) generators(:, :, i) = rotation_about(generators(:, :, i), 2.0_wp*pi/order)
-      end do
-      call close_group(generators, group)
+      generators = class%generators
+      infinite = findloc(class%folds, 0, dim=1)
+      retained = class%folds > 0
+      if (infinite > 0) then
+         retained(infinite) = .true.
+         generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), 2.0_wp*pi/order)
+      end if
+      call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), group)
       rotations = group(:, :, pack([(g, g=1, size(group, 3))], [(determinant(group(:, :, g)) > 0.0_wp, g=1, size(group, 3))]))
    end function group_rotations
 
-   !> The rotation about the axis of another by an angle (radians).
-   pure function rotation_about(other, angle) result(rotation)
-      real(wp), intent(in) :: other(3, 3), angle
-      real(wp) :: rotation(3, 3)
-      real(wp) :: u(3), cross(3, 3)
+   !> The axis of a rotation, of no particular length.
+   pure function axis_of(r) result(axis)
+      real(wp), intent(in) :: r(3, 3)
+      real(wp) :: axis(3)
 
-      u = [other(3, 2) - other(2, 3), other(1, 3) - other(3, 1), other(2, 1) - other(1, 2)]
-      u = u/norm2(u)
-      cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])
-      rotation = sin(angle)*cross + (1.0_wp - cos(angle))*matmul(cross, cross)
-      rotation(1, 1) = rotation(1, 1) + 1.0_wp
-      rotation(2, 2) = rotation(2, 2) + 1.0_wp
-      rotation(3, 3) = rotation(3, 3) + 1.0_wp
-   end function rotation_about
+      axis = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]
+   end function axis_of
 
    pure real(wp) function determinant(a)
       real(wp), intent(in) :: a(3, 3)

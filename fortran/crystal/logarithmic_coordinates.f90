@@ -99,11 +99,8 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: w(self%n)
-      real(wp) :: logarithm(6, 6)
-      integer :: j
 
-      logarithm = logarithm_of(c)
-      w = [(sum(self%basis(:, :, j)*logarithm), j=1, self%n)]
+      w = matmul(reshape(logarithm_of(c), [36]), reshape(self%basis, [36, self%n]))
    end function to_logarithms
 
    !> log K of a stable crystal.
@@ -112,14 +109,18 @@ contains
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: logarithm(6, 6)
       real(wp) :: values(6), vectors(6, 6)
-      integer :: j
 
       call diagonalise(kelvin_form(c), values, vectors)
-      logarithm = 0.0_wp
-      do j = 1, 6
-         logarithm = logarithm + log(values(j))*spread(vectors(:, j), 2, 6)*spread(vectors(:, j), 1, 6)
-      end do
+      logarithm = composed(log(values), vectors)
    end function logarithm_of
+
+   !> The symmetric matrix of these eigenvalues and eigenvectors.
+   pure function composed(values, vectors) result(matrix)
+      real(wp), intent(in) :: values(6), vectors(6, 6)
+      real(wp) :: matrix(6, 6)
+
+      matrix = matmul(spread(values, 1, 6)*vectors, transpose(vectors))
+   end function composed
 
    !> The crystal at coordinates w.
    pure subroutine from_logarithms(self, w, c, frame)
@@ -130,18 +131,15 @@ contains
       real(wp), intent(out) :: c(6, 6)
       !> For `log_volume`.
       type(log_frame_type), intent(out) :: frame
-      real(wp) :: logarithm(6, 6), scaled(6, 6)
-      integer :: j, k
+      real(wp) :: logarithm(6, 6)
+      integer :: k
 
       logarithm = 0.0_wp
       do k = 1, self%n
          logarithm = logarithm + w(k)*self%basis(:, :, k)
       end do
       call diagonalise(logarithm, frame%values, frame%vectors)
-      do j = 1, 6
-         scaled(:, j) = exp(frame%values(j))*frame%vectors(:, j)
-      end do
-      c = stiffness_of_kelvin(matmul(scaled, transpose(frame%vectors)))
+      c = stiffness_of_kelvin(composed(exp(frame%values), frame%vectors))
    end subroutine from_logarithms
 
    !> Coordinates (n) of K (K + K0)^-1 in the same basis, K0 = reference (GPa) times the unit matrix: moduli of indentation hardly change
@@ -151,13 +149,10 @@ contains
       type(log_frame_type), intent(in) :: frame
       real(wp), intent(in) :: reference
       real(wp) :: y(self%n)
-      real(wp) :: scaled(6, 6), matrix(6, 6)
+      real(wp) :: matrix(6, 6)
       integer :: j
 
-      do j = 1, 6
-         scaled(:, j) = frame%vectors(:, j)/(1.0_wp + reference*exp(-frame%values(j)))
-      end do
-      matrix = matmul(scaled, transpose(frame%vectors))
+      matrix = composed(1.0_wp/(1.0_wp + reference*exp(-frame%values)), frame%vectors)
       do j = 1, self%n
          y(j) = sum(self%basis(:, :, j)*matrix)
       end do
@@ -167,23 +162,19 @@ contains
    pure real(wp) function log_volume(self, frame)
       class(log_coordinates_type), intent(in) :: self
       type(log_frame_type), intent(in) :: frame
-      real(wp) :: slopes(6, 6), parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
+      real(wp) :: parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
       integer :: i, j, k
 
       associate (values => frame%values, vectors => frame%vectors)
+         k = 0
          do j = 1, 6
             do i = 1, j
                half = 0.5_wp*(values(i) - values(j))
                quotient = 1.0_wp + half**2/6.0_wp
                if (abs(half) > 1.0e-3_wp) quotient = sinh(half)/half
-               slopes(i, j) = exp(0.5_wp*(values(i) + values(j)))*quotient
+               k = k + 1
+               weights(k) = sqrt(merge(1.0_wp, 2.0_wp, i == j)*exp(0.5_wp*(values(i) + values(j)))*quotient)
             end do
-         end do
-         i = 0
-         do j = 1, 6
-            weights(i + 1:i + j) = sqrt(2.0_wp*slopes(:j, j))
-            weights(i + j) = sqrt(slopes(j, j))
-            i = i + j
          end do
          parts = 0.0_wp
          do k = 1, size(self%values)
@@ -199,14 +190,12 @@ contains
          end do
          gram = matmul(transpose(parts), parts)
          log_volume = 0.0_wp
-         ! The determinant by a Cholesky factor in place.
+         ! The determinant by elimination in place.
          do j = 1, self%n
-            do k = 1, j - 1
-               gram(j:, j) = gram(j:, j) - gram(j, k)*gram(j:, k)
-            end do
             log_volume = log_volume + log(gram(j, j))
-            gram(j + 1:, j) = gram(j + 1:, j)/sqrt(gram(j, j))
-            gram(j, j) = sqrt(gram(j, j))
+            do k = j + 1, self%n
+               gram(k:, k) = gram(k:, k) - (gram(k, j)/gram(j, j))*gram(k:, j)
+            end do
          end do
       end associate
    end function log_volume

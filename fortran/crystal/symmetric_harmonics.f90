@@ -28,8 +28,8 @@ module symmetric_harmonics
       integer, allocatable, private :: first(:), index(:), degree(:)
       logical, allocatable, private :: cosine(:)
       real(wp), allocatable, private :: weight(:)
-      !> Recurrence in the degree of the normalised Legendre functions over sin^m, start(m), rise(l, m), fall(l, m).
-      real(wp), allocatable, private :: start(:), rise(:, :), fall(:, :)
+      !> Recurrence in the degree of the normalised Legendre functions over sin^m, start(m), upper(l, m), lower(l, m).
+      real(wp), allocatable, private :: start(:), upper(:, :), lower(:, :)
    end type harmonics_type
 
 contains
@@ -59,44 +59,50 @@ contains
       type(harmonics_type), intent(out) :: harmonics
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: all_of_them
-      real(wp), allocatable :: points(:, :), weights(:), here(:, :), there(:, :), change(:, :), values(:), invariant(:, :)
-      real(wp), allocatable :: combination(:, :)
-      integer :: l, a, b, g, i
+      !> Points of the half sphere, on a spiral with the golden angle between successive ones.
+      real(wp) :: points(3, (bandlimit + 1)*(bandlimit + 2)), z
+      real(wp), parameter :: turn = pi*(3.0_wp - sqrt(5.0_wp))
+      real(wp), allocatable :: here(:, :), there(:, :), change(:, :), values(:), invariant(:, :), combination(:, :)
+      integer :: l, a, b, g, i, n, n_points
 
       if (bandlimit < 0 .or. bandlimit > largest_degree .or. mod(bandlimit, 2) /= 0) then
          call raise(error, 'degree = '//to_text(bandlimit)//' is not an even number in 0 .. '//to_text(largest_degree), &
             & exit_bad_input)
          return
       end if
-      call unite(bandlimit, identity((bandlimit + 1)*(bandlimit + 2)/2), all_of_them)
-      call half_sphere(bandlimit, points, weights)
-      allocate (here(all_of_them%n, size(weights)), there(all_of_them%n, size(weights)))
-      do i = 1, size(weights)
+      n = (bandlimit + 1)*(bandlimit + 2)/2
+      n_points = size(points, 2)
+      allocate (combination(n, n), change(n, n), here(n, n_points), there(n, n_points), source=0.0_wp)
+      do i = 1, n
+         combination(i, i) = 1.0_wp
+      end do
+      call unite(bandlimit, combination, all_of_them)
+      do i = 1, n_points
+         z = (i - 0.5_wp)/n_points
+         points(:, i) = [sqrt(1.0_wp - z**2)*cos(turn*i), sqrt(1.0_wp - z**2)*sin(turn*i), z]
          call evaluate_harmonics(all_of_them, points(:, i), here(:, i))
       end do
       ! Sum over the generators g of |Y(g x) - Y(x)|^2 as a quadratic form of the coefficients: what it does not see is invariant.
-      allocate (change(all_of_them%n, all_of_them%n), source=0.0_wp)
       do g = 1, size(generators, 3)
-         do i = 1, size(weights)
+         do i = 1, n_points
             call evaluate_harmonics(all_of_them, matmul(generators(:, :, g), points(:, i)), there(:, i))
          end do
-         there = (there - here)*spread(sqrt(weights), 1, all_of_them%n)
+         there = (there - here)/sqrt(real(n_points, wp))
          do l = 0, bandlimit, 2
             a = l*(l - 1)/2 + 1
             b = a + 2*l
             change(a:b, a:b) = change(a:b, a:b) + matmul(there(a:b, :), transpose(there(a:b, :)))
          end do
       end do
-      allocate (combination(all_of_them%n, 0))
+      combination = combination(:, :0)
+      allocate (values(2*bandlimit + 1))
       do l = 0, bandlimit, 2
          a = l*(l - 1)/2 + 1
          b = a + 2*l
-         allocate (values(2*l + 1))
          invariant = change(a:b, a:b)
-         call symmetric_eigen(invariant, values, error)
+         call symmetric_eigen(invariant, values(:2*l + 1), error)
          if (allocated(error)) return
-         call append_degree(invariant(:, :count(values < 1.0e-8_wp)), a, combination)
-         deallocate (values)
+         call append_degree(invariant(:, :count(values(:2*l + 1) < 1.0e-8_wp)), a, combination)
       end do
       call unite(bandlimit, combination, harmonics)
    end subroutine new_group_harmonics
@@ -135,7 +141,7 @@ contains
       integer, intent(in) :: bandlimit
       real(wp), intent(in) :: combination(:, :)
       type(harmonics_type), intent(out) :: harmonics
-      integer :: h, l, m, row
+      integer :: h, l, m, phase, row
 
       harmonics%bandlimit = bandlimit
       harmonics%n = size(combination, 2)
@@ -144,88 +150,34 @@ contains
       do m = 0, bandlimit
          harmonics%first(m) = size(harmonics%index) + 1
          do l = m + mod(m, 2), bandlimit, 2
-            row = l*(l - 1)/2 + 1
-            if (m == 0) call add(.true.)
-            if (m > 0) row = row + 2*m - 1
-            if (m > 0) call add(.true.)
-            if (m > 0) row = row + 1
-            if (m > 0) call add(.false.)
+            ! Cosine and sine.
+            do phase = 0, min(m, 1)
+               row = l*(l - 1)/2 + 1 + max(0, 2*m - 1) + phase
+               do h = 1, harmonics%n
+                  if (.not. abs(combination(row, h)) > 0.0_wp) cycle
+                  harmonics%degrees(h) = l
+                  harmonics%index = [harmonics%index, h]
+                  harmonics%degree = [harmonics%degree, l]
+                  harmonics%cosine = [harmonics%cosine, phase == 0]
+                  harmonics%weight = [harmonics%weight, combination(row, h)]
+               end do
+            end do
          end do
          if (size(harmonics%index) >= harmonics%first(m)) harmonics%highest_order = m
       end do
       harmonics%first(bandlimit + 1) = size(harmonics%index) + 1
       allocate (harmonics%start(0:bandlimit), source=1.0_wp)
-      allocate (harmonics%rise(0:bandlimit, 0:bandlimit), harmonics%fall(0:bandlimit, 0:bandlimit), source=0.0_wp)
+      allocate (harmonics%upper(0:bandlimit, 0:bandlimit), harmonics%lower(0:bandlimit, 0:bandlimit), source=0.0_wp)
       do m = 0, bandlimit
          if (m == 1) harmonics%start(1) = sqrt(3.0_wp)
          if (m > 1) harmonics%start(m) = sqrt((2.0_wp*m + 1.0_wp)/(2.0_wp*m))*harmonics%start(m - 1)
          do l = m + 1, bandlimit
-            harmonics%rise(l, m) = sqrt((4.0_wp*l**2 - 1.0_wp)/real(l**2 - m**2, wp))
-            if (l > m + 1) harmonics%fall(l, m) = sqrt((2.0_wp*l + 1.0_wp)*((l - 1.0_wp)**2 - m**2) &
+            harmonics%upper(l, m) = sqrt((4.0_wp*l**2 - 1.0_wp)/real(l**2 - m**2, wp))
+            if (l > m + 1) harmonics%lower(l, m) = sqrt((2.0_wp*l + 1.0_wp)*((l - 1.0_wp)**2 - m**2) &
                & /((2.0_wp*l - 3.0_wp)*real(l**2 - m**2, wp)))
          end do
       end do
-
-   contains
-
-      subroutine add(cosine)
-         logical, intent(in) :: cosine
-
-         do h = 1, harmonics%n
-            if (.not. abs(combination(row, h)) > 0.0_wp) cycle
-            harmonics%degrees(h) = l
-            harmonics%index = [harmonics%index, h]
-            harmonics%degree = [harmonics%degree, l]
-            harmonics%cosine = [harmonics%cosine, cosine]
-            harmonics%weight = [harmonics%weight, combination(row, h)]
-         end do
-      end subroutine add
    end subroutine unite
-
-   !> Nodes and weights on the upper half of the sphere that give the mean of even polynomials of degree 2 bandlimit exactly:
-   !> Gauss-Legendre heights and equally spaced longitudes.
-   pure subroutine half_sphere(bandlimit, points, weights)
-      integer, intent(in) :: bandlimit
-      !> (3, n), (n).
-      real(wp), allocatable, intent(out) :: points(:, :), weights(:)
-      real(wp) :: z, p0, p1, p2, slope, phi
-      integer :: n, m, i, j, k, iteration
-
-      n = bandlimit + 2
-      m = 2*bandlimit + 1
-      allocate (points(3, m*n/2), weights(m*n/2))
-      do i = 1, n/2
-         z = cos(pi*(i - 0.25_wp)/(n + 0.5_wp))
-         do iteration = 1, 100
-            p0 = 1.0_wp
-            p1 = z
-            do k = 2, n
-               p2 = ((2*k - 1)*z*p1 - (k - 1)*p0)/k
-               p0 = p1
-               p1 = p2
-            end do
-            slope = n*(z*p1 - p0)/(z*z - 1.0_wp)
-            z = z - p1/slope
-            if (abs(p1/slope) < 4.0_wp*epsilon(1.0_wp)) exit
-         end do
-         do j = 1, m
-            phi = 2.0_wp*pi*(j - 0.5_wp)/m
-            points(:, (i - 1)*m + j) = [sqrt(1.0_wp - z*z)*cos(phi), sqrt(1.0_wp - z*z)*sin(phi), z]
-            weights((i - 1)*m + j) = 2.0_wp/((1.0_wp - z*z)*slope**2)/m
-         end do
-      end do
-   end subroutine half_sphere
-
-   pure function identity(n) result(matrix)
-      integer, intent(in) :: n
-      real(wp) :: matrix(n, n)
-      integer :: i
-
-      matrix = 0.0_wp
-      do i = 1, n
-         matrix(i, i) = 1.0_wp
-      end do
-   end function identity
 
    !> All harmonics in one direction.
    pure subroutine evaluate_harmonics(harmonics, direction, k)
@@ -244,9 +196,9 @@ contains
       do m = 0, harmonics%highest_order
          if (harmonics%first(m + 1) > harmonics%first(m)) then
             legendre(m) = harmonics%start(m)
-            if (m < harmonics%bandlimit) legendre(m + 1) = harmonics%rise(m + 1, m)*direction(3)*legendre(m)
+            if (m < harmonics%bandlimit) legendre(m + 1) = harmonics%upper(m + 1, m)*direction(3)*legendre(m)
             do l = m + 2, harmonics%bandlimit
-               legendre(l) = harmonics%rise(l, m)*direction(3)*legendre(l - 1) - harmonics%fall(l, m)*legendre(l - 2)
+               legendre(l) = harmonics%upper(l, m)*direction(3)*legendre(l - 1) - harmonics%lower(l, m)*legendre(l - 2)
             end do
             do i = harmonics%first(m), harmonics%first(m + 1) - 1
                k(harmonics%index(i)) = k(harmonics%index(i)) + harmonics%weight(i)*legendre(harmonics%degree(i)) &

@@ -4,7 +4,8 @@ module problem_operations
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use exchange, only: exchange_type
-   use indenters, only: indenter_type, new_indenter
+   use abstract_indenter, only: indenter_type
+   use indenters, only: new_indenter
    use kinds, only: wp
    use modulus_kinds, only: modulus_kind_names
    use named_values, only: named_values_type
@@ -95,7 +96,7 @@ contains
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
-      type(indenter_type) :: indenter
+      class(indenter_type), allocatable :: indenter
       real(wp), pointer :: c(:, :, :)
       real(wp), allocatable :: values(:)
       character(len=:), allocatable :: warning

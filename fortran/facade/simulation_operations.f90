@@ -15,7 +15,7 @@ module simulation_operations
    public :: perform_simulation
 
    type :: held_simulator_type
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
    end type held_simulator_type
 
 contains
@@ -58,7 +58,7 @@ contains
 
    !> Simulate one crystal: what became of it.
    subroutine run_simulator(simulator, x, error)
-      class(simulator_type), intent(in) :: simulator
+      type(simulator_type), intent(in) :: simulator
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
       type(outcome_type) :: outcome
@@ -162,7 +162,7 @@ contains
       type(indentation_model_type), intent(in) :: model
       type(named_values_type), intent(inout) :: out
 
-      call out%put('element', model%element)
+      call out%put('element', model%specimen%element)
       call out%put('elements', model%elements)
       call out%put('depths', size(model%depth))
       call out%put('depth_max_um', model%indenter%depth)

@@ -14,25 +14,27 @@ module fe_assembly
 
    !> Read-only once made. Unknowns are three displacements a free node; those normal to the contact surface come last.
    type :: assembly_type
-      integer :: unknowns = 0, kept = 0
+      integer :: unknowns = 0, n_contact = 0
       !> Unknown of each displacement component of each node; 0 where clamped or hanging.
       integer, allocatable :: unknown(:, :)
       !> Lower triangle in compressed columns, 1-based, rows ascending.
       integer, allocatable :: column_start(:), row(:)
       !> Node of each unknown, numbered by first use.
       integer, allocatable :: group(:)
-      !> Elements are the bricks, then the infinite elements. Entries of element e: `entry_start(e)` to `entry_start(e+1)-1`.
-      integer, allocatable :: entry_start(:)
-      !> Place in the values of each entry of an element's packed lower triangle; 0: dropped.
+      !> Elements are the bricks, then the infinite elements. Unknowns of element e: `dof_start(e)` to `dof_start(e+1)-1` of `dof`.
+      integer, allocatable :: dof_start(:), dof(:)
+      !> Place in the values of each entry of the elements' packed lower triangles; 0: dropped.
       integer, allocatable :: place(:)
-      !> Bricks with hanging nodes have their own nodes and weights: `special(e)` is 0 for the others.
-      integer, allocatable :: special(:)
-      integer, allocatable :: special_node(:, :), special_count(:)
+      !> Number of each brick among those with hanging nodes, or 0. These span the nodes that their own hang on, with weights.
+      integer, allocatable :: constrained(:)
       real(wp), allocatable :: weight(:, :, :)
    end type assembly_type
 
    !> A brick with hanging nodes spans at most this many nodes.
    integer, parameter :: most_nodes = 20
+   integer :: r, c
+   logical, parameter :: lower(3*most_nodes, 3*most_nodes) = &
+      & reshape([((r >= c, r=1, 3*most_nodes), c=1, 3*most_nodes)], [3*most_nodes, 3*most_nodes])
 
 contains
 
@@ -44,12 +46,10 @@ contains
       integer :: i
 
       allocate (hanging_index(size(mesh%x, 2)), source=0)
-      do i = 1, size(mesh%hanging)
-         hanging_index(mesh%hanging(i)) = i
-      end do
+      hanging_index(mesh%hanging) = [(i, i=1, size(mesh%hanging))]
       call number_unknowns(mesh, hanging_index, assembly)
-      call find_special(mesh, hanging_index, assembly)
-      call build_pattern(mesh, assembly, error)
+      call list_dofs(mesh, hanging_index, assembly)
+      call build_pattern(assembly, error)
    end subroutine new_assembly
 
    subroutine number_unknowns(mesh, hanging_index, assembly)
@@ -58,211 +58,156 @@ contains
       type(assembly_type), intent(inout) :: assembly
       logical, allocatable :: free(:)
       integer :: i, j, n, groups
-      integer, allocatable :: node_group(:)
 
-      allocate (free(size(mesh%x, 2)))
       free = hanging_index == 0
       free(mesh%clamped) = .false.
-      allocate (assembly%unknown(3, size(free)), source=0)
-      assembly%kept = size(mesh%contact)
-      assembly%unknown(3, mesh%contact) = -1
+      assembly%unknowns = 3*count(free)
+      assembly%n_contact = size(mesh%contact)
+      allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
+      assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
       n = 0
-      do i = 1, size(free)
-         if (.not. free(i)) cycle
-         do j = 1, 3
-            if (assembly%unknown(j, i) < 0) cycle
-            n = n + 1
-            assembly%unknown(j, i) = n
-         end do
-      end do
-      do i = 1, size(mesh%contact)
-         n = n + 1
-         assembly%unknown(3, mesh%contact(i)) = n
-      end do
-      assembly%unknowns = n
-      allocate (assembly%group(n), node_group(size(free)))
       groups = 0
       do i = 1, size(free)
          if (.not. free(i)) cycle
+         do j = 1, 3
+            if (assembly%unknown(j, i) > 0) cycle
+            n = n + 1
+            assembly%unknown(j, i) = n
+         end do
          groups = groups + 1
          assembly%group(assembly%unknown(:, i)) = groups
       end do
    end subroutine number_unknowns
 
-   !> Express each brick that has hanging nodes in the nodes they hang on.
-   subroutine find_special(mesh, hanging_index, assembly)
+   !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these hang on.
+   subroutine list_dofs(mesh, hanging_index, assembly)
       type(mesh_type), intent(in) :: mesh
       integer, intent(in) :: hanging_index(:)
       type(assembly_type), intent(inout) :: assembly
-      integer :: e, a, m, h, count, found
+      logical, allocatable :: has_hanging(:)
+      integer :: e, a, m, h, n_bricks, n, node(most_nodes)
 
-      allocate (assembly%special(size(mesh%brick, 2)), source=0)
-      count = 0
-      do e = 1, size(mesh%brick, 2)
-         if (all(hanging_index(mesh%brick(:, e)) == 0)) cycle
-         count = count + 1
-         assembly%special(e) = count
-      end do
-      allocate (assembly%special_node(most_nodes, count), assembly%special_count(count))
-      allocate (assembly%weight(8, most_nodes, count), source=0.0_wp)
-      do e = 1, size(mesh%brick, 2)
-         if (assembly%special(e) == 0) cycle
-         count = assembly%special(e)
-         found = 0
-         do a = 1, 8
-            h = hanging_index(mesh%brick(a, e))
-            if (h == 0) then
-               call add(mesh%brick(a, e), a, 1.0_wp)
-            else
-               do m = 1, mesh%masters(h)
-                  call add(mesh%master(m, h), a, 1.0_wp/mesh%masters(h))
-               end do
-            end if
-         end do
-         assembly%special_count(count) = found
+      n_bricks = size(mesh%brick, 2)
+      has_hanging = [(any(hanging_index(mesh%brick(:, e)) > 0), e=1, n_bricks)]
+      allocate (assembly%constrained(n_bricks), source=0)
+      assembly%constrained = unpack([(e, e=1, count(has_hanging))], has_hanging, assembly%constrained)
+      allocate (assembly%weight(8, most_nodes, count(has_hanging)), source=0.0_wp)
+      allocate (assembly%dof_start(n_bricks + size(mesh%facet, 2) + 1))
+      allocate (assembly%dof(24*n_bricks + 12*size(mesh%facet, 2) + 3*(most_nodes - 8)*count(has_hanging)))
+      assembly%dof_start(1) = 1
+      do e = 1, size(assembly%dof_start) - 1
+         n = 0
+         if (e > n_bricks) then
+            n = 4
+            node(:4) = mesh%facet(:, e - n_bricks)
+         else if (.not. has_hanging(e)) then
+            n = 8
+            node(:8) = mesh%brick(:, e)
+         else
+            do a = 1, 8
+               h = hanging_index(mesh%brick(a, e))
+               if (h == 0) then
+                  call add(mesh%brick(a, e), 1.0_wp)
+               else
+                  do m = 1, mesh%masters(h)
+                     call add(mesh%master(m, h), 1.0_wp/mesh%masters(h))
+                  end do
+               end if
+            end do
+         end if
+         assembly%dof_start(e + 1) = assembly%dof_start(e) + 3*n
+         assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1) = reshape(assembly%unknown(:, node(:n)), [3*n])
       end do
 
    contains
 
-      subroutine add(node, a, w)
-         integer, intent(in) :: node, a
-         real(wp), intent(in) :: w
+      subroutine add(master, weight)
+         integer, intent(in) :: master
+         real(wp), intent(in) :: weight
          integer :: k
 
-         do k = 1, found
-            if (assembly%special_node(k, count) == node) exit
+         do k = 1, n
+            if (node(k) == master) exit
          end do
-         if (k > found) found = k
-         assembly%special_node(k, count) = node
-         assembly%weight(a, k, count) = assembly%weight(a, k, count) + w
+         n = max(n, k)
+         node(k) = master
+         associate (total => assembly%weight(a, k, assembly%constrained(e)))
+            total = total + weight
+         end associate
       end subroutine add
-   end subroutine find_special
+   end subroutine list_dofs
 
-   !> Nodes of element e: bricks first, then infinite elements.
-   pure subroutine element_nodes(mesh, assembly, e, node, count)
-      type(mesh_type), intent(in) :: mesh
-      type(assembly_type), intent(in) :: assembly
-      integer, intent(in) :: e
-      integer, intent(out) :: node(most_nodes), count
-      integer :: s
-
-      if (e > size(mesh%brick, 2)) then
-         count = 4
-         node(:4) = mesh%facet(:, e - size(mesh%brick, 2))
-         return
-      end if
-      s = assembly%special(e)
-      if (s == 0) then
-         count = 8
-         node(:8) = mesh%brick(:, e)
-      else
-         count = assembly%special_count(s)
-         node(:count) = assembly%special_node(:count, s)
-      end if
-   end subroutine element_nodes
-
-   subroutine build_pattern(mesh, assembly, error)
-      type(mesh_type), intent(in) :: mesh
+   !> The rows of each column, and where the entries of the elements go.
+   subroutine build_pattern(assembly, error)
       type(assembly_type), intent(inout) :: assembly
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: touching_start(:), touching(:), next(:), mark(:), rows(:), order(:), owner(:), filled(:)
-      integer :: elements, nodes, e, a, b, i, j, count, node(most_nodes), column, found, p, t, r
-      integer :: dof(3*most_nodes), total, status
+      integer, allocatable :: touching_start(:), touching(:), next(:), entry_start(:), mark(:), position(:), rows(:), order(:), &
+         & filled(:)
+      integer :: elements, e, i, j, n, column, found, p, t, status
 
-      elements = size(mesh%brick, 2) + size(mesh%facet, 2)
-      nodes = size(mesh%x, 2)
-      allocate (touching_start(nodes + 1), source=0)
-      do e = 1, elements
-         call element_nodes(mesh, assembly, e, node, count)
-         touching_start(node(:count) + 1) = touching_start(node(:count) + 1) + 1
+      elements = size(assembly%dof_start) - 1
+      allocate (touching_start(assembly%unknowns + 1), entry_start(elements + 1), source=0)
+      do p = 1, assembly%dof_start(elements + 1) - 1
+         i = assembly%dof(p)
+         if (i > 0) touching_start(i + 1) = touching_start(i + 1) + 1
       end do
       touching_start(1) = 1
-      do i = 1, nodes
+      do i = 1, assembly%unknowns
          touching_start(i + 1) = touching_start(i + 1) + touching_start(i)
       end do
-      allocate (touching(touching_start(nodes + 1) - 1))
-      next = touching_start(:nodes)
+      allocate (touching(touching_start(assembly%unknowns + 1) - 1))
+      next = touching_start
       do e = 1, elements
-         call element_nodes(mesh, assembly, e, node, count)
-         touching(next(node(:count))) = e
-         next(node(:count)) = next(node(:count)) + 1
+         do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
+            i = assembly%dof(p)
+            if (i == 0) cycle
+            touching(next(i)) = e
+            next(i) = next(i) + 1
+         end do
+         n = assembly%dof_start(e + 1) - assembly%dof_start(e)
+         entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
       end do
-
-      allocate (assembly%entry_start(elements + 1))
-      assembly%entry_start(1) = 1
-      do e = 1, elements
-         call element_nodes(mesh, assembly, e, node, count)
-         assembly%entry_start(e + 1) = assembly%entry_start(e) + (3*count*(3*count + 1))/2
-      end do
-      total = assembly%entry_start(elements + 1) - 1
       ! Elements share entries: they fill less than that.
-      allocate (assembly%place(total), filled(total), source=0, stat=status)
+      allocate (assembly%place(entry_start(elements + 1)), filled(entry_start(elements + 1)), source=0, stat=status)
       if (status /= 0) then
          call raise_no_memory('the entries of '//to_text(elements)//' elements', error)
          return
       end if
 
-      allocate (mark(assembly%unknowns), owner(assembly%unknowns), source=0)
+      allocate (mark(assembly%unknowns), position(assembly%unknowns), source=0)
       allocate (rows(3*most_nodes*64), order(3*most_nodes*64), assembly%column_start(assembly%unknowns + 1))
-      do i = 1, nodes
-         owner(pack(assembly%unknown(:, i), assembly%unknown(:, i) > 0)) = i
-      end do
       assembly%column_start(1) = 1
       do column = 1, assembly%unknowns
          found = 0
-         do t = touching_start(owner(column)), touching_start(owner(column) + 1) - 1
-            call element_nodes(mesh, assembly, touching(t), node, count)
-            do a = 1, count
-               do b = 1, 3
-                  r = assembly%unknown(b, node(a))
-                  if (r < column) cycle
-                  if (mark(r) == column) cycle
-                  mark(r) = column
-                  found = found + 1
-                  rows(found) = r
-               end do
+         do t = touching_start(column), touching_start(column + 1) - 1
+            do p = assembly%dof_start(touching(t)), assembly%dof_start(touching(t) + 1) - 1
+               i = assembly%dof(p)
+               if (i < column) cycle
+               if (mark(i) == column) cycle
+               mark(i) = column
+               found = found + 1
+               rows(found) = i
             end do
          end do
          call sort_order(real(rows(:found), wp), order(:found))
          p = assembly%column_start(column)
-         filled(p:p + found - 1) = rows(order(:found))
          assembly%column_start(column + 1) = p + found
+         filled(p:p + found - 1) = rows(order(:found))
+         position(rows(order(:found))) = [(i, i=p, p + found - 1)]
+         do t = touching_start(column), touching_start(column + 1) - 1
+            e = touching(t)
+            associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
+               n = size(dof)
+               j = findloc(dof, column, dim=1)
+               do i = 1, n
+                  if (dof(i) < column) cycle
+                  p = min(i, j)
+                  assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)) = position(dof(i))
+               end do
+            end associate
+         end do
       end do
       assembly%row = filled(:assembly%column_start(assembly%unknowns + 1) - 1)
-
-      do e = 1, elements
-         call element_nodes(mesh, assembly, e, node, count)
-         do a = 1, count
-            dof(3*a - 2:3*a) = assembly%unknown(:, node(a))
-         end do
-         p = assembly%entry_start(e)
-         do j = 1, 3*count
-            do i = j, 3*count
-               if (dof(i) > 0 .and. dof(j) > 0) assembly%place(p) = find(max(dof(i), dof(j)), min(dof(i), dof(j)))
-               p = p + 1
-            end do
-         end do
-      end do
-
-   contains
-
-      !> Place of (row r, column c) by bisection.
-      pure integer function find(r, c)
-         integer, intent(in) :: r, c
-         integer :: low, high
-
-         low = assembly%column_start(c)
-         high = assembly%column_start(c + 1) - 1
-         do while (low < high)
-            find = (low + high)/2
-            if (assembly%row(find) < r) then
-               low = find + 1
-            else
-               high = find
-            end if
-         end do
-         find = low
-      end function find
    end subroutine build_pattern
 
    !> Values of the matrix, in mN/um, where the materials have the stiffnesses `c`.
@@ -278,9 +223,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: class_stiffness(:, :)
       real(wp) :: k(24, 24), small(12, 12), expanded(3*most_nodes, 3*most_nodes), half(24, 3*most_nodes)
-      real(wp) :: packed(3*most_nodes*(3*most_nodes + 1)/2)
       logical :: valid
-      integer :: e, i, p, s, m, bricks, status
+      integer :: e, i, m, n, p, n_bricks, status
 
       values = 0.0_wp
       do i = 1, size(c, 3)
@@ -299,27 +243,25 @@ contains
             call raise(error, 'element '//to_text(e)//' of the mesh is turned inside out')
             return
          end if
-         call pack_lower(k, 24, class_stiffness(:, i))
+         class_stiffness(:, i) = pack(k, lower(:24, :24))
       end do
-      bricks = size(mesh%brick, 2)
-      do e = 1, bricks
-         s = assembly%special(e)
-         p = assembly%entry_start(e)
-         if (s == 0) then
-            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p:p + 299), values)
+      n_bricks = size(mesh%brick, 2)
+      p = 0
+      do e = 1, n_bricks + size(mesh%facet, 2)
+         n = assembly%dof_start(e + 1) - assembly%dof_start(e)
+         m = (n*(n + 1))/2
+         if (e > n_bricks) then
+            i = e - n_bricks
+            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), small)
+            call scatter(pack(small, lower(:12, :12)), 1.0_wp, assembly%place(p + 1:p + m), values)
+         else if (assembly%constrained(e) == 0) then
+            call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p + 1:p + m), values)
          else
-            m = assembly%special_count(s)
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
-            call expand(k, assembly%weight(:, :m, s), m, half, expanded)
-            call pack_lower(expanded(:3*m, :3*m), 3*m, packed)
-            call scatter(packed, 1.0_wp, assembly%place(p:p + (3*m*(3*m + 1))/2 - 1), values)
+            call expand(k, assembly%weight(:, :n/3, assembly%constrained(e)), n/3, half, expanded)
+            call scatter(pack(expanded(:n, :n), lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
          end if
-      end do
-      do e = 1, size(mesh%facet, 2)
-         call infinite_stiffness(mesh%x(:, mesh%facet(:, e)), c(:, :, mesh%facet_material(e)), small)
-         call pack_lower(small, 12, packed)
-         p = assembly%entry_start(bricks + e)
-         call scatter(packed, 1.0_wp, assembly%place(p:p + 77), values)
+         p = p + m
       end do
    end subroutine assemble
 
@@ -333,19 +275,6 @@ contains
          if (place(i) > 0) values(place(i)) = values(place(i)) + scale*packed(i)
       end do
    end subroutine scatter
-
-   pure subroutine pack_lower(k, n, packed)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: k(n, n)
-      real(wp), intent(inout) :: packed(:)
-      integer :: j, p
-
-      p = 0
-      do j = 1, n
-         packed(p + 1:p + n - j + 1) = k(j:, j)
-         p = p + n - j + 1
-      end do
-   end subroutine pack_lower
 
    !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded element.
    pure subroutine expand(k, weight, m, half, expanded)
@@ -401,17 +330,15 @@ contains
       real(wp), intent(out) :: u(:, :)
       integer :: i, j, m
 
+      u = 0.0_wp
       do i = 1, size(u, 2)
          do j = 1, 3
-            u(j, i) = 0.0_wp
             if (assembly%unknown(j, i) > 0) u(j, i) = solution(assembly%unknown(j, i))
          end do
       end do
       do i = 1, size(mesh%hanging)
          m = mesh%masters(i)
-         do j = 1, 3
-            u(j, mesh%hanging(i)) = sum(u(j, mesh%master(:m, i)))/m
-         end do
+         u(:, mesh%hanging(i)) = sum(u(:, mesh%master(:m, i)), dim=2)/m
       end do
    end subroutine expand_displacement
 

@@ -64,21 +64,13 @@ contains
             active = active .neqv. wrong
          else
             ! Murty's rule cannot cycle: exchange the last of the wrong nodes only.
-            i = findloc_last(wrong)
+            i = findloc(wrong, .true., dim=1, back=.true.)
             active(i) = .not. active(i)
          end if
       end do
       call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth)//' um was not found in ' &
          & //to_text(most_steps)//' steps')
    end subroutine solve_contact
-
-   pure integer function findloc_last(mask)
-      logical, intent(in) :: mask(:)
-
-      do findloc_last = size(mask), 1, -1
-         if (mask(findloc_last)) return
-      end do
-   end function findloc_last
 
    !> Largest violation of the contact conditions: tension and complementarity relative to the largest nodal force,
    !> penetration and complementarity relative to the depth.

@@ -67,30 +67,20 @@ contains
       !> Of the layer, see `brick_strain`.
       real(wp), intent(in) :: growth
       real(wp), intent(out) :: stress(6)
-      real(wp) :: b(6, 33, 8), volume(8), k(9, 9), unknown(33), load(9)
-      integer :: n, p, q
+      real(wp) :: b(6, 33, 8), volume(8), k(33, 33), unknown(33)
+      integer :: p, q
 
-      n = unknowns_of(formulation, growth)
       call brick_strain(x, formulation, growth, b, volume)
+      k = 0.0_wp
+      do q = 1, 8
+         k = k + volume(q)*matmul(transpose(b(:, :, q)), matmul(c, b(:, :, q)))
+      end do
+      call eliminate_modes(k(:unknowns_of(formulation, growth), :unknowns_of(formulation, growth)), 24)
       unknown = 0.0_wp
       unknown(:24) = reshape(u, [24])
-      if (formulation == brick_incompatible) then
-         k = 0.0_wp
-         load = 0.0_wp
-         do q = 1, 8
-            k = k + volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, b(:, 25:, q)))
-            load = load - volume(q)*matmul(transpose(b(:, 25:, q)), matmul(c, matmul(b(:, :24, q), unknown(:24))))
-         end do
-         do p = n - 24, 1, -1
-            load(:p - 1) = load(:p - 1) - k(:p - 1, p)*(load(p)/k(p, p))
-            do q = 1, p - 1
-               k(:p - 1, q) = k(:p - 1, q) - k(:p - 1, p)*(k(p, q)/k(p, p))
-            end do
-         end do
-         do p = 1, n - 24
-            unknown(24 + p) = (load(p) - dot_product(k(p, :p - 1), unknown(25:23 + p)))/k(p, p)
-         end do
-      end if
+      do p = 25, unknowns_of(formulation, growth)
+         unknown(p) = -dot_product(k(p, :p - 1), unknown(:p - 1))/k(p, p)
+      end do
       stress = 0.0_wp
       do q = 1, 8
          stress = stress + volume(q)*matmul(c, matmul(b(:, :, q), unknown))
@@ -114,7 +104,7 @@ contains
       !> Strain by displacements (1/um) and volume (um3) at each point of integration.
       real(wp), intent(out) :: b(6, 33, 8), volume(8)
       real(wp) :: natural(3, 8), jacobian(3, 3), inverse(3, 3), determinant, centre_inverse(3, 3), centre_determinant
-      real(wp) :: gradient(3, 8, 8), mean(3, 8), mode(3), xi(3), weight, rho
+      real(wp) :: gradient(3, 8, 8), mean(3, 8), shift(24), mode(3), xi(3), weight, rho
       integer :: a, i, q
 
       b = 0.0_wp
@@ -127,31 +117,30 @@ contains
             xi(3) = 2.0_wp*(rho - 1.0_wp)/(growth - 1.0_wp) - 1.0_wp
             weight = rho**2/growth
          end if
-         natural = natural_gradient(xi)
+         natural = natural_gradient(xi, 1.0_wp)
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, inverse, determinant)
          volume(q) = weight*determinant
-         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = decaying_gradient(xi, growth)
+         if (formulation == brick_incompatible .and. growth > 1.0_wp) natural = natural_gradient(xi, growth)
          gradient(:, :, q) = matmul(transpose(inverse), natural)
          do a = 1, 8
             b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a, q))
          end do
       end do
       if (formulation == brick_selective) then
-         do a = 1, 8
-            do i = 1, 3
-               mean(i, a) = sum(gradient(i, a, :)*volume)/sum(volume)
-            end do
-         end do
+         mean = 0.0_wp
          do q = 1, 8
-            do a = 1, 8
-               do i = 1, 3
-                  b(1:3, 3*a - 3 + i, q) = b(1:3, 3*a - 3 + i, q) + (mean(i, a) - gradient(i, a, q))/3.0_wp
-               end do
+            mean = mean + gradient(:, :, q)*volume(q)
+         end do
+         mean = mean/sum(volume)
+         do q = 1, 8
+            shift = reshape(mean - gradient(:, :, q), [24])/3.0_wp
+            do i = 1, 3
+               b(i, :24, q) = b(i, :24, q) + shift
             end do
          end do
       else if (formulation == brick_incompatible) then
-         natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp])
+         natural = natural_gradient([0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp)
          jacobian = matmul(x, transpose(natural))
          call invert(jacobian, centre_inverse, centre_determinant)
          do q = 1, 8
@@ -224,40 +213,32 @@ contains
       end do
    end subroutine eliminate_modes
 
-   !> Derivatives of the eight shape functions with respect to the natural coordinates.
-   pure function natural_gradient(xi) result(g)
-      real(wp), intent(in) :: xi(3)
-      real(wp) :: g(3, 8)
-      real(wp) :: f(3)
-      integer :: a
-
-      do a = 1, 8
-         f = 1.0_wp + xi*corner(:, a)
-         g(1, a) = 0.125_wp*corner(1, a)*f(2)*f(3)
-         g(2, a) = 0.125_wp*corner(2, a)*f(1)*f(3)
-         g(3, a) = 0.125_wp*corner(3, a)*f(1)*f(2)
-      end do
-   end function natural_gradient
-
-   !> As `natural_gradient`, of displacements that decay from face to face of a layer (`brick_strain`).
-   pure function decaying_gradient(xi, growth) result(g)
+   !> Derivatives of the eight shape functions with respect to the natural coordinates. With a growth above 1 they decay from face to face
+   !> of a layer (`brick_strain`), else they are linear.
+   pure function natural_gradient(xi, growth) result(g)
       real(wp), intent(in) :: xi(3), growth
       real(wp) :: g(3, 8)
-      real(wp) :: f(2), rho, share, slope
+      !> Of the inner and of the outer face.
+      real(wp) :: share(2)
+      real(wp) :: f1, f2, rho, slope
       integer :: a
 
-      rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
+      share = [0.5_wp*(1.0_wp - xi(3)), 0.5_wp*(1.0_wp + xi(3))]
+      slope = 0.5_wp
+      if (growth > 1.0_wp) then
+         rho = 1.0_wp + 0.5_wp*(growth - 1.0_wp)*(1.0_wp + xi(3))
+         share(1) = (growth - rho)/(rho*(growth - 1.0_wp))
+         share(2) = 1.0_wp - share(1)
+         slope = 0.5_wp*growth/rho**2
+      end if
       do a = 1, 8
-         f = 1.0_wp + xi(:2)*corner(:2, a)
-         share = (growth - rho)/(rho*(growth - 1.0_wp))
-         slope = -0.5_wp*growth/rho**2
-         if (a > 4) then
-            share = 1.0_wp - share
-            slope = -slope
-         end if
-         g(:, a) = 0.25_wp*[corner(1, a)*f(2)*share, corner(2, a)*f(1)*share, f(1)*f(2)*slope]
+         f1 = 1.0_wp + xi(1)*corner(1, a)
+         f2 = 1.0_wp + xi(2)*corner(2, a)
+         g(1, a) = 0.25_wp*corner(1, a)*f2*share((a + 3)/4)
+         g(2, a) = 0.25_wp*corner(2, a)*f1*share((a + 3)/4)
+         g(3, a) = 0.25_wp*corner(3, a)*f1*f2*slope
       end do
-   end function decaying_gradient
+   end function natural_gradient
 
    !> Strain of the three displacement components whose common gradient is `g`.
    pure function strain_of(g) result(b)
@@ -273,17 +254,14 @@ contains
    pure subroutine invert(j, inverse, determinant)
       real(wp), intent(in) :: j(3, 3)
       real(wp), intent(out) :: inverse(3, 3), determinant
+      integer :: i
 
-      inverse(1, 1) = j(2, 2)*j(3, 3) - j(2, 3)*j(3, 2)
-      inverse(1, 2) = j(1, 3)*j(3, 2) - j(1, 2)*j(3, 3)
-      inverse(1, 3) = j(1, 2)*j(2, 3) - j(1, 3)*j(2, 2)
-      inverse(2, 1) = j(2, 3)*j(3, 1) - j(2, 1)*j(3, 3)
-      inverse(2, 2) = j(1, 1)*j(3, 3) - j(1, 3)*j(3, 1)
-      inverse(2, 3) = j(1, 3)*j(2, 1) - j(1, 1)*j(2, 3)
-      inverse(3, 1) = j(2, 1)*j(3, 2) - j(2, 2)*j(3, 1)
-      inverse(3, 2) = j(1, 2)*j(3, 1) - j(1, 1)*j(3, 2)
-      inverse(3, 3) = j(1, 1)*j(2, 2) - j(1, 2)*j(2, 1)
-      determinant = j(1, 1)*inverse(1, 1) + j(1, 2)*inverse(2, 1) + j(1, 3)*inverse(3, 1)
+      do i = 1, 3
+         associate (p => j(:, modulo(i, 3) + 1), q => j(:, modulo(i + 1, 3) + 1))
+            inverse(i, :) = [p(2)*q(3) - p(3)*q(2), p(3)*q(1) - p(1)*q(3), p(1)*q(2) - p(2)*q(1)]
+         end associate
+      end do
+      determinant = dot_product(j(1, :), inverse(:, 1))
       if (abs(determinant) > 0.0_wp) inverse = inverse/determinant
    end subroutine invert
 end module fe_element

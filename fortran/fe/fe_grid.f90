@@ -1,16 +1,17 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
 module fe_grid
+   use, intrinsic :: iso_c_binding, only: c_ptr
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_contact, only: contact_residual, solve_contact
    use fe_mesh, only: mesh_type
-   use indenters, only: indenter_type
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_inverse
    use memory, only: raise_no_memory
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, kept_factor, &
-      & release_factor, solve_factored
-   use specimen_mesh, only: specimen_mesh_type
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, &
+      & retained_factor, solve_factored
    use text, only: to_text
    implicit none
    private
@@ -41,27 +42,28 @@ module fe_grid
 contains
 
    !> The mesh of a specimen, ready to be indented.
-   subroutine new_grid(specimen, tip, refine, grid, error)
-      class(specimen_mesh_type), intent(in) :: specimen
-      type(indenter_type), intent(in) :: tip
+   subroutine new_grid(specimen, indenter, refine, grid, error)
+      class(specimen_type), intent(in) :: specimen
+      class(indenter_type), intent(in) :: indenter
       !> Elements per contact radius relative to the specimen's default.
       real(wp), intent(in) :: refine
       type(grid_type), intent(out) :: grid
       type(error_type), allocatable, intent(out) :: error
 
-      call specimen%make(refine, tip%contact_radius, grid%mesh, error)
+      call specimen%make(refine, grid%mesh, error)
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
       associate (x => grid%mesh%x(:, grid%mesh%contact))
-         grid%gap = tip%gap(sqrt(x(1, :)**2 + x(2, :)**2))
+         grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
       end associate
       associate (a => grid%assembly)
-         call analyse_pattern(a%column_start, a%row, a%group, a%kept, grid%cholesky, error)
+         call analyse_pattern(a%column_start, a%row, a%group, a%n_contact, grid%cholesky, error)
       end associate
    end subroutine new_grid
 
-   !> The curve at the depths that it brings.
+   !> The curve at the depths that it brings: factor the matrix, solve the contact at every depth, and compare force and reactions at the
+   !> last.
    subroutine indent_grid(grid, formulation, c, field_step, curve, error)
       type(grid_type), intent(in) :: grid
       !> Of the bricks (`fe_element`).
@@ -73,56 +75,44 @@ contains
       !> In: its depths.
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error
-      type(factor_type) :: factor
-
-      call acquire_factor(grid%cholesky, factor, error)
-      if (allocated(error)) return
-      call solve_curve(grid, formulation, c, field_step, factor, curve, error)
-      call release_factor(grid%cholesky, factor)
-   end subroutine indent_grid
-
-   !> Factor the matrix, solve the contact at every depth, and compare force and reactions at the last.
-   subroutine solve_curve(grid, formulation, c, field_step, factor, curve, error)
-      type(grid_type), intent(in) :: grid
-      integer, intent(in) :: formulation
-      !> GPa (6, 6, materials).
-      real(wp), intent(in) :: c(:, :, :)
-      integer, intent(in) :: field_step
-      type(factor_type), intent(inout) :: factor
-      type(curve_type), intent(inout) :: curve
-      type(error_type), allocatable, intent(out) :: error
+      type(c_ptr) :: factor
       real(wp), allocatable :: values(:), compliance(:, :), forces(:, :), u(:, :)
       real(wp) :: held(3), total
       integer(i8) :: start, finish, rate
       integer :: n, depths, status
 
-      n = grid%assembly%kept
+      call acquire_factor(grid%cholesky, factor, error)
+      if (allocated(error)) return
+      n = grid%assembly%n_contact
       depths = size(curve%depth)
-      allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
-      if (status /= 0) then
-         call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
-         return
-      end if
-      call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
-      if (allocated(error)) return
-      call system_clock(start, rate)
-      call factorise(grid%cholesky, factor, values, error)
-      call system_clock(finish)
-      if (allocated(error)) return
-      curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
-      call kept_factor(grid%cholesky, factor, compliance)
-      call cholesky_inverse(compliance)
-      call solve_depths(grid, compliance, curve, forces, error)
-      if (allocated(error)) return
-      if (field_step > 0) then
-         call solve_displacement(grid, factor, values, forces(:, field_step), u)
-         curve%displacement = u
-      end if
-      if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
-      call reaction(grid%mesh, formulation, c, u, held)
-      total = sum(forces(:, depths))
-      curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
-   end subroutine solve_curve
+      solve: block
+         allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), u(3, size(grid%mesh%x, 2)), stat=status)
+         if (status /= 0) then
+            call raise_no_memory('the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
+            exit solve
+         end if
+         call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
+         if (allocated(error)) exit solve
+         call system_clock(start, rate)
+         call factorise(grid%cholesky, factor, values, error)
+         call system_clock(finish)
+         if (allocated(error)) exit solve
+         curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
+         call retained_factor(grid%cholesky%handle, factor, compliance)
+         call cholesky_inverse(compliance)
+         call solve_depths(grid, compliance, curve, forces, error)
+         if (allocated(error)) exit solve
+         if (field_step > 0) then
+            call solve_displacement(grid, factor, values, forces(:, field_step), u)
+            curve%displacement = u
+         end if
+         if (field_step /= depths) call solve_displacement(grid, factor, values, forces(:, depths), u)
+         call reaction(grid%mesh, formulation, c, u, held)
+         total = sum(forces(:, depths))
+         curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
+      end block solve
+      call release_factor(grid%cholesky%handle, factor)
+   end subroutine indent_grid
 
    !> The contact at every depth, each starting from the one before.
    subroutine solve_depths(grid, compliance, curve, forces, error)
@@ -137,7 +127,7 @@ contains
       integer :: i
 
       associate (x => grid%mesh%x(:, grid%mesh%contact))
-         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_reach - grid%mesh%element_size
+         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
       end associate
       curve%force = 0.0_wp*curve%depth
       curve%contact_radius = curve%force
@@ -148,7 +138,7 @@ contains
          curve%left_zone = any(active .and. edge)
          if (curve%left_zone) then
             call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
-               & //' um (it may reach '//to_text(grid%mesh%contact_reach - grid%mesh%element_size)//' um)')
+               & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
             return
          end if
          curve%force(i) = sum(forces(:, i))
@@ -161,7 +151,7 @@ contains
    !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, the solution is refined.
    subroutine solve_displacement(grid, factor, values, force, u)
       type(grid_type), intent(in) :: grid
-      type(factor_type), intent(inout) :: factor
+      type(c_ptr), intent(in) :: factor
       !> Of the matrix, mN/um; into the material, mN (contact nodes).
       real(wp), intent(in) :: values(:), force(:)
       !> um (3, nodes).
@@ -174,8 +164,8 @@ contains
       allocate (x(n), residual(n), source=0.0_wp)
       do i = 0, refinements
          residual = -product_with(grid%assembly, values, x)
-         residual(n - grid%assembly%kept + 1:) = residual(n - grid%assembly%kept + 1:) - force
-         call solve_factored(grid%cholesky, factor, residual)
+         residual(n - grid%assembly%n_contact + 1:) = residual(n - grid%assembly%n_contact + 1:) - force
+         call solve_factored(grid%cholesky%handle, factor, residual)
          x = x + residual
       end do
       call expand_displacement(grid%mesh, grid%assembly, x, u)

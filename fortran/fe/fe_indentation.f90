@@ -2,16 +2,16 @@
 !>
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
    use settings_groups, only: settings_type
    use sparse_cholesky, only: free_analysis
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    use text, only: to_text
    implicit none
    private
@@ -24,10 +24,9 @@ module fe_indentation
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type
-      type(indenter_type) :: indenter
-      class(specimen_mesh_type), allocatable :: specimen
-      !> Name of the brick element, and its formulation (`fe_element`).
-      character(len=:), allocatable :: element
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
+      !> Formulation of the bricks (`fe_element`).
       integer :: formulation = brick_selective
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
@@ -67,25 +66,22 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      call new_indenter(settings%indenter, model%indenter, error)
-      if (.not. allocated(error)) call new_specimen(settings, model%indenter%contact_radius, &
-         & model%specimen, error)
+      call new_indentation(settings, model%indenter, model%specimen, error)
       if (allocated(error)) return
-      associate (simulation => settings%simulation, tip => model%indenter)
-         model%element = model%specimen%element_of(simulation%element)
-         if (model%element == 'c3d8i') then
+      associate (simulation => settings%simulation, indenter => model%indenter)
+         if (model%specimen%element == 'c3d8i') then
             model%formulation = brick_incompatible
          else if (simulation%integration == 'full') then
             model%formulation = brick_full
          else
             model%formulation = brick_selective
          end if
-         model%depth = tip%depth_of([(tip%contact_radius*i/simulation%depths, i=1, simulation%depths)])
-         model%depth(simulation%depths) = tip%depth
+         model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
+         model%depth(simulation%depths) = indenter%depth
 
          allocate (model%grid(merge(2, 1, simulation%extrapolate)))
          do i = 1, size(model%grid)
-            call new_grid(model%specimen, tip, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
+            call new_grid(model%specimen, indenter, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
                & model%grid(i), error)
             if (allocated(error)) then
                call free_indentation_model(model)
@@ -94,7 +90,7 @@ contains
             model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
          end do
          if (.not. any(is_resolved(model, model%depth))) then
-            call raise(error, 'the contact radius spans '//to_text(tip%contact_radius/model%grid(1)%mesh%element_size, 3) &
+            call raise(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
                & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
                & //to_text(simulation%refine)//')', exit_bad_input)
             call free_indentation_model(model)
@@ -108,8 +104,10 @@ contains
       !> um.
       real(wp), intent(in) :: depth(:)
       logical :: is_resolved(size(depth))
+      real(wp) :: contact_radius(size(depth))
 
-      is_resolved = model%indenter%contact_radius_of(depth) >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
+      contact_radius = model%indenter%contact_radius_of(depth)
+      is_resolved = contact_radius >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
    !> Give back what the meshes hold outside Fortran; the model is then empty.
@@ -138,7 +136,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of the depth whose displacement is kept.
       integer, intent(in), optional :: field_step
-      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth))
+      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth)), moduli(3)
       integer(i8) :: start, finish, rate
       integer :: solves, step
 
@@ -160,9 +158,12 @@ contains
          depth = smaller
       end do
       if (allocated(error)) return
-      call estimate_modulus(model%indenter%unit_force(depth), result%force, is_resolved(model, depth), result%modulus, &
-         & result%modulus_slope, result%modulus_last)
-      result%modulus_by_depth = result%force/model%indenter%unit_force(depth)
+      moduli = moduli_of(model, depth, result%force)
+      result%modulus = moduli(1)
+      result%modulus_slope = moduli(2)
+      result%modulus_last = moduli(3)
+      result%modulus_by_depth = model%indenter%unit_force(depth)
+      result%modulus_by_depth = result%force/result%modulus_by_depth
       result%elements = solves*model%elements
       call system_clock(finish)
       result%seconds = real(finish - start, wp)/real(rate, wp)
@@ -195,18 +196,20 @@ contains
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
       type(curve_type) :: coarse
-      real(wp) :: ratio
+      real(wp) :: ratio, moduli(3)
 
       result%depth = depth
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
-      result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
+      moduli = moduli_of(model, depth, result%force)
+      result%modulus_of_mesh = moduli(1:1)
       if (size(model%grid) == 1) return
       coarse%depth = depth
       call indent_grid(model%grid(2), model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
-      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
+      moduli = moduli_of(model, depth, coarse%force)
+      result%modulus_of_mesh = [result%modulus_of_mesh, moduli(1)]
       ! The error of both meshes is taken to fall with the square of the element size.
       ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
       result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
@@ -215,33 +218,23 @@ contains
       result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
    end subroutine simulate_depths
 
-   pure real(wp) function modulus_of(model, curve)
+   !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
+   !> last point alone.
+   pure function moduli_of(model, depth, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
-      type(curve_type), intent(in) :: curve
-      real(wp) :: slope, last
+      !> um, mN.
+      real(wp), intent(in) :: depth(:), force(:)
+      real(wp) :: moduli(3)
+      real(wp) :: unit_force(size(depth)), x(size(depth)), y(size(depth))
+      logical :: used(size(depth))
 
-      call estimate_modulus(model%indenter%unit_force(curve%depth), curve%force, is_resolved(model, curve%depth), modulus_of, &
-         & slope, last)
-   end function modulus_of
-
-   !> The modulus of a curve: least squares through the origin over the depths that are used.
-   pure subroutine estimate_modulus(unit_force, force, used, modulus, slope, last)
-      !> Force over modulus at each depth, um2; mN.
-      real(wp), intent(in) :: unit_force(:), force(:)
-      logical, intent(in) :: used(:)
-      !> GPa: the estimate, the slope of a line with intercept, and the last point alone.
-      real(wp), intent(out) :: modulus, slope, last
-      real(wp) :: x, y
-      integer :: n, m
-
-      n = size(force)
-      m = count(used)
-      modulus = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
-      last = force(n)/unit_force(n)
-      slope = modulus
-      if (m < 2) return
-      x = sum(unit_force, mask=used)/m
-      y = sum(force, mask=used)/m
-      slope = sum((unit_force - x)*(force - y), mask=used)/sum((unit_force - x)**2, mask=used)
-   end subroutine estimate_modulus
+      unit_force = model%indenter%unit_force(depth)
+      used = is_resolved(model, depth)
+      moduli(1:2) = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
+      moduli(3) = force(size(force))/unit_force(size(force))
+      if (count(used) < 2) return
+      x = unit_force - sum(unit_force, mask=used)/count(used)
+      y = force - sum(force, mask=used)/count(used)
+      moduli(2) = sum(x*y, mask=used)/sum(x**2, mask=used)
+   end function moduli_of
 end module fe_indentation

@@ -38,15 +38,15 @@ module fe_mesh
       !> Surface nodes that may touch the indenter.
       integer, allocatable :: contact(:)
       !> Contact may reach this far from the centre, and edge of an element there, um.
-      real(wp) :: contact_reach = 0.0_wp, element_size = 0.0_wp
+      real(wp) :: contact_limit = 0.0_wp, element_size = 0.0_wp
    end type mesh_type
 
    !> A mesh under construction.
-   type :: builder_type
+   type, extends(mesh_type) :: builder_type
       !> Node of each lattice point of the current surface; 0 inside, where the surface is coarser, and where it is clamped.
       integer, allocatable :: at(:, :, :)
       !> Lattice spacing of the current surface, and items made so far.
-      integer :: step = 1, nodes = 0, bricks = 0, hanging = 0, classes = 0
+      integer :: step = 1, nodes = 0, bricks = 0, n_hanging = 0, classes = 0
    end type builder_type
 
    !> Memory of a mesh with its pattern and places of entries, bytes a brick, rounded up from what was measured.
@@ -62,42 +62,46 @@ contains
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
       type(builder_type) :: self
-      integer :: nodes, bricks, hanging, i
+      integer :: nodes, bricks, hanging, nx, i
 
       call check_plan(plan, error)
       if (allocated(error)) return
       call count_items(plan, nodes, bricks, hanging)
       call check_memory(bytes_per_brick*bricks, 'a mesh of '//to_text(bricks)//' elements', error)
       if (allocated(error)) return
-      allocate (mesh%x(3, nodes), mesh%brick(8, bricks), mesh%material(bricks), mesh%class(bricks), mesh%scale(bricks))
-      allocate (mesh%growth(bricks), source=1.0_wp)
-      allocate (mesh%representative(bricks), mesh%hanging(hanging), mesh%masters(hanging), mesh%master(4, hanging))
-      call fill_box(plan, self, mesh)
+      allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), self%class(bricks), self%representative(bricks))
+      allocate (self%scale(bricks), self%growth(bricks), source=1.0_wp)
+      allocate (self%hanging(hanging), self%masters(hanging), self%master(4, hanging))
+      call fill_box(plan, self)
       do i = 1, size(plan%stages)
-         if (plan%stages(i)%coarsen) call coarsen(self%at, self%step, mesh, self%hanging)
-         if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self, mesh)
-         if (plan%clamped_depth > 0.0_wp) call drop_clamped_bottom(plan%clamped_depth, mesh, self%at)
-         call add_layers(plan%stages(i), self, mesh)
+         if (plan%stages(i)%coarsen) call coarsen(self)
+         if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
+         ! Where the bottom of the surface is clamped nothing goes on below it.
+         nx = ubound(self%at, 1)
+         if (plan%clamped_depth > 0.0_wp .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) &
+            & self%at(1:nx - 1, 1:nx - 1, 0) = 0
+         call add_layers(plan%stages(i), self)
       end do
-      call close_mesh(plan, self, mesh)
-      mesh%x = mesh%x(:, :self%nodes)
-      mesh%brick = mesh%brick(:, :self%bricks)
-      mesh%material = mesh%material(:self%bricks)
-      mesh%class = mesh%class(:self%bricks)
-      mesh%scale = mesh%scale(:self%bricks)
-      mesh%growth = mesh%growth(:self%bricks)
-      mesh%representative = mesh%representative(:self%classes)
-      mesh%hanging = mesh%hanging(:self%hanging)
-      mesh%masters = mesh%masters(:self%hanging)
-      mesh%master = mesh%master(:, :self%hanging)
-      call find_clamped(plan, mesh)
+      call close_mesh(plan, self)
+      self%x = self%x(:, :self%nodes)
+      self%brick = self%brick(:, :self%bricks)
+      self%material = self%material(:self%bricks)
+      self%class = self%class(:self%bricks)
+      self%scale = self%scale(:self%bricks)
+      self%growth = self%growth(:self%bricks)
+      self%representative = self%representative(:self%classes)
+      self%hanging = self%hanging(:self%n_hanging)
+      self%masters = self%masters(:self%n_hanging)
+      self%master = self%master(:, :self%n_hanging)
+      call find_clamped(plan, self)
+      mesh = self%mesh_type
    end subroutine new_mesh
 
    !> The box of bricks, and the nodes that may touch the indenter.
-   subroutine fill_box(plan, self, mesh)
+   subroutine fill_box(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
-      type(mesh_type), intent(inout) :: mesh
+      integer, allocatable :: top(:)
       integer :: n, nx, nz, i, j, k
 
       n = plan%half_cells
@@ -109,35 +113,28 @@ contains
             do i = 0, nx
                self%nodes = self%nodes + 1
                self%at(i, j, k) = self%nodes
-               mesh%x(:, self%nodes) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
+               self%x(:, self%nodes) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
                   & (real(k - nz, wp)/nz)*plan%depth]
             end do
          end do
       end do
-      call add_bricks_of_lattice(1, nz, 1, self, mesh)
-      mesh%element_size = plan%half_width/n
-      mesh%contact_reach = plan%half_width
+      call add_bricks_of_lattice(1, nz, 1, self)
+      self%element_size = plan%half_width/n
+      self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
-      if (plan%stages(first_of(plan))%coarsen) mesh%contact_reach = plan%half_width - mesh%element_size
-      call find_contact(self%at(:, :, nz), mesh)
+      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) &
+         & self%contact_limit = plan%half_width - self%element_size
+      top = reshape(self%at(:, :, nz), [(nx + 1)**2])
+      self%contact = pack(top, hypot(self%x(1, top), self%x(2, top)) <= self%contact_limit*(1.0_wp + equal))
       self%at(1:nx - 1, 1:nx - 1, 1:nz) = 0
    end subroutine fill_box
 
-   !> The first stage that has layers, else the first.
-   pure integer function first_of(plan)
-      type(mesh_plan_type), intent(in) :: plan
-
-      do first_of = 1, size(plan%stages)
-         if (plan%stages(first_of)%layers > 0) return
-      end do
-      first_of = 1
-   end function first_of
-
    !> Equal bricks of one class between the levels 0 and `top` of the lattice.
-   pure subroutine add_bricks_of_lattice(material, top, step, self, mesh)
+   pure subroutine add_bricks_of_lattice(material, top, step, self)
       integer, intent(in) :: material, top, step
       type(builder_type), intent(inout) :: self
-      type(mesh_type), intent(inout) :: mesh
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
+         & 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer :: i, j, k, first
 
       first = self%bricks + 1
@@ -145,31 +142,20 @@ contains
          do j = 0, ubound(self%at, 2) - step, step
             do i = 0, ubound(self%at, 1) - step, step
                self%bricks = self%bricks + 1
-               mesh%brick(:4, self%bricks) = around(self%at(:, :, k), i, j, step)
-               mesh%brick(5:, self%bricks) = around(self%at(:, :, k + step), i, j, step)
+               self%brick(:, self%bricks) = nodes_of(self%at, spread([i, j, k], 2, 8) + step*corner)
             end do
          end do
       end do
       self%classes = self%classes + 1
-      mesh%representative(self%classes) = first
-      mesh%class(first:self%bricks) = self%classes
-      mesh%scale(first:self%bricks) = 1.0_wp
-      mesh%material(first:self%bricks) = material
+      self%representative(self%classes) = first
+      self%class(first:self%bricks) = self%classes
+      self%material(first:self%bricks) = material
    end subroutine add_bricks_of_lattice
 
-   !> The corners of a cell of one level, counterclockwise.
-   pure function around(level, i, j, step) result(node)
-      integer, intent(in) :: level(0:, 0:), i, j, step
-      integer :: node(4)
-
-      node = [level(i, j), level(i + step, j), level(i + step, j + step), level(i, j + step)]
-   end function around
-
    !> Levels of bricks under the bottom of the surface, which is flat and uniform.
-   subroutine add_floor(stage, self, mesh)
+   subroutine add_floor(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
-      type(mesh_type), intent(inout) :: mesh
       integer, allocatable :: at(:, :, :)
       integer :: nx, levels, i, j, k
 
@@ -182,34 +168,20 @@ contains
             do i = 0, nx, self%step
                self%nodes = self%nodes + 1
                at(i, j, k*self%step) = self%nodes
-               mesh%x(:, self%nodes) = mesh%x(:, at(i, j, levels)) &
+               self%x(:, self%nodes) = self%x(:, at(i, j, levels)) &
                   & - [0.0_wp, 0.0_wp, stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
             end do
          end do
       end do
       call move_alloc(at, self%at)
-      call add_bricks_of_lattice(stage%material, levels, self%step, self, mesh)
+      call add_bricks_of_lattice(stage%material, levels, self%step, self)
       self%at(1:nx - 1, 1:nx - 1, 1:levels) = 0
    end subroutine add_floor
 
-   !> Where the bottom of the surface is clamped nothing goes on below it.
-   pure subroutine drop_clamped_bottom(depth, mesh, at)
-      !> um.
-      real(wp), intent(in) :: depth
-      type(mesh_type), intent(in) :: mesh
-      integer, intent(inout) :: at(0:, 0:, 0:)
-      integer :: nx
-
-      if (mesh%x(3, at(0, 0, 0)) > -depth*(1.0_wp - equal)) return
-      nx = ubound(at, 1)
-      at(1:nx - 1, 1:nx - 1, 0) = 0
-   end subroutine drop_clamped_bottom
-
    !> The layers of a stage around the current surface.
-   subroutine add_layers(stage, self, mesh)
+   subroutine add_layers(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
-      type(mesh_type), intent(inout) :: mesh
       integer, allocatable :: quad(:, :, :), first_class(:), points(:, :)
       logical, allocatable :: similar(:)
       real(wp), allocatable :: start(:, :), finish(:, :)
@@ -220,36 +192,35 @@ contains
       call surface_quads(self, quad)
       facets = size(quad, 3)
       call surface_points(self%at, points)
-      start = mesh%x(:, nodes_of(self%at, points))
+      start = self%x(:, nodes_of(self%at, points))
       finish = stage_end(stage, start)
       allocate (first_class(facets), similar(facets))
       do f = 1, facets
-         similar(f) = stage%shape == growing .and. .not. is_above(stage, mesh, nodes_of(self%at, quad(:, :, f)))
+         similar(f) = stage%shape == growing .and. .not. is_above(stage, self, nodes_of(self%at, quad(:, :, f)))
       end do
       do layer = 1, stage%layers
          do f = 1, facets
-            mesh%brick(1:4, self%bricks + f) = nodes_of(self%at, quad(:, :, f))
+            self%brick(1:4, self%bricks + f) = nodes_of(self%at, quad(:, :, f))
          end do
          share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
          do p = 1, size(points, 2)
             self%nodes = self%nodes + 1
             self%at(points(1, p), points(2, p), points(3, p)) = self%nodes
-            mesh%x(:, self%nodes) = start(:, p) + share*(finish(:, p) - start(:, p))
+            self%x(:, self%nodes) = start(:, p) + share*(finish(:, p) - start(:, p))
          end do
          do f = 1, facets
             associate (brick => self%bricks + f)
-               mesh%brick(5:8, brick) = nodes_of(self%at, quad(:, :, f))
-               mesh%material(brick) = merge(1, stage%material, is_above(stage, mesh, mesh%brick(:, brick)))
-               mesh%scale(brick) = 1.0_wp
-               mesh%growth(brick) = stage%growth
+               self%brick(5:8, brick) = nodes_of(self%at, quad(:, :, f))
+               self%material(brick) = merge(1, stage%material, is_above(stage, self, self%brick(:, brick)))
+               self%growth(brick) = stage%growth
                if (layer == 1 .or. .not. similar(f)) then
                   self%classes = self%classes + 1
-                  mesh%representative(self%classes) = brick
+                  self%representative(self%classes) = brick
                   first_class(f) = self%classes
                else
-                  mesh%scale(brick) = stage%growth**(layer - 1)
+                  self%scale(brick) = stage%growth**(layer - 1)
                end if
-               mesh%class(brick) = first_class(f)
+               self%class(brick) = first_class(f)
             end associate
          end do
          self%bricks = self%bricks + facets
@@ -257,12 +228,12 @@ contains
    end subroutine add_layers
 
    !> Whether nodes lie above the plane of a stage that has one.
-   pure logical function is_above(stage, mesh, node)
+   pure logical function is_above(stage, self, node)
       type(mesh_stage_type), intent(in) :: stage
-      type(mesh_type), intent(in) :: mesh
+      type(builder_type), intent(in) :: self
       integer, intent(in) :: node(:)
 
-      is_above = stage%plane > 0.0_wp .and. all(mesh%x(3, node) >= -stage%plane*(1.0_wp + equal))
+      is_above = stage%plane > 0.0_wp .and. all(self%x(3, node) >= -stage%plane*(1.0_wp + equal))
    end function is_above
 
    !> Where the points of a surface are at the end of a stage, um.
@@ -295,35 +266,34 @@ contains
    end function stage_end
 
    !> What lies around the last layer.
-   subroutine close_mesh(plan, self, mesh)
+   subroutine close_mesh(plan, self)
       type(mesh_plan_type), intent(in) :: plan
-      type(builder_type), intent(in) :: self
-      type(mesh_type), intent(inout) :: mesh
+      type(builder_type), intent(inout) :: self
       integer, allocatable :: quad(:, :, :)
       integer :: f
 
       allocate (quad(3, 4, 0))
       if (plan%closing == closed_by_infinite) call surface_quads(self, quad)
-      allocate (mesh%facet(4, size(quad, 3)), mesh%facet_material(size(quad, 3)))
+      allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
       do f = 1, size(quad, 3)
-         mesh%facet(:, f) = nodes_of(self%at, quad(:, :, f))
-         mesh%facet_material(f) = plan%far_material(merge(2, 1, &
-            & is_above(plan%stages(size(plan%stages)), mesh, mesh%facet(:, f))))
+         self%facet(:, f) = nodes_of(self%at, quad(:, :, f))
+         self%facet_material(f) = plan%far_material(merge(2, 1, &
+            & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
    end subroutine close_mesh
 
    !> The nodes at the bottom, and at the sides, where they are clamped.
-   subroutine find_clamped(plan, mesh)
+   subroutine find_clamped(plan, self)
       type(mesh_plan_type), intent(in) :: plan
-      type(mesh_type), intent(inout) :: mesh
-      logical :: clamped(size(mesh%x, 2))
+      type(builder_type), intent(inout) :: self
+      logical :: clamped(size(self%x, 2))
       integer :: i
 
       clamped = .false.
-      if (plan%closing /= closed_by_infinite) clamped = mesh%x(3, :) <= minval(mesh%x(3, :))*(1.0_wp - equal)
-      if (plan%closing == clamped_around) clamped = clamped .or. maxval(abs(mesh%x(:2, :)), dim=1) >= &
-         & maxval(mesh%x(1, :))*(1.0_wp - equal)
-      mesh%clamped = pack([(i, i=1, size(clamped))], clamped)
+      if (plan%closing /= closed_by_infinite) clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
+      if (plan%closing == clamped_around) clamped = clamped .or. maxval(abs(self%x(:2, :)), dim=1) >= &
+         & maxval(self%x(1, :))*(1.0_wp - equal)
+      self%clamped = pack([(i, i=1, size(clamped))], clamped)
    end subroutine find_clamped
 
    !> Nodes of lattice points (3, points).
@@ -337,95 +307,77 @@ contains
       end do
    end function nodes_of
 
-   !> Nodes of the top of the box inside the circle of contact.
-   subroutine find_contact(top, mesh)
-      integer, intent(in) :: top(0:, 0:)
-      type(mesh_type), intent(inout) :: mesh
-      integer, allocatable :: found(:)
-      integer :: i, j, count
-
-      allocate (found(size(top)))
-      count = 0
-      do j = 0, ubound(top, 2)
-         do i = 0, ubound(top, 1)
-            if (hypot(mesh%x(1, top(i, j)), mesh%x(2, top(i, j))) > mesh%contact_reach*(1.0_wp + equal)) cycle
-            count = count + 1
-            found(count) = top(i, j)
-         end do
-      end do
-      mesh%contact = found(:count)
-   end subroutine find_contact
-
    !> Keep every other lattice point of the surface; the others hang on their neighbours.
-   subroutine coarsen(at, step, mesh, hanging)
-      integer, intent(inout) :: at(0:, 0:, 0:)
-      integer, intent(inout) :: step, hanging
-      type(mesh_type), intent(inout) :: mesh
-      integer :: i, j, k, odd(3), corner(3), offset(3), m, p
+   subroutine coarsen(self)
+      type(builder_type), intent(inout) :: self
+      integer :: i, j, k, step, odd(3), corner(3), offset(3), m, p
       integer, allocatable :: fine(:, :, :)
 
-      allocate (fine(0:ubound(at, 1), 0:ubound(at, 2), 0:ubound(at, 3)), source=at)
-      do k = 0, ubound(at, 3), step
-         do j = 0, ubound(at, 2), step
-            do i = 0, ubound(at, 1), step
+      allocate (fine, source=self%at)
+      step = self%step
+      do k = 0, ubound(fine, 3), step
+         do j = 0, ubound(fine, 2), step
+            do i = 0, ubound(fine, 1), step
                if (fine(i, j, k) == 0) cycle
                odd = merge(step, 0, mod([i, j, k], 2*step) /= 0)
                if (all(odd == 0)) cycle
-               hanging = hanging + 1
-               mesh%hanging(hanging) = at(i, j, k)
+               self%n_hanging = self%n_hanging + 1
+               self%hanging(self%n_hanging) = fine(i, j, k)
                m = 0
                do p = 0, 7
                   offset = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
                   if (any(odd == 0 .and. offset > 0)) cycle
                   corner = [i, j, k] + offset*odd
                   m = m + 1
-                  mesh%master(m, hanging) = fine(corner(1), corner(2), corner(3))
+                  self%master(m, self%n_hanging) = fine(corner(1), corner(2), corner(3))
                end do
-               mesh%masters(hanging) = m
-               at(i, j, k) = 0
+               self%masters(self%n_hanging) = m
+               self%at(i, j, k) = 0
             end do
          end do
       end do
-      step = 2*step
+      self%step = 2*step
    end subroutine coarsen
 
    !> Lattice points of the four corners of each facet of the surface, counterclockwise seen from outside.
-   pure subroutine surface_quads(self, quad)
+   subroutine surface_quads(self, quad)
       type(builder_type), intent(in) :: self
       integer, allocatable, intent(out) :: quad(:, :, :)
-      integer :: nx, nz, step, i, j, k, f, ip, jp, kp
-      integer, allocatable :: all_quads(:, :, :)
-      logical, allocatable :: free(:)
+      integer, parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1]
+      integer :: nx, nz, step, i, j, k, n
 
       nx = ubound(self%at, 1)
       nz = ubound(self%at, 3)
       step = self%step
-      allocate (all_quads(3, 4, surface_facets(nx/step, nz/step)))
-      f = 0
+      allocate (quad(3, 4, surface_facets(nx/step, nz/step)))
+      n = 0
       do j = 0, nx - step, step
          do i = 0, nx - step, step
-            ip = i + step
-            jp = j + step
-            f = f + 1
-            all_quads(:, :, f) = reshape([i, j, 0, i, jp, 0, ip, jp, 0, ip, j, 0], [3, 4])
+            call add([i, j, 0], y, x)
          end do
       end do
       do k = 0, nz - step, step
          do i = 0, nx - step, step
-            ip = i + step
-            kp = k + step
-            all_quads(:, :, f + 1) = reshape([i, 0, k, ip, 0, k, ip, 0, kp, i, 0, kp], [3, 4])
-            all_quads(:, :, f + 2) = reshape([i, nx, k, i, nx, kp, ip, nx, kp, ip, nx, k], [3, 4])
-            all_quads(:, :, f + 3) = reshape([0, i, k, 0, i, kp, 0, ip, kp, 0, ip, k], [3, 4])
-            all_quads(:, :, f + 4) = reshape([nx, i, k, nx, ip, k, nx, ip, kp, nx, i, kp], [3, 4])
-            f = f + 4
+            call add([i, 0, k], x, z)
+            call add([i, nx, k], z, x)
+            call add([0, i, k], z, y)
+            call add([nx, i, k], y, z)
          end do
       end do
-      allocate (free(f))
-      do i = 1, f
-         free(i) = all(nodes_of(self%at, all_quads(:, :, i)) > 0)
-      end do
-      quad = all_quads(:, :, pack([(i, i=1, f)], free))
+      quad = quad(:, :, :n)
+
+   contains
+
+      !> The facet that begins at a corner and extends along two axes.
+      subroutine add(corner, first, second)
+         integer, intent(in) :: corner(3), first(3), second(3)
+         integer :: points(3, 4)
+
+         points = reshape([corner, corner + step*first, corner + step*(first + second), corner + step*second], [3, 4])
+         if (any(nodes_of(self%at, points) == 0)) return
+         n = n + 1
+         quad(:, :, n) = points
+      end subroutine add
    end subroutine surface_quads
 
    !> The lattice points of the surface.

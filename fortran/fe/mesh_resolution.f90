@@ -3,13 +3,13 @@
 !> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
 !> largest error grows with its power 3.5, and falls with the square of the fineness.
 module mesh_resolution
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_groups, only: settings_type
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    use text, only: to_text
    implicit none
    private
@@ -34,17 +34,16 @@ contains
       real(wp), intent(in) :: stiffness(:, :, :)
       real(wp) :: largest(size(stiffness, 3))
       type(error_type), allocatable :: error
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
       real(wp) :: fineness, scale
       integer :: i
 
       largest = 0.0_wp
-      call new_indenter(settings%indenter, tip, error)
-      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error)) return
-      fineness = settings%simulation%refine*tip%contact_radius/specimen%element_size(tip%contact_radius)
-      scale = merge(worst_incompatible, worst_plain, specimen%element_of(settings%simulation%element) == 'c3d8i')
+      fineness = settings%simulation%refine*specimen%contact_radius/specimen%element_size
+      scale = merge(worst_incompatible, worst_plain, specimen%element == 'c3d8i')
       if (settings%simulation%extrapolate) scale = extrapolated*scale
       scale = scale*(studied_fineness/fineness)**order
       do i = 1, size(largest)
@@ -53,35 +52,29 @@ contains
    end function largest_mesh_error
 
    !> What is to be said of crystals that the mesh resolves badly; '' if there are none. Crystals are counted from 1.
-   pure function resolution_warning(largest) result(words)
+   pure function resolution_warning(largest) result(warning)
       !> The error that the mesh may have for each crystal, relative (crystals).
       real(wp), intent(in) :: largest(:)
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: warning
       integer, allocatable :: bad(:)
       integer, parameter :: most_listed = 10
-      integer :: i
+      integer :: i, percent(2)
 
-      words = ''
+      warning = ''
       bad = pack([(i, i=1, size(largest))], largest > limit)
       if (size(bad) == 0) return
-      if (size(largest) > 1) then
-         words = to_text(size(bad))//' of '//to_text(size(largest))//' crystals are'
-      else
-         words = 'the crystal is'
-      end if
-      words = words//' so near instability that the error of the mesh may reach about ' &
-         & //to_text(nint(100.0_wp*minval(largest(bad))))
-      if (nint(100.0_wp*maxval(largest)) > nint(100.0_wp*minval(largest(bad)))) then
-         words = words//' to '//to_text(nint(100.0_wp*maxval(largest)))
-      end if
-      words = words//' %: refine, extrapolate, or compare with the theory'
+      percent = nint(100.0_wp*[minval(largest(bad)), maxval(largest)])
+      warning = 'the crystal is'
+      if (size(largest) > 1) warning = to_text(size(bad))//' of '//to_text(size(largest))//' crystals are'
+      warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
+      if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
+      warning = warning//' %: refine, extrapolate, or compare with the theory'
       if (size(largest) == 1) return
-      words = words//' (rows '
       do i = 1, min(size(bad), most_listed)
-         if (i > 1) words = words//', '
-         words = words//to_text(bad(i))
+         if (i == 1) warning = warning//' (rows '//to_text(bad(i))
+         if (i > 1) warning = warning//', '//to_text(bad(i))
       end do
-      if (size(bad) > most_listed) words = words//', ..'
-      words = words//')'
+      if (size(bad) > most_listed) warning = warning//', ..'
+      warning = warning//')'
    end function resolution_warning
 end module mesh_resolution

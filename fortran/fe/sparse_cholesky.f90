@@ -7,23 +7,16 @@ module sparse_cholesky
    use text, only: to_text
    implicit none
    private
-   public :: cholesky_type, factor_type, analyse_pattern, free_analysis, acquire_factor, release_factor
-   public :: factorise, kept_factor, solve_factored
+   public :: cholesky_type, analyse_pattern, free_analysis, acquire_factor, release_factor
+   public :: factorise, retained_factor, solve_factored
 
    !> The symbolic analysis of a pattern; read-only once made, so that threads share it.
    type :: cholesky_type
       type(c_ptr) :: handle = c_null_ptr
       integer :: n = 0
-      !> The last `kept` unknowns are eliminated last.
-      integer :: kept = 0
       !> Entries of the factor, operations of one factorisation, and bytes of one workspace.
       real(wp) :: entries = 0.0_wp, operations = 0.0_wp, bytes = 0.0_wp
    end type cholesky_type
-
-   !> The numeric factor of one matrix: owned by one thread between acquire and release.
-   type :: factor_type
-      type(c_ptr) :: handle = c_null_ptr
-   end type factor_type
 
    !> Bytes that must stay free beside a workspace: OpenBLAS takes that much for each thread, and waits for ever where it cannot.
    real(wp), parameter :: blas_bytes = 1.5e8_wp
@@ -31,9 +24,9 @@ module sparse_cholesky
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 
    interface
-      function c_new(n, column_start, row, group, kept, status) bind(c, name='bayesindent_cholesky_new') result(handle)
+      function c_new(n, column_start, row, group, retained, status) bind(c, name='bayesindent_cholesky_new') result(handle)
          import :: c_int32_t, c_ptr
-         integer(c_int32_t), value :: n, kept
+         integer(c_int32_t), value :: n, retained
          integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
          integer(c_int32_t), intent(out) :: status
          type(c_ptr) :: handle
@@ -55,10 +48,11 @@ module sparse_cholesky
          real(c_double), value :: free_bytes
          type(c_ptr) :: handle
       end function c_acquire
-      subroutine c_release(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
+      !> Give a workspace back to its analysis.
+      subroutine release_factor(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
          import :: c_ptr
          type(c_ptr), value :: analysis, workspace
-      end subroutine c_release
+      end subroutine release_factor
       function c_factor(analysis, workspace, values, unknown) bind(c, name='bayesindent_cholesky_factor') result(status)
          import :: c_double, c_int32_t, c_ptr
          type(c_ptr), value :: analysis, workspace
@@ -66,35 +60,36 @@ module sparse_cholesky
          integer(c_int32_t), intent(out) :: unknown
          integer(c_int32_t) :: status
       end function c_factor
-      subroutine c_kept_factor(analysis, workspace, factor) bind(c, name='bayesindent_cholesky_kept_factor')
+      !> Lower Cholesky factor of the Schur complement of the retained unknowns, zeros above the diagonal.
+      subroutine retained_factor(analysis, workspace, factor) bind(c, name='bayesindent_cholesky_kept_factor')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
-      end subroutine c_kept_factor
-      subroutine c_solve(analysis, workspace, x) bind(c, name='bayesindent_cholesky_solve')
+      end subroutine retained_factor
+      !> Overwrite the right-hand side x (unknowns) with the solution.
+      subroutine solve_factored(analysis, workspace, x) bind(c, name='bayesindent_cholesky_solve')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(inout) :: x(*)
-      end subroutine c_solve
+      end subroutine solve_factored
    end interface
 
 contains
 
    !> Order and analyse the pattern of a lower triangle in compressed columns, 1-based.
-   subroutine analyse_pattern(column_start, row, group, kept, cholesky, error)
+   subroutine analyse_pattern(column_start, row, group, retained, cholesky, error)
       !> First entry of each column, and rows of the entries.
       integer, intent(in) :: column_start(:), row(:)
       !> Number of the mesh node of each unknown: unknowns of a node share their neighbours.
       integer, intent(in) :: group(:)
       !> The last unknowns, to be eliminated last.
-      integer, intent(in) :: kept
+      integer, intent(in) :: retained
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
       integer(c_int32_t) :: status
 
       cholesky%n = size(group)
-      cholesky%kept = kept
-      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, kept, status)
+      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, retained, status)
       call return_memory()
       if (status == status_no_memory) then
          call raise_no_memory('the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
@@ -118,54 +113,28 @@ contains
    !> A workspace for one factor; give it back with `release_factor`.
    subroutine acquire_factor(cholesky, factor, error)
       type(cholesky_type), intent(in) :: cholesky
-      type(factor_type), intent(out) :: factor
+      type(c_ptr), intent(out) :: factor
       type(error_type), allocatable, intent(out) :: error
 
       ! What is free now is so only until the next thread has taken its share.
       !$omp critical (sparse_cholesky)
-      factor%handle = c_acquire(cholesky%handle, free_memory() - blas_bytes)
+      factor = c_acquire(cholesky%handle, free_memory() - blas_bytes)
       !$omp end critical (sparse_cholesky)
-      if (.not. c_associated(factor%handle)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
+      if (.not. c_associated(factor)) call raise_no_memory('a factor of '//memory_text(cholesky%bytes) &
          & //'; fewer workers or a lower refine need less', error)
    end subroutine acquire_factor
-
-   subroutine release_factor(cholesky, factor)
-      type(cholesky_type), intent(in) :: cholesky
-      type(factor_type), intent(inout) :: factor
-
-      if (c_associated(factor%handle)) call c_release(cholesky%handle, factor%handle)
-      factor%handle = c_null_ptr
-   end subroutine release_factor
 
    !> Factor the matrix with these values; refuse one that is not positive definite.
    subroutine factorise(cholesky, factor, values, error)
       type(cholesky_type), intent(in) :: cholesky
-      type(factor_type), intent(inout) :: factor
+      type(c_ptr), intent(in) :: factor
       !> In the order of the rows of the pattern.
       real(wp), intent(in), contiguous :: values(:)
       type(error_type), allocatable, intent(out) :: error
       integer(c_int32_t) :: status, unknown
 
-      status = c_factor(cholesky%handle, factor%handle, values, unknown)
+      status = c_factor(cholesky%handle, factor, values, unknown)
       if (status == status_indefinite) call raise(error, 'the stiffness matrix is not positive definite (unknown ' &
          & //to_text(int(unknown) + 1)//' of '//to_text(cholesky%n)//')')
    end subroutine factorise
-
-   !> Lower Cholesky factor of the Schur complement of the kept unknowns, zeros above the diagonal.
-   subroutine kept_factor(cholesky, factor, lower)
-      type(cholesky_type), intent(in) :: cholesky
-      type(factor_type), intent(in) :: factor
-      real(wp), intent(out), contiguous :: lower(:, :)
-
-      call c_kept_factor(cholesky%handle, factor%handle, lower)
-   end subroutine kept_factor
-
-   !> Overwrite the right-hand side x (unknowns) with the solution.
-   subroutine solve_factored(cholesky, factor, x)
-      type(cholesky_type), intent(in) :: cholesky
-      type(factor_type), intent(inout) :: factor
-      real(wp), intent(inout), contiguous :: x(:)
-
-      call c_solve(cholesky%handle, factor%handle, x)
-   end subroutine solve_factored
 end module sparse_cholesky

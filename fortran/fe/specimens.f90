@@ -1,18 +1,21 @@
 !> The specimens there are: their names, and one by its settings.
 module specimens
-   use block_mesh, only: block_mesh_type
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
+   use block_specimen, only: block_name, block_specimen_type
    use errors, only: error_type, exit_bad_input, raise
-   use film_mesh, only: film_mesh_type
-   use grain_mesh, only: grain_mesh_type
-   use halfspace_mesh, only: halfspace_mesh_type
+   use film_specimen, only: film_name, film_specimen_type
+   use grain_specimen, only: grain_name, grain_specimen_type
+   use halfspace_specimen, only: halfspace_name, halfspace_specimen_type
+   use indenters, only: new_indenter
    use kinds, only: wp
-   use settings_groups, only: settings_type, simulation_settings_type, specimen_settings_type
-   use specimen_mesh, only: specimen_mesh_type
+   use mesh_plan, only: finest_edge
+   use settings_groups, only: settings_type
    implicit none
    private
-   public :: geometry_names, new_specimen
+   public :: geometry_names, new_specimen, new_indentation
 
-   character(len=*), parameter :: geometry_names = 'halfspace, block, film, grain'
+   character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', '//film_name//', '//grain_name
 
 contains
 
@@ -21,87 +24,42 @@ contains
       type(settings_type), intent(in) :: settings
       !> At the last depth (half-space), um.
       real(wp), intent(in) :: contact_radius
-      class(specimen_mesh_type), allocatable, intent(out) :: specimen
+      class(specimen_type), allocatable, intent(out) :: specimen
       type(error_type), allocatable, intent(out) :: error
 
       select case (settings%specimen%geometry)
-      case ('halfspace')
-         specimen = new_halfspace(settings%simulation)
-      case ('block')
-         specimen = block_mesh_type(default_element='c3d8', has_length=.true., variables='width_um height_um', &
-            & width=settings%specimen%width_um, height=settings%specimen%height_um)
-      case ('film')
-         call new_film(settings%specimen, specimen, error)
-      case ('grain')
-         call new_grain(settings%specimen, specimen, error)
+      case (halfspace_name)
+         allocate (halfspace_specimen_type :: specimen)
+      case (block_name)
+         allocate (block_specimen_type :: specimen)
+      case (film_name)
+         allocate (film_specimen_type :: specimen)
+      case (grain_name)
+         allocate (grain_specimen_type :: specimen)
       case default
          call raise(error, "geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names, exit_bad_input)
          return
       end select
-      if (.not. allocated(error)) call specimen%check(contact_radius, error)
+      specimen%contact_radius = contact_radius
+      specimen%element_size = finest_edge(contact_radius)
+      specimen%element = settings%simulation%element
+      call specimen%set_up(settings, error)
+      if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_specimen
 
-   pure function new_halfspace(settings) result(specimen)
-      type(simulation_settings_type), intent(in) :: settings
-      type(halfspace_mesh_type) :: specimen
-      !> Growth of layers that interpolate as displacements decay, and of ordinary ones (docs/simulation.md).
-      real(wp), parameter :: decaying = 1.35_wp, ordinary = 1.13_wp
-
-      specimen%variables = 'outer growth'
-      specimen%outer = settings%outer
-      specimen%growth = merge(decaying, ordinary, specimen%element_of(settings%element) == 'c3d8i')
-      if (allocated(settings%growth)) specimen%growth = settings%growth
-   end function new_halfspace
-
-   subroutine new_film(settings, specimen, error)
-      type(specimen_settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable, intent(out) :: specimen
-      type(error_type), allocatable, intent(out) :: error
-      type(film_mesh_type) :: film
-
-      film%has_length = .true.
-      film%variables = 'thickness_um substrate'
-      call require('film', 'thickness_um', settings%thickness_um, film%thickness, error)
-      if (settings%substrate /= 'rigid') then
-         film%variables = trim(film%variables)//' substrate_young_gpa substrate_nu'
-         if (.not. allocated(error)) call require('film', 'substrate_young_gpa', settings%substrate_young_gpa, film%young, error)
-         film%poisson = settings%substrate_nu
-      end if
-      specimen = film
-   end subroutine new_film
-
-   subroutine new_grain(settings, specimen, error)
-      type(specimen_settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable, intent(out) :: specimen
-      type(error_type), allocatable, intent(out) :: error
-      type(grain_mesh_type) :: grain
-
-      grain%has_length = .true.
-      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/simulation.md).
-      grain%coarse_ratio = 0.75_wp
-      grain%variables = 'grain_radius_um grain_depth_um matrix'
-      call require('grain', 'grain_radius_um', settings%grain_radius_um, grain%radius, error)
-      if (allocated(settings%grain_depth_um)) grain%depth = settings%grain_depth_um
-      if (settings%matrix /= 'self') then
-         grain%variables = trim(grain%variables)//' matrix_young_gpa matrix_nu'
-         if (.not. allocated(error)) call require('grain', 'matrix_young_gpa', settings%matrix_young_gpa, grain%young, error)
-         grain%poisson = settings%matrix_nu
-      end if
-      specimen = grain
-   end subroutine new_grain
-
-   !> Take over a variable that a geometry needs.
-   subroutine require(geometry, name, stated, value, error)
-      character(len=*), intent(in) :: geometry, name
-      !> As in the settings.
-      real(wp), intent(in), optional :: stated
-      real(wp), intent(inout) :: value
+   !> The indenter and the specimen of the settings; a message of an error begins with the group and the variable.
+   subroutine new_indentation(settings, indenter, specimen, error)
+      type(settings_type), intent(in) :: settings
+      class(indenter_type), allocatable, intent(out) :: indenter
+      class(specimen_type), allocatable, intent(out) :: specimen
       type(error_type), allocatable, intent(out) :: error
 
-      if (present(stated)) then
-         value = stated
-      else
-         call raise(error, name//": the variable is missing; geometry = '"//geometry//"' needs it", exit_bad_input)
+      call new_indenter(settings%indenter, indenter, error)
+      if (allocated(error)) then
+         error%message = '&indenter '//error%message
+         return
       end if
-   end subroutine require
+      call new_specimen(settings, indenter%contact_radius, specimen, error)
+      if (allocated(error)) error%message = '&specimen '//error%message
+   end subroutine new_indentation
 end module specimens

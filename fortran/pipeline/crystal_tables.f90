@@ -3,7 +3,8 @@ module crystal_tables
    use campaign, only: row_type
    use errors, only: error_type
    use files, only: new_file_type
-   use indenters, only: indenter_type, new_indenter
+   use abstract_indenter, only: indenter_type
+   use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
    use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
@@ -56,7 +57,7 @@ contains
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: file
-      type(indenter_type) :: indenter
+      class(indenter_type), allocatable :: indenter
       integer :: i, j
 
       call new_indenter(problem%settings%indenter, indenter, error)
@@ -96,7 +97,7 @@ contains
    subroutine put_outcome(page, row, indenter)
       type(json_type), intent(inout) :: page
       type(row_type), intent(in) :: row
-      type(indenter_type), intent(in) :: indenter
+      class(indenter_type), intent(in) :: indenter
 
       associate (outcome => row%outcome)
          call page%put_if(outcome%status == outcome_done, 'indentation_modulus_gpa', outcome%modulus)

@@ -5,7 +5,8 @@ module simulate_stage
    use campaign, only: campaign_name, campaign_type, row_type
    use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
    use errors, only: error_type, raise
-   use indenters, only: indenter_type, new_indenter
+   use abstract_indenter, only: indenter_type
+   use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
@@ -106,7 +107,7 @@ contains
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
       type(json_type) :: page
-      type(indenter_type) :: indenter
+      class(indenter_type), allocatable :: indenter
       character(len=:), allocatable :: warning
       real(wp) :: largest(size(self%rows)), modulus(size(self%rows))
       integer :: i, failed

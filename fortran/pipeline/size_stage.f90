@@ -6,7 +6,8 @@ module size_stage
    use crystal_elasticity, only: averages_type, polycrystal_averages
    use crystal_tables, only: begin_crystal
    use errors, only: error_type, exit_bad_input, raise
-   use indenters, only: indenter_type, new_indenter
+   use abstract_indenter, only: indenter_type
+   use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
@@ -55,7 +56,7 @@ contains
    subroutine begin(self, error)
       class(size_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(indenter_type) :: indenter
+      class(indenter_type), allocatable :: indenter
       integer :: i, k, ways
       logical :: rigid
 

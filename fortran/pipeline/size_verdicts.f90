@@ -1,9 +1,10 @@
 !> What a person should know of measurements whose depths, or whose grains' sizes, are given: by how much moduli are expected to be off.
 module size_verdicts
+   use abstract_indenter, only: indenter_type
    use errors, only: error_type
    use files, only: printable
    use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use indenters, only: indenter_type, new_indenter
+   use indenters, only: new_indenter
    use kinds, only: degree, wp
    use point_tables, only: points_type
    use problem, only: problem_type
@@ -28,15 +29,15 @@ contains
       !> Contact radius of the surrogate's simulations, um, 0 of a half-space; how far they are from the theory on average, relative.
       real(wp), intent(in) :: taught_radius, addition
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
       real(wp), allocatable :: contact_radius(:)
 
-      call new_indenter(problem%settings%indenter, tip, error)
+      call new_indenter(problem%settings%indenter, indenter, error)
       if (allocated(error)) return
       associate (measured => problem%measurements)
-         allocate (contact_radius(measured%n), source=tip%contact_radius)
-         where (measured%depth_um > 0.0_wp) contact_radius = tip%contact_radius_of(measured%depth_um)
+         allocate (contact_radius(measured%n), source=indenter%contact_radius)
+         where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
          if (taught_radius > 0.0_wp) then
             if (any(measured%depth_um > 0.0_wp)) call judge_depths(contact_radius, taught_radius, addition, warnings)
          else if (any(measured%grain_radius_um > 0.0_wp)) then

@@ -13,7 +13,7 @@ module simulation_loop
    public :: simulate_all
 
    type :: held_simulator_type
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
       !> Jobs that still need it.
       integer :: left = 0
    end type held_simulator_type

@@ -7,10 +7,11 @@
 !> 6 x 6 matrix doubles the angles, where the sum would need n inverses of (nn). F_n^-1 has the blocks of N too; D is positive and E
 !> negative definite in both, being means of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
 module barnett_lothe
+   use crystal_elasticity, only: voigt_index
    use kinds, only: pi, wp
    implicit none
    private
-   public :: lanes, tolerance, inverse_barnett
+   public :: lanes, tolerance, contraction_maps, inverse_barnett
 
    !> Directions that one call takes: they fill the vector units.
    integer, parameter :: lanes = 8
@@ -19,8 +20,42 @@ module barnett_lothe
    real(wp), parameter :: tolerance = 2.0e-5_wp
    !> Doublings before the first result, and the most.
    integer, parameter :: first_doublings = 3, most_doublings = 14
+   !> Places of the elements of a transposed matrix, by columns.
+   integer, parameter :: transposed(9) = [1, 4, 7, 2, 5, 8, 3, 6, 9]
 
 contains
+
+   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness as linear functions of the products a_k b_l.
+   pure subroutine contraction_maps(c, one, both)
+      !> GPa.
+      real(wp), intent(in) :: c(6, 6)
+      !> From a_k b_l, l fastest, to (ab) by columns.
+      real(wp), intent(out) :: one(9, 9)
+      !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
+      real(wp), intent(out) :: both(6, 6)
+      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
+      integer :: i, j, k, l, p, q
+
+      do j = 1, 3
+         do i = 1, 3
+            do k = 1, 3
+               do l = 1, 3
+                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
+               end do
+            end do
+         end do
+      end do
+      do q = 1, 6
+         i = first(q)
+         j = second(q)
+         do p = 1, 6
+            k = first(p)
+            l = second(p)
+            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
+            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
+         end do
+      end do
+   end subroutine contraction_maps
 
    !> B^-1/(8 pi^2) = L^-1/(2 pi), 1/GPa: components 11, 22, 33, 23, 13, 12.
    pure subroutine inverse_barnett(mm, mn, nn, f)
@@ -29,193 +64,102 @@ contains
       real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
       !> Those of B^-1/(8 pi^2) in the axes of the contractions.
       real(wp), intent(out) :: f(lanes, 6)
-      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), before(lanes, 3), change
+      real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), x(lanes, 9), before(lanes, 3), change
       integer :: k
 
-      call stroh_matrix(mm, mn, nn, a, d, e)
+      ! A = -(nn)^-1 (nm), D, and E = (mn)(nn)^-1 (nm) - (mm).
+      x = mn(:, transposed)
+      call invert(nn, d)
+      call multiply(d, x, a)
+      call multiply_transposed(a, x, e)
+      a = -a
+      e = e - mm
       do k = 1, first_doublings
          call double_angles(a, d, e, change)
       end do
-      call invert_tensor(e, f)
+      call invert(e, f)
       do k = first_doublings + 1, most_doublings
          before = f(:, 1:3)
          call double_angles(a, d, e, change)
-         call invert_tensor(e, f)
-         if (change <= tolerance .and. all(abs(f(:, 1:3) - before) <= tolerance*f(:, 1:3))) exit
+         call invert(e, f)
+         if (change <= tolerance .and. all(abs(f(:, 1:3) - before) <= -tolerance*f(:, 1:3))) exit
       end do
+      f = f*(-0.5_wp/pi)
    end subroutine inverse_barnett
-
-   !> The blocks of Stroh's matrix: A by columns, D and E by components.
-   pure subroutine stroh_matrix(mm, mn, nn, a, d, e)
-      real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      real(wp), intent(out) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
-      real(wp) :: i11, i22, i33, i23, i13, i12, determinant
-      real(wp) :: k11, k21, k31, k12, k22, k32, k13, k23, k33
-      integer :: i
-
-      !$omp simd
-      do i = 1, lanes
-         i11 = nn(i, 2)*nn(i, 3) - nn(i, 4)*nn(i, 4)
-         i22 = nn(i, 1)*nn(i, 3) - nn(i, 5)*nn(i, 5)
-         i33 = nn(i, 1)*nn(i, 2) - nn(i, 6)*nn(i, 6)
-         i23 = nn(i, 6)*nn(i, 5) - nn(i, 1)*nn(i, 4)
-         i13 = nn(i, 6)*nn(i, 4) - nn(i, 2)*nn(i, 5)
-         i12 = nn(i, 4)*nn(i, 5) - nn(i, 6)*nn(i, 3)
-         determinant = 1.0_wp/(nn(i, 1)*i11 + nn(i, 6)*i12 + nn(i, 5)*i13)
-         i11 = i11*determinant
-         i22 = i22*determinant
-         i33 = i33*determinant
-         i23 = i23*determinant
-         i13 = i13*determinant
-         i12 = i12*determinant
-         ! K = (mn)(nn)^-1.
-         k11 = mn(i, 1)*i11 + mn(i, 4)*i12 + mn(i, 7)*i13
-         k21 = mn(i, 2)*i11 + mn(i, 5)*i12 + mn(i, 8)*i13
-         k31 = mn(i, 3)*i11 + mn(i, 6)*i12 + mn(i, 9)*i13
-         k12 = mn(i, 1)*i12 + mn(i, 4)*i22 + mn(i, 7)*i23
-         k22 = mn(i, 2)*i12 + mn(i, 5)*i22 + mn(i, 8)*i23
-         k32 = mn(i, 3)*i12 + mn(i, 6)*i22 + mn(i, 9)*i23
-         k13 = mn(i, 1)*i13 + mn(i, 4)*i23 + mn(i, 7)*i33
-         k23 = mn(i, 2)*i13 + mn(i, 5)*i23 + mn(i, 8)*i33
-         k33 = mn(i, 3)*i13 + mn(i, 6)*i23 + mn(i, 9)*i33
-         d(i, 1) = i11
-         d(i, 2) = i22
-         d(i, 3) = i33
-         d(i, 4) = i23
-         d(i, 5) = i13
-         d(i, 6) = i12
-         a(i, 1) = -k11
-         a(i, 2) = -k12
-         a(i, 3) = -k13
-         a(i, 4) = -k21
-         a(i, 5) = -k22
-         a(i, 6) = -k23
-         a(i, 7) = -k31
-         a(i, 8) = -k32
-         a(i, 9) = -k33
-         e(i, 1) = k11*mn(i, 1) + k12*mn(i, 4) + k13*mn(i, 7) - mm(i, 1)
-         e(i, 2) = k21*mn(i, 2) + k22*mn(i, 5) + k23*mn(i, 8) - mm(i, 2)
-         e(i, 3) = k31*mn(i, 3) + k32*mn(i, 6) + k33*mn(i, 9) - mm(i, 3)
-         e(i, 4) = k21*mn(i, 3) + k22*mn(i, 6) + k23*mn(i, 9) - mm(i, 4)
-         e(i, 5) = k11*mn(i, 3) + k12*mn(i, 6) + k13*mn(i, 9) - mm(i, 5)
-         e(i, 6) = k11*mn(i, 2) + k12*mn(i, 5) + k13*mn(i, 8) - mm(i, 6)
-      end do
-   end subroutine stroh_matrix
 
    !> F of twice as many angles.
    pure subroutine double_angles(a, d, e, change)
+      !> The blocks of F: A by columns, D and E by components.
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
       !> The largest of the elements of A, which have no unit.
       real(wp), intent(out) :: change
-      real(wp) :: i11, i22, i33, i23, i13, i12, s11, s22, s33, s23, s13, s12, t11, t22, t33, t23, t13, t12, determinant
-      real(wp) :: k11, k21, k31, k12, k22, k32, k13, k23, k33, w11, w21, w31, w12, w22, w32, w13, w23, w33
-      integer :: i
+      real(wp) :: inverse(lanes, 6), s(lanes, 6), t(lanes, 6), k(lanes, 9), w(lanes, 9)
+      integer :: i, j
 
+      ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1 = [-W, T; D^-1 + W^T K^T, -W^T].
+      call invert(d, inverse)
+      call multiply(inverse, a, k)
+      call multiply_transposed(a, k, s)
+      call invert(e - s, t)
+      k = k(:, transposed)
+      call multiply(t, k, w)
+      call multiply_transposed(w, k, s)
       change = 0.0_wp
-      !$omp simd reduction(max: change)
-      do i = 1, lanes
-         ! D^-1, and K = D^-1 A.
-         i11 = d(i, 2)*d(i, 3) - d(i, 4)*d(i, 4)
-         i22 = d(i, 1)*d(i, 3) - d(i, 5)*d(i, 5)
-         i33 = d(i, 1)*d(i, 2) - d(i, 6)*d(i, 6)
-         i23 = d(i, 6)*d(i, 5) - d(i, 1)*d(i, 4)
-         i13 = d(i, 6)*d(i, 4) - d(i, 2)*d(i, 5)
-         i12 = d(i, 4)*d(i, 5) - d(i, 6)*d(i, 3)
-         determinant = 1.0_wp/(d(i, 1)*i11 + d(i, 6)*i12 + d(i, 5)*i13)
-         i11 = i11*determinant
-         i22 = i22*determinant
-         i33 = i33*determinant
-         i23 = i23*determinant
-         i13 = i13*determinant
-         i12 = i12*determinant
-         k11 = i11*a(i, 1) + i12*a(i, 2) + i13*a(i, 3)
-         k21 = i12*a(i, 1) + i22*a(i, 2) + i23*a(i, 3)
-         k31 = i13*a(i, 1) + i23*a(i, 2) + i33*a(i, 3)
-         k12 = i11*a(i, 4) + i12*a(i, 5) + i13*a(i, 6)
-         k22 = i12*a(i, 4) + i22*a(i, 5) + i23*a(i, 6)
-         k32 = i13*a(i, 4) + i23*a(i, 5) + i33*a(i, 6)
-         k13 = i11*a(i, 7) + i12*a(i, 8) + i13*a(i, 9)
-         k23 = i12*a(i, 7) + i22*a(i, 8) + i23*a(i, 9)
-         k33 = i13*a(i, 7) + i23*a(i, 8) + i33*a(i, 9)
-         ! S = E - A^T K, and its inverse T, the upper right block of F^-1.
-         s11 = e(i, 1) - (a(i, 1)*k11 + a(i, 2)*k21 + a(i, 3)*k31)
-         s22 = e(i, 2) - (a(i, 4)*k12 + a(i, 5)*k22 + a(i, 6)*k32)
-         s33 = e(i, 3) - (a(i, 7)*k13 + a(i, 8)*k23 + a(i, 9)*k33)
-         s23 = e(i, 4) - (a(i, 4)*k13 + a(i, 5)*k23 + a(i, 6)*k33)
-         s13 = e(i, 5) - (a(i, 1)*k13 + a(i, 2)*k23 + a(i, 3)*k33)
-         s12 = e(i, 6) - (a(i, 1)*k12 + a(i, 2)*k22 + a(i, 3)*k32)
-         t11 = s22*s33 - s23*s23
-         t22 = s11*s33 - s13*s13
-         t33 = s11*s22 - s12*s12
-         t23 = s12*s13 - s11*s23
-         t13 = s12*s23 - s22*s13
-         t12 = s23*s13 - s12*s33
-         determinant = 1.0_wp/(s11*t11 + s12*t12 + s13*t13)
-         t11 = t11*determinant
-         t22 = t22*determinant
-         t33 = t33*determinant
-         t23 = t23*determinant
-         t13 = t13*determinant
-         t12 = t12*determinant
-         ! W = K T. F^-1 = [-W^T, T; D^-1 + W K^T, -W].
-         w11 = k11*t11 + k12*t12 + k13*t13
-         w21 = k21*t11 + k22*t12 + k23*t13
-         w31 = k31*t11 + k32*t12 + k33*t13
-         w12 = k11*t12 + k12*t22 + k13*t23
-         w22 = k21*t12 + k22*t22 + k23*t23
-         w32 = k31*t12 + k32*t22 + k33*t23
-         w13 = k11*t13 + k12*t23 + k13*t33
-         w23 = k21*t13 + k22*t23 + k23*t33
-         w33 = k31*t13 + k32*t23 + k33*t33
-         change = max(change, abs(w11 - a(i, 1)), abs(w12 - a(i, 2)), abs(w13 - a(i, 3)), abs(w21 - a(i, 4)), &
-            & abs(w22 - a(i, 5)), abs(w23 - a(i, 6)), abs(w31 - a(i, 7)), abs(w32 - a(i, 8)), abs(w33 - a(i, 9)))
-         a(i, 1) = 0.5_wp*(a(i, 1) + w11)
-         a(i, 2) = 0.5_wp*(a(i, 2) + w12)
-         a(i, 3) = 0.5_wp*(a(i, 3) + w13)
-         a(i, 4) = 0.5_wp*(a(i, 4) + w21)
-         a(i, 5) = 0.5_wp*(a(i, 5) + w22)
-         a(i, 6) = 0.5_wp*(a(i, 6) + w23)
-         a(i, 7) = 0.5_wp*(a(i, 7) + w31)
-         a(i, 8) = 0.5_wp*(a(i, 8) + w32)
-         a(i, 9) = 0.5_wp*(a(i, 9) + w33)
-         d(i, 1) = 0.5_wp*(d(i, 1) - t11)
-         d(i, 2) = 0.5_wp*(d(i, 2) - t22)
-         d(i, 3) = 0.5_wp*(d(i, 3) - t33)
-         d(i, 4) = 0.5_wp*(d(i, 4) - t23)
-         d(i, 5) = 0.5_wp*(d(i, 5) - t13)
-         d(i, 6) = 0.5_wp*(d(i, 6) - t12)
-         e(i, 1) = 0.5_wp*(e(i, 1) - i11 - (w11*k11 + w12*k12 + w13*k13))
-         e(i, 2) = 0.5_wp*(e(i, 2) - i22 - (w21*k21 + w22*k22 + w23*k23))
-         e(i, 3) = 0.5_wp*(e(i, 3) - i33 - (w31*k31 + w32*k32 + w33*k33))
-         e(i, 4) = 0.5_wp*(e(i, 4) - i23 - (w21*k31 + w22*k32 + w23*k33))
-         e(i, 5) = 0.5_wp*(e(i, 5) - i13 - (w11*k31 + w12*k32 + w13*k33))
-         e(i, 6) = 0.5_wp*(e(i, 6) - i12 - (w11*k21 + w12*k22 + w13*k23))
+      !$omp simd collapse(2) reduction(max: change)
+      do j = 1, 9
+         do i = 1, lanes
+            change = max(change, abs(w(i, j) - a(i, j)))
+         end do
       end do
       change = 0.5_wp*change
+      a = 0.5_wp*(a + w)
+      d = 0.5_wp*(d - t)
+      e = 0.5_wp*(e - inverse - s)
    end subroutine double_angles
 
-   !> f = (-E)^-1/(2 pi).
-   pure subroutine invert_tensor(e, f)
-      real(wp), intent(in) :: e(lanes, 6)
-      real(wp), intent(out) :: f(lanes, 6)
-      real(wp) :: scale
-      integer :: i
+   !> Inverses of symmetric matrices.
+   pure subroutine invert(a, inverse)
+      real(wp), intent(in) :: a(lanes, 6)
+      real(wp), intent(out) :: inverse(lanes, 6)
+      real(wp) :: scale(lanes)
+      integer :: k
 
-      !$omp simd private(scale)
-      do i = 1, lanes
-         f(i, 1) = e(i, 2)*e(i, 3) - e(i, 4)*e(i, 4)
-         f(i, 2) = e(i, 1)*e(i, 3) - e(i, 5)*e(i, 5)
-         f(i, 3) = e(i, 1)*e(i, 2) - e(i, 6)*e(i, 6)
-         f(i, 4) = e(i, 6)*e(i, 5) - e(i, 1)*e(i, 4)
-         f(i, 5) = e(i, 6)*e(i, 4) - e(i, 2)*e(i, 5)
-         f(i, 6) = e(i, 4)*e(i, 5) - e(i, 6)*e(i, 3)
-         scale = -1.0_wp/(2.0_wp*pi*(e(i, 1)*f(i, 1) + e(i, 6)*f(i, 6) + e(i, 5)*f(i, 5)))
-         f(i, 1) = f(i, 1)*scale
-         f(i, 2) = f(i, 2)*scale
-         f(i, 3) = f(i, 3)*scale
-         f(i, 4) = f(i, 4)*scale
-         f(i, 5) = f(i, 5)*scale
-         f(i, 6) = f(i, 6)*scale
+      inverse(:, 1) = a(:, 2)*a(:, 3) - a(:, 4)*a(:, 4)
+      inverse(:, 2) = a(:, 1)*a(:, 3) - a(:, 5)*a(:, 5)
+      inverse(:, 3) = a(:, 1)*a(:, 2) - a(:, 6)*a(:, 6)
+      inverse(:, 4) = a(:, 6)*a(:, 5) - a(:, 1)*a(:, 4)
+      inverse(:, 5) = a(:, 6)*a(:, 4) - a(:, 2)*a(:, 5)
+      inverse(:, 6) = a(:, 4)*a(:, 5) - a(:, 6)*a(:, 3)
+      scale = 1.0_wp/(a(:, 1)*inverse(:, 1) + a(:, 6)*inverse(:, 6) + a(:, 5)*inverse(:, 5))
+      do k = 1, 6
+         inverse(:, k) = inverse(:, k)*scale
       end do
-   end subroutine invert_tensor
+   end subroutine invert
+
+   !> S A of symmetric matrices and others.
+   pure subroutine multiply(s, a, product)
+      real(wp), intent(in) :: s(lanes, 6), a(lanes, 9)
+      real(wp), intent(out) :: product(lanes, 9)
+      integer :: j
+
+      do j = 0, 6, 3
+         product(:, j + 1) = s(:, 1)*a(:, j + 1) + s(:, 6)*a(:, j + 2) + s(:, 5)*a(:, j + 3)
+         product(:, j + 2) = s(:, 6)*a(:, j + 1) + s(:, 2)*a(:, j + 2) + s(:, 4)*a(:, j + 3)
+         product(:, j + 3) = s(:, 5)*a(:, j + 1) + s(:, 4)*a(:, j + 2) + s(:, 3)*a(:, j + 3)
+      end do
+   end subroutine multiply
+
+   !> A^T B, where that is symmetric.
+   pure subroutine multiply_transposed(a, b, product)
+      real(wp), intent(in) :: a(lanes, 9), b(lanes, 9)
+      real(wp), intent(out) :: product(lanes, 6)
+      !> Where the two columns of a component begin.
+      integer, parameter :: first(6) = [0, 3, 6, 3, 0, 0], second(6) = [0, 3, 6, 6, 6, 3]
+      integer :: k
+
+      do k = 1, 6
+         product(:, k) = a(:, first(k) + 1)*b(:, second(k) + 1) + a(:, first(k) + 2)*b(:, second(k) + 2) &
+            & + a(:, first(k) + 3)*b(:, second(k) + 3)
+      end do
+   end subroutine multiply_transposed
 end module barnett_lothe

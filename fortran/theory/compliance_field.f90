@@ -4,14 +4,14 @@
 !> of a crystal is one even field of symmetric matrices over the directions, with the crystal's symmetry, and every grain reads it
 !> along its own great circle: h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of even
 !> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h
-!> its mean and the harmonics 2 and 4 of theta are kept, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs
+!> its mean and the harmonics 2 and 4 of theta are n_retained, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs
 !> the harmonic 2 m with e^m.
 !> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
 !> over the shape of the contact ellipse for each grain (Willis, J. Mech. Phys. Solids 14, 163, 1966).
 module compliance_field
-   use barnett_lothe, only: inverse_barnett, lanes
+   use barnett_lothe, only: contraction_maps, inverse_barnett, lanes
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix, voigt_index
+   use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: group_rotations, new_region, region_type, representative
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -177,14 +177,14 @@ contains
       type(field_type), intent(inout) :: field
       real(wp), allocatable :: circle(:, :), along(:, :), weight(:, :)
       real(wp) :: g(3, 3), theta, turned(3), square(6), cosines(n_modes)
-      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, kept
+      integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, n_retained
 
       n_grains = size(euler, 2)
-      kept = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
+      n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
       n_rotations = size(rotations, 3)
       ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
       n_points = maxval(harmonics%degrees)/2 + 4
-      allocate (field%to_modes(n_grains*kept, 6, size(field%nodes, 2)), source=0.0_wp)
+      allocate (field%to_modes(n_grains*n_retained, 6, size(field%nodes, 2)), source=0.0_wp)
       allocate (circle(harmonics%n, n_points), along(harmonics%n, n_modes), weight(n_modes, size(fit, 2)))
       do grain = 1, n_grains
          g = rotation_matrix(euler(:, grain))
@@ -205,7 +205,7 @@ contains
                ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
                turned = matmul(g(:, 3), rotations(:, :, r))
                square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
-               do m = 1, kept
+               do m = 1, n_retained
                   row = grain + n_grains*(m - 1)
                   field%to_modes(row, :, i) = field%to_modes(row, :, i) + weight(m, image)*square
                end do
@@ -244,37 +244,6 @@ contains
       call minimise_compliance(field%n_grains, modes, moduli)
    end subroutine field_moduli
 
-   !> The contractions (ab)_ij = a_k C_kijl b_l as linear functions of the products that the field keeps of a and b.
-   pure subroutine contraction_maps(c, one, both)
-      real(wp), intent(in) :: c(6, 6)
-      !> From a_k b_l, l fastest, to (ab) by columns.
-      real(wp), intent(out) :: one(9, 9)
-      !> From a_k a_l to (aa), both by the components 11, 22, 33, 23, 13, 12.
-      real(wp), intent(out) :: both(6, 6)
-      integer, parameter :: first(6) = [1, 2, 3, 2, 1, 1], second(6) = [1, 2, 3, 3, 3, 2]
-      integer :: i, j, k, l, p, q
-
-      do j = 1, 3
-         do i = 1, 3
-            do k = 1, 3
-               do l = 1, 3
-                  one(l + 3*(k - 1), i + 3*(j - 1)) = c(voigt_index(k, i), voigt_index(j, l))
-               end do
-            end do
-         end do
-      end do
-      do q = 1, 6
-         i = first(q)
-         j = second(q)
-         do p = 1, 6
-            k = first(p)
-            l = second(p)
-            both(p, q) = c(voigt_index(k, i), voigt_index(j, l))
-            if (k /= l) both(p, q) = both(p, q) + c(voigt_index(l, i), voigt_index(j, k))
-         end do
-      end do
-   end subroutine contraction_maps
-
    !> 1/M = min over the ellipse's shape (a, b) of the integral of h(theta)/sqrt(1 + a cos 2 theta + b sin 2 theta) over half a turn:
    !> Newton's method from the minimum for a small anisotropy, all grains at once.
    pure subroutine minimise_compliance(n, modes, moduli)
@@ -302,10 +271,10 @@ contains
       do k = 1, n_angles, stride
          !$omp simd
          do j = 1, n
-            h(j, k) = modes(j, 1) + modes(j, 2)*cosine(k) + modes(j, 3)*sine(k)
-            h(j, k) = h(j, k) + modes(j, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(j, 5)*sine(1 + mod(2*(k - 1), n_angles))
-            h(j, k) = h(j, k) + modes(j, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(j, 7)*sine(1 + mod(3*(k - 1), n_angles))
-            h(j, k) = h(j, k) + modes(j, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(j, 9)*sine(1 + mod(4*(k - 1), n_angles))
+            h(j, k) = modes(j, 1) + modes(j, 2)*cosine(k) + modes(j, 3)*sine(k) &
+               & + modes(j, 4)*cosine(1 + mod(2*(k - 1), n_angles)) + modes(j, 5)*sine(1 + mod(2*(k - 1), n_angles)) &
+               & + modes(j, 6)*cosine(1 + mod(3*(k - 1), n_angles)) + modes(j, 7)*sine(1 + mod(3*(k - 1), n_angles)) &
+               & + modes(j, 8)*cosine(1 + mod(4*(k - 1), n_angles)) + modes(j, 9)*sine(1 + mod(4*(k - 1), n_angles))
          end do
       end do
       do step = 1, most_steps

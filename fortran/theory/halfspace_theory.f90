@@ -4,8 +4,8 @@
 !> Phys. Solids 14, 163, 1966). With a circle instead of the ellipse the modulus is that of Vlassak & Nix (J. Mech. Phys.
 !> Solids 42, 1223, 1994), which is never larger.
 module halfspace_theory
-   use barnett_lothe, only: inverse_barnett, lanes, tolerance
-   use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
+   use barnett_lothe, only: contraction_maps, inverse_barnett, lanes, tolerance
+   use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, raise
    use kinds, only: degree, pi, wp
    use text, only: to_text
@@ -33,12 +33,6 @@ module halfspace_theory
       & [((k + 0.5_wp)/lanes, k=0, lanes - 1)], [((k + 0.5_wp)/(2*lanes), k=0, 2*lanes - 1)]]
    real(wp), parameter :: cosines(tabulated) = cos(directions), sines(tabulated) = sin(directions)
 
-   !> The contractions (ab)_ij = a_k C_kijl b_l of a stiffness with the sample axes, (xy) with its transpose: those of one axis by the
-   !> components 11, 22, 33, 23, 13, 12, the others by columns.
-   type :: contractions_type
-      real(wp) :: xx(6), xy(6), yy(6), xz(9), yz(9), zz(6)
-   end type contractions_type
-
 contains
 
    !> Indentation modulus along sample -z of the crystal `c` (GPa, crystal frame) at Bunge-Euler angles `euler` (radians).
@@ -46,18 +40,18 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      type(contractions_type) :: contractions
+      real(wp) :: one(9, 9), both(6, 6)
       real(wp) :: h(finest), cosine(finest), sine(finest), shape(2), change
       integer :: done, n
 
       call check_stiffness(c, error)
       if (allocated(error)) return
-      contractions = new_contractions(rotate_stiffness(c, rotation_matrix(euler)))
+      call contraction_maps(rotate_stiffness(c, rotation_matrix(euler)), one, both)
       done = 0
       shape = 0.0_wp
       n = coarsest
       do while (n <= finest)
-         call extend_grid(contractions, done, n, h, cosine, sine)
+         call extend_grid(one, both, done, n, h, cosine, sine)
          done = n
          call fit_contact_ellipse(h(:n), cosine(:n), sine(:n), shape, result, change)
          if (change <= tolerance .and. tail(h(:n), cosine(:n), sine(:n)) <= allowed_tail) return
@@ -98,8 +92,8 @@ contains
 
    !> h(theta) of u_z = h/r for a unit normal point force, 1/GPa, and the cosine and sine of 2 theta, in the directions after the first
    !> `done` up to the `n`-th; theta is counted from sample x in the surface.
-   pure subroutine extend_grid(contractions, done, n, h, cosine, sine)
-      type(contractions_type), intent(in) :: contractions
+   pure subroutine extend_grid(one, both, done, n, h, cosine, sine)
+      real(wp), intent(in) :: one(9, 9), both(6, 6)
       integer, intent(in) :: done, n
       real(wp), intent(inout) :: h(finest), cosine(finest), sine(finest)
       real(wp) :: c(lanes), s(lanes), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6), theta
@@ -120,78 +114,35 @@ contains
          sine(first + 1:first + lanes) = 2.0_wp*c*s
          ! m = (sin theta, -cos theta, 0) and n = z are perpendicular to t.
          do i = 1, 9
-            mn(:, i) = s*contractions%xz(i) - c*contractions%yz(i)
+            mn(:, i) = s*one(3, i) - c*one(6, i)
          end do
          do i = 1, 6
-            mm(:, i) = s**2*contractions%xx(i) - s*c*contractions%xy(i) + c**2*contractions%yy(i)
-            nn(:, i) = contractions%zz(i)
+            mm(:, i) = s**2*both(1, i) - s*c*both(6, i) + c**2*both(2, i)
+            nn(:, i) = both(3, i)
          end do
          call inverse_barnett(mm, mn, nn, f)
          h(first + 1:first + lanes) = f(:, 3)
       end do
    end subroutine extend_grid
 
-   pure function new_contractions(c) result(self)
-      !> Stiffness in the sample frame, GPa.
-      real(wp), intent(in) :: c(6, 6)
-      type(contractions_type) :: self
-      real(wp) :: xy(3, 3)
-
-      xy = contraction(c, 1, 2)
-      self%xx = components(contraction(c, 1, 1))
-      self%xy = components(xy + transpose(xy))
-      self%yy = components(contraction(c, 2, 2))
-      self%xz = reshape(contraction(c, 1, 3), [9])
-      self%yz = reshape(contraction(c, 2, 3), [9])
-      self%zz = components(contraction(c, 3, 3))
-   end function new_contractions
-
-   !> The contraction (ab)_ij = a_k C_kijl b_l of a stiffness with two of the sample axes.
-   pure function contraction(c, a, b) result(ab)
-      real(wp), intent(in) :: c(6, 6)
-      integer, intent(in) :: a, b
-      real(wp) :: ab(3, 3)
-      integer :: i, j
-
-      do j = 1, 3
-         do i = 1, 3
-            ab(i, j) = c(voigt_index(a, i), voigt_index(j, b))
-         end do
-      end do
-   end function contraction
-
-   !> Components 11, 22, 33, 23, 13, 12.
-   pure function components(a) result(c)
-      real(wp), intent(in) :: a(3, 3)
-      real(wp) :: c(6)
-
-      c = [a(1, 1), a(2, 2), a(3, 3), a(2, 3), a(1, 3), a(1, 2)]
-   end function components
-
    !> Amplitude of the harmonic 2 (3 n/8) of theta in h on n = 16, 32, .. directions, relative to the mean: n/8 is a power of two, and
    !> with the cube of exp(2 i theta) any symmetry of the surface about its normal has that harmonic.
    pure real(wp) function tail(h, cosine, sine)
       real(wp), intent(in), contiguous :: h(:), cosine(:), sine(:)
-      real(wp) :: re, im, old, mean, sum_re, sum_im
+      complex(wp) :: z, total
       integer :: i, j, squarings
 
       squarings = nint(log(size(h)/8.0_wp)/log(2.0_wp))
-      mean = 0.0_wp
-      sum_re = 0.0_wp
-      sum_im = 0.0_wp
+      total = 0.0_wp
       do i = 1, size(h)
-         re = cosine(i)*(cosine(i)**2 - 3.0_wp*sine(i)**2)
-         im = sine(i)*(3.0_wp*cosine(i)**2 - sine(i)**2)
+         z = cmplx(cosine(i), sine(i), wp)
+         z = z*z*z
          do j = 1, squarings
-            old = re
-            re = re**2 - im**2
-            im = 2.0_wp*old*im
+            z = z*z
          end do
-         mean = mean + h(i)
-         sum_re = sum_re + h(i)*re
-         sum_im = sum_im + h(i)*im
+         total = total + h(i)*z
       end do
-      tail = 2.0_wp*sqrt(sum_re**2 + sum_im**2)/mean
+      tail = 2.0_wp*abs(total)/sum(h)
    end function tail
 
    !> Minimise the convex compliance over the shape (a, b) of the contact ellipse by Newton's method.

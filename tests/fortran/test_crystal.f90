@@ -1,7 +1,7 @@
 !> Crystal elasticity and half-space theory against closed forms.
 program test_crystal
    use crystal_elasticity, only: anisotropy_index, averages_type, check_stiffness, is_stable, &
-      & log_anisotropy, polycrystal_averages, rotate_stiffness, rotation_matrix, stiffness_tensor
+      & log_anisotropy, polycrystal_averages, rotate_stiffness, rotation_matrix, voigt_index
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, wp
@@ -134,4 +134,21 @@ contains
 
       i3 = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
    end function identity
+
+   !> The fourth-rank tensor C_ijkl of a stiffness matrix.
+   pure function stiffness_tensor(c) result(tensor)
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: tensor(3, 3, 3, 3)
+      integer :: i, j, k, l
+
+      do l = 1, 3
+         do k = 1, 3
+            do j = 1, 3
+               do i = 1, 3
+                  tensor(i, j, k, l) = c(voigt_index(i, j), voigt_index(k, l))
+               end do
+            end do
+         end do
+      end do
+   end function stiffness_tensor
 end program test_crystal

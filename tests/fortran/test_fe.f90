@@ -1,5 +1,6 @@
 !> Elements, mesh, sparse solver and contact against what they must reproduce exactly.
 program test_fe
+   use, intrinsic :: iso_c_binding, only: c_ptr
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
    use fe_contact, only: contact_residual, solve_contact
@@ -10,8 +11,8 @@ program test_fe
    use linear_algebra, only: cholesky_factor, symmetric_eigen
    use mesh_plan, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
    use random, only: new_random_stream, random_stream_type
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factor_type, factorise, free_analysis, &
-      & kept_factor, release_factor, solve_factored
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, free_analysis, &
+      & release_factor, retained_factor, solve_factored
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
    use text, only: to_text
    implicit none
@@ -376,13 +377,13 @@ contains
 
    !> Factor, solution and Schur complement of a random sparse matrix against dense LAPACK; an indefinite one is refused.
    subroutine test_cholesky()
-      integer, parameter :: n = 240, kept = 17
-      real(wp) :: dense(n, n), lower(n, n), x(n, 2), b(n, 2), schur(kept, kept), value
+      integer, parameter :: n = 240, retained = 17
+      real(wp) :: dense(n, n), lower(n, n), x(n, 2), b(n, 2), schur(retained, retained), value
       integer :: start(n + 1), group(n), i, j, p
       integer, allocatable :: row(:)
       real(wp), allocatable :: values(:)
       type(cholesky_type) :: cholesky
-      type(factor_type) :: factor
+      type(c_ptr) :: factor
       type(error_type), allocatable :: error
       type(random_stream_type) :: stream
 
@@ -411,7 +412,7 @@ contains
          group(j) = (j + 2)/3
       end do
       start(n + 1) = size(row) + 1
-      call analyse_pattern(start, row, group, kept, cholesky, error)
+      call analyse_pattern(start, row, group, retained, cholesky, error)
       call check_success('analysis of a random pattern', error)
       call acquire_factor(cholesky, factor, error)
       call factorise(cholesky, factor, values, error)
@@ -423,20 +424,20 @@ contains
       end do
       b = matmul(dense, x)
       do j = 1, 2
-         call solve_factored(cholesky, factor, b(:, j))
+         call solve_factored(cholesky%handle, factor, b(:, j))
       end do
       ! The factor is of single precision.
       call check('solution of two right-hand sides', maxval(abs(b - x)) < 1.0e-5_wp, to_text(maxval(abs(b - x))))
-      call kept_factor(cholesky, factor, schur)
+      call retained_factor(cholesky%handle, factor, schur)
       lower = dense
       call cholesky_factor(lower, error)
-      do j = 1, kept
+      do j = 1, retained
          do i = 1, j - 1
-            lower(n - kept + i, n - kept + j) = 0.0_wp
+            lower(n - retained + i, n - retained + j) = 0.0_wp
          end do
       end do
-      value = maxval(abs(schur - lower(n - kept + 1:, n - kept + 1:)))
-      call check('factor of the Schur complement of the kept unknowns', value < 1.0e-5_wp*maxval(dense), to_text(value))
+      value = maxval(abs(schur - lower(n - retained + 1:, n - retained + 1:)))
+      call check('factor of the Schur complement of the retained unknowns', value < 1.0e-5_wp*maxval(dense), to_text(value))
       p = start(100)
       values(p) = -1.0_wp
       call factorise(cholesky, factor, values, error)
@@ -447,7 +448,7 @@ contains
       values(start(50)) = sqrt(-abs(values(start(50))))
       call factorise(cholesky, factor, values, error)
       call check_refused('a matrix with NaN', error, 'not positive definite')
-      call release_factor(cholesky, factor)
+      call release_factor(cholesky%handle, factor)
       call free_analysis(cholesky)
    end subroutine test_cholesky
 

@@ -1,18 +1,21 @@
 !> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
 program test_indentation
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
+   use choices, only: all_choices
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
    use fe_mesh, only: mesh_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use indenters, only: indenter_names, indenter_type, new_indenter
+   use indenters, only: indenter_names, new_indenter
    use kinds, only: pi, wp
    use memory, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use physics_identity, only: identity_text
    use settings_groups, only: settings_type
+   use settings_lists, only: new_schema, schema_type
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
-   use specimen_mesh, only: specimen_mesh_type
    use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
    use text, only: split_list, to_text
@@ -26,6 +29,7 @@ program test_indentation
    call test_resolution()
    call test_memory()
    call test_identity()
+   call test_identity_is_complete()
    call test_simulators()
    call test_long_contact()
    call test_refusals()
@@ -59,7 +63,7 @@ contains
    !> Every specimen of the list can be meshed; another name is refused.
    subroutine test_specimens()
       character(len=len(geometry_names)), allocatable :: names(:)
-      class(specimen_mesh_type), allocatable :: specimen
+      class(specimen_type), allocatable :: specimen
       type(settings_type) :: settings
       type(mesh_type) :: mesh
       type(error_type), allocatable :: error
@@ -74,7 +78,7 @@ contains
          settings%specimen%geometry = trim(names(i))
          call new_specimen(settings, 0.5_wp, specimen, error)
          call check_success('specimen '//names(i), error)
-         call specimen%make(0.6_wp, 0.5_wp, mesh, error)
+         call specimen%make(0.6_wp, mesh, error)
          call check_success('mesh '//names(i), error)
          call check('contact nodes, and something that holds the mesh: '//names(i), size(mesh%contact) > 50 &
             & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
@@ -89,7 +93,7 @@ contains
       !> Width, height, contact radius, um, and bricks.
       real(wp), parameter :: blocks(4, 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
          & 100.0_wp, 25.0_wp, 2.0_wp, 10000.0_wp, 4.0_wp, 2.0_wp, 1.0_wp, 6400.0_wp], [4, 4])
-      class(specimen_mesh_type), allocatable :: specimen
+      class(specimen_type), allocatable :: specimen
       type(settings_type) :: settings
       type(mesh_type) :: mesh
       type(error_type), allocatable :: error
@@ -103,7 +107,7 @@ contains
          call new_specimen(settings, blocks(3, i), specimen, error)
          call check_success('block', error)
          call check('it has a length', specimen%has_length)
-         call specimen%make(1.0_wp, blocks(3, i), mesh, error)
+         call specimen%make(1.0_wp, mesh, error)
          call check_success('its mesh', error)
          associate (x => mesh%x, first => mesh%brick(:, 1))
             call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), 1.0e-12_wp*blocks(1, i))
@@ -126,7 +130,7 @@ contains
    subroutine test_indenters()
       character(len=len(indenter_names)), allocatable :: names(:)
       type(settings_type) :: settings
-      type(indenter_type) :: tip, other
+      class(indenter_type), allocatable :: indenter, other
       type(error_type), allocatable :: error
       real(wp), parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, 15.5_wp]
       real(wp) :: h, dh, slope
@@ -136,19 +140,19 @@ contains
       allocate (names, source=split_list(indenter_names))
       do i = 1, size(names)
          settings%indenter%shape = trim(names(i))
-         call new_indenter(settings%indenter, tip, error)
+         call new_indenter(settings%indenter, indenter, error)
          call check_success(names(i), error)
          do j = 1, size(radii)
-            h = tip%depth_of(radii(j))
-            call check_close('contact radius of the depth of a contact radius: '//names(i), tip%contact_radius_of(h)/radii(j), &
-               & 1.0_wp, 1.0e-12_wp)
+            h = indenter%depth_of(radii(j))
+            call check_close('contact radius of the depth of a contact radius: '//names(i), &
+               & indenter%contact_radius_of(h)/radii(j), 1.0_wp, 1.0e-12_wp)
             dh = 1.0e-3_wp*h
-            slope = (8.0_wp*(tip%unit_force(h + dh) - tip%unit_force(h - dh)) - tip%unit_force(h + 2.0_wp*dh) &
-               & + tip%unit_force(h - 2.0_wp*dh))/(12.0_wp*dh)
+            slope = (8.0_wp*(indenter%unit_force(h + dh) - indenter%unit_force(h - dh)) - indenter%unit_force(h + 2.0_wp*dh) &
+               & + indenter%unit_force(h - 2.0_wp*dh))/(12.0_wp*dh)
             call check_close('stiffness of the contact: '//names(i), slope/(2.0_wp*radii(j)), 1.0_wp, 1.0e-9_wp)
          end do
-         call check_close('the last point', tip%contact_radius, 0.5_wp, 1.0e-15_wp)
-         settings%indenter%depth_um = tip%depth
+         call check_close('the last point', indenter%contact_radius, 0.5_wp, 1.0e-15_wp)
+         settings%indenter%depth_um = indenter%depth
          deallocate (settings%indenter%contact_radius_um)
          call new_indenter(settings%indenter, other, error)
          call check_close('stated by its depth', other%contact_radius, 0.5_wp, 1.0e-13_wp)
@@ -160,7 +164,7 @@ contains
    !> Gaps and forces of each shape; a small sphere is a paraboloid.
    subroutine test_shapes()
       type(settings_type) :: settings
-      type(indenter_type) :: paraboloid, sphere, cone
+      class(indenter_type), allocatable :: paraboloid, sphere, cone
       type(error_type), allocatable :: error
       real(wp), parameter :: a = 8.0_wp
 
@@ -216,12 +220,12 @@ contains
             & result, error)
          call check_success('its simulation', error)
          if (allocated(error)) return
-         associate (tip => model%indenter)
-            worst = maxval(abs(result%force(6:)/(exact*tip%unit_force(result%depth(6:))) - 1.0_wp))
+         associate (indenter => model%indenter)
+            worst = maxval(abs(result%force(6:)/(exact*indenter%unit_force(result%depth(6:))) - 1.0_wp))
             call check('force by Sneddon: '//shapes(i), worst < tolerance(i), to_text(worst))
             call check_close('modulus', result%modulus/exact, 1.0_wp, tolerance(i))
             call check_close('modulus of the last depth', result%modulus_by_depth(10), result%modulus_last, 1.0e-9_wp)
-            worst = maxval(abs(result%contact_radius - tip%contact_radius_of(result%depth)))
+            worst = maxval(abs(result%contact_radius - indenter%contact_radius_of(result%depth)))
             call check('contact radius within one element: '//shapes(i), worst < model%grid(1)%mesh%element_size, to_text(worst))
          end associate
          call free_indentation_model(model)
@@ -379,11 +383,49 @@ contains
       call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', identity_text(settings))
    end subroutine test_identity
 
+   !> Every variable of the three groups is in the identity of some specimen and indenter, but for those that change no result.
+   subroutine test_identity_is_complete()
+      character(len=3), parameter :: change_nothing(2) = ['vtu', 'inp']
+      character(len=len(geometry_names)), allocatable :: geometries(:)
+      character(len=len(indenter_names)), allocatable :: shapes(:)
+      character(len=:), allocatable :: identities
+      type(schema_type) :: schema
+      type(settings_type) :: settings
+      integer :: i, j
+
+      settings = default_settings()
+      settings%specimen%matrix = 'isotropic'
+      settings%specimen%thickness_um = 1.0_wp
+      settings%specimen%substrate_young_gpa = 100.0_wp
+      settings%specimen%grain_radius_um = 2.0_wp
+      settings%specimen%grain_depth_um = 2.0_wp
+      settings%specimen%matrix_young_gpa = 100.0_wp
+      settings%indenter%depth_um = 0.01_wp
+      allocate (geometries, source=split_list(geometry_names))
+      allocate (shapes, source=split_list(indenter_names))
+      identities = ''
+      do i = 1, size(geometries)
+         do j = 1, size(shapes)
+            settings%specimen%geometry = trim(geometries(i))
+            settings%indenter%shape = trim(shapes(j))
+            identities = identities//identity_text(settings)
+         end do
+      end do
+      schema = new_schema(all_choices())
+      do i = 1, size(schema%variables)
+         associate (group => schema%variables(i)%group, name => schema%variables(i)%name)
+            if (all(['specimen  ', 'indenter  ', 'simulation'] /= group)) cycle
+            call check(name//' is part of the identity, or changes no result', &
+               & index(identities, '"'//name//'": ') > 0 .neqv. any(change_nothing == name), identities)
+         end associate
+      end do
+   end subroutine test_identity_is_complete
+
    !> Each simulator in its place: results, failures of the crystal, and errors that are none.
    subroutine test_simulators()
       real(wp), parameter :: euler(3) = [0.1_wp, 0.5_wp*pi, 0.0_wp]
       type(settings_type) :: settings
-      class(simulator_type), allocatable :: simulator
+      type(simulator_type), allocatable :: simulator
       type(outcome_type) :: outcome
       type(error_type), allocatable :: error
       real(wp) :: copper(6, 6)

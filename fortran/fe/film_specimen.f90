@@ -3,26 +3,28 @@
 !> A thin film ends inside the box under the indenter, a thick one where layers around the box reach the interface. Below begins a box of
 !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
 !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
-module film_mesh
+module film_specimen
+   use abstract_specimen, only: require, specimen_type
    use errors, only: error_type, exit_bad_input, raise
-   use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
    use mesh_plan, only: core_of_contact, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
-   use specimen_mesh, only: specimen_mesh_type
+   use settings_groups, only: settings_type
    use text, only: to_text
    implicit none
    private
-   public :: film_mesh_type
+   public :: film_specimen_type, film_name
+
+   character(len=*), parameter :: film_name = 'film'
 
    !> A substrate of no stiffness that is given is rigid.
-   type, extends(specimen_mesh_type) :: film_mesh_type
+   type, extends(specimen_type) :: film_specimen_type
       !> um.
       real(wp) :: thickness = 0.0_wp
    contains
-      procedure :: check
-      procedure :: make
+      procedure :: set_up
+      procedure :: plan
       procedure :: materials
-   end type film_mesh_type
+   end type film_specimen_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
    real(wp), parameter :: thick = 1.25_wp
@@ -34,31 +36,37 @@ module film_mesh
 contains
 
    !> Refuse a film thinner than two elements.
-   subroutine check(self, contact_radius, error)
-      class(film_mesh_type), intent(in) :: self
-      !> um.
-      real(wp), intent(in) :: contact_radius
+   subroutine set_up(self, settings, error)
+      class(film_specimen_type), intent(inout) :: self
+      type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
 
-      if (self%thickness < 2.0_wp*self%element_size(contact_radius)) call raise(error, 'thickness_um: ' &
-         & //to_text(self%thickness)//' um is less than two elements of '//to_text(self%element_size(contact_radius), 3) &
-         & //' um under a contact of radius '//to_text(contact_radius, 3)//' um; allowed from ' &
-         & //to_text(2.0_wp*self%element_size(contact_radius), 3)//' um, or indent less deeply', exit_bad_input)
-   end subroutine check
+      self%variables = 'thickness_um, substrate'
+      self%parts = 'the film, the substrate'
+      associate (stated => settings%specimen)
+         call require(film_name, 'thickness_um', stated%thickness_um, self%thickness, error)
+         if (stated%substrate /= 'rigid') then
+            self%variables = self%variables//', substrate_young_gpa, substrate_nu'
+            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, self%young, error)
+            self%poisson = stated%substrate_nu
+         end if
+      end associate
+      if (allocated(error)) return
+      if (self%thickness < 2.0_wp*self%element_size) call raise(error, 'thickness_um: ' &
+         & //to_text(self%thickness)//' um is less than two elements of '//to_text(self%element_size, 3) &
+         & //' um under a contact of radius '//to_text(self%contact_radius, 3)//' um; allowed from ' &
+         & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply', exit_bad_input)
+   end subroutine set_up
 
-   !> The mesh with `refine` times the default's elements per contact radius, of a contact radius in um.
-   subroutine make(self, refine, contact_radius, mesh, error)
-      class(film_mesh_type), intent(in) :: self
-      !> Relative to the default; contact radius at the last depth (half-space), um.
-      real(wp), intent(in) :: refine, contact_radius
-      type(mesh_type), intent(out) :: mesh
-      type(error_type), allocatable, intent(out) :: error
+   pure function plan(self, refine)
+      class(film_specimen_type), intent(in) :: self
+      real(wp), intent(in) :: refine
       type(mesh_plan_type) :: plan
       type(mesh_stage_type) :: box
       real(wp) :: edge, width, cell
       logical :: thin
 
-      plan = core_of_contact(refine, contact_radius)
+      plan = core_of_contact(refine, self%contact_radius)
       edge = plan%half_width/plan%half_cells
       width = plan%half_width
       thin = self%thickness <= thick*plan%depth
@@ -72,7 +80,7 @@ contains
       else
          ! The proportions of the box stay.
          width = plan%half_width*self%thickness/plan%depth
-         plan%stages = graded_layers(plan%half_width, width, contact_radius, refine, 0.0_wp, 1)
+         plan%stages = graded_layers(plan%half_width, width, self%contact_radius, refine, 0.0_wp, 1)
          plan%stages(1)%coarsen = .true.
          cell = 2.0_wp*edge*self%thickness/plan%depth
          box%floor_levels = max(2, nint(floor_proportion*width/cell))
@@ -85,16 +93,15 @@ contains
          plan%clamped_depth = self%thickness
          plan%closing = clamped_around
       end if
-      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, outer_thickness*self%thickness), &
-         & contact_radius, refine, self%thickness, 2)]
+      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*self%contact_radius, outer_thickness*self%thickness), &
+         & self%contact_radius, refine, self%thickness, 2)]
       if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
-      call new_mesh(plan, mesh, error)
-   end subroutine make
+   end function plan
 
    !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of what is a film, with twice its energy,
    !> since strains decay as the square of the distance.
    pure function materials(self, crystal) result(c)
-      class(film_mesh_type), intent(in) :: self
+      class(film_specimen_type), intent(in) :: self
       !> Sample frame, GPa.
       real(wp), intent(in) :: crystal(6, 6)
       real(wp), allocatable :: c(:, :, :)
@@ -104,4 +111,4 @@ contains
       c(:, :, 2) = self%own_stiffness()
       c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
    end function materials
-end module film_mesh
+end module film_specimen

@@ -3,23 +3,23 @@
 !> It has the variables of &specimen, &indenter and &simulation that the simulation reads. Stored texts are compared as they are: what
 !> changes here orphans every campaign.
 module physics_identity
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use errors, only: error_type
    use fe_indentation, only: numerics_revision
-   use indenters, only: indenter_type, new_indenter
    use namelist_file, only: value_type
    use settings_groups, only: settings_type
    use settings_schema, only: visit_settings
    use settings_visitor, only: is_text, kind_logical, settings_visitor_type, variable_type
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
-   use text, only: to_text
+   use specimens, only: new_indentation
+   use text, only: split_list, to_text
    implicit none
    private
    public :: identity_text
 
    !> Collects variables by name.
    type, extends(settings_visitor_type) :: collector_type
-      !> Names that are wanted, each between blanks.
+      !> Names that are wanted, separated by ', '.
       character(len=:), allocatable :: wanted
       !> `"name": value`, sorted.
       type(value_type), allocatable :: pairs(:)
@@ -28,9 +28,9 @@ module physics_identity
       procedure :: visit
    end type collector_type
 
-   !> What every specimen and indenter has.
-   character(len=*), parameter :: common = ' geometry shape depth_um contact_radius_um simulator element integration refine ' &
-      & //'extrapolate depths '
+   !> What every simulation by finite elements reads.
+   character(len=*), parameter :: common = 'geometry, shape, depth_um, contact_radius_um, simulator, element, integration, ' &
+      & //'refine, extrapolate, depths'
 
 contains
 
@@ -40,22 +40,22 @@ contains
       character(len=:), allocatable :: identity
       type(collector_type) :: collector
       type(settings_type) :: copy
-      type(indenter_type) :: tip
-      class(specimen_mesh_type), allocatable :: specimen
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
       type(error_type), allocatable :: error
       integer :: i
 
       allocate (collector%pairs(0), collector%choices(0))
-      collector%wanted = ' simulator '
+      collector%wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call new_indenter(settings%indenter, tip, error)
-         if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
-         collector%wanted = common//trim(tip%variable)//' '
-         if (allocated(specimen)) collector%wanted = collector%wanted//trim(specimen%variables)//' '
          call add_pair(collector, 'estimator', '"least squares through the origin"')
          call add_pair(collector, 'numerics', to_text(numerics_revision))
-         if (allocated(specimen) .and. settings%simulation%extrapolate) then
-            call add_pair(collector, 'coarse_ratio', to_text(specimen%coarse_ratio))
+         collector%wanted = common
+         call new_indentation(settings, indenter, specimen, error)
+         if (allocated(indenter)) collector%wanted = collector%wanted//', '//indenter%variables
+         if (allocated(specimen)) then
+            collector%wanted = collector%wanted//', '//specimen%variables
+            if (settings%simulation%extrapolate) call add_pair(collector, 'coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
       copy = settings
@@ -82,8 +82,8 @@ contains
       type(value_type), allocatable, intent(inout) :: values(:)
       character(len=:), allocatable :: value
 
-      if (index(' specimen indenter simulation ', ' '//variable%group//' ') == 0) return
-      if (index(self%wanted, ' '//variable%name//' ') == 0 .or. .not. allocated(values)) return
+      if (all(['specimen  ', 'indenter  ', 'simulation'] /= variable%group) .or. .not. allocated(values)) return
+      if (all(split_list(self%wanted) /= variable%name)) return
       value = values(1)%text
       if (is_text(variable)) value = '"'//value//'"'
       if (variable%kind == kind_logical) value = value(2:len(value) - 1)

@@ -3,17 +3,17 @@
 !> A crystal that cannot be simulated is an outcome with its message. Bad input, and what the machine could not do, are errors: they
 !> say nothing about the crystal.
 module simulate
+   use abstract_indenter, only: indenter_type
+   use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_bad_input, exit_failure, raise
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use indenters, only: indenter_type, new_indenter
    use kinds, only: i8, wp
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use namelist_file, only: place
    use settings_groups, only: settings_type
-   use specimen_mesh, only: specimen_mesh_type
-   use specimens, only: new_specimen
+   use specimens, only: new_indentation
    implicit none
    private
    public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error
@@ -35,35 +35,12 @@ module simulate
       character(len=:), allocatable :: message
    end type outcome_type
 
-   !> Read-only once made, so that threads share it.
-   type, abstract :: simulator_type
+   !> Read-only once made, so that threads share it: a model of finite elements, or without one the theory.
+   type :: simulator_type
+      type(indentation_model_type), allocatable :: model
    contains
-      !> Simulate a crystal and take the time.
-      procedure, non_overridable :: run
-      procedure(evaluate_crystal), deferred, private :: evaluate
+      procedure :: run
    end type simulator_type
-
-   abstract interface
-      subroutine evaluate_crystal(self, stiffness, euler, outcome, error)
-         import :: error_type, outcome_type, simulator_type, wp
-         class(simulator_type), intent(in) :: self
-         !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
-         real(wp), intent(in) :: stiffness(6, 6), euler(3)
-         type(outcome_type), intent(inout) :: outcome
-         type(error_type), allocatable, intent(out) :: error
-      end subroutine evaluate_crystal
-   end interface
-
-   type, extends(simulator_type) :: fe_simulator_type
-      type(indentation_model_type) :: model
-   contains
-      procedure, private :: evaluate => evaluate_fe
-   end type fe_simulator_type
-
-   type, extends(simulator_type) :: theory_simulator_type
-   contains
-      procedure, private :: evaluate => evaluate_theory
-   end type theory_simulator_type
 
 contains
 
@@ -75,33 +52,27 @@ contains
       !> Whether the specimen is the half-space, which theory knows.
       logical, intent(out) :: has_theory
       type(error_type), allocatable, intent(out) :: error
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
 
       has_theory = .false.
-      call new_indenter(settings%indenter, tip, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error)) then
-         error%message = place(path, '', '')//'&indenter '//error%message
-         return
+         error%message = place(path, '', '')//error%message
+      else
+         has_theory = .not. specimen%has_length
       end if
-      call new_specimen(settings, tip%contact_radius, specimen, error)
-      if (allocated(error)) then
-         error%message = place(path, '', '')//'&specimen '//error%message
-         return
-      end if
-      has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> The scale of what a specimen has beside the crystal, the geometric mean of the eigenvalues of its Kelvin stiffness, GPa; 0 where the
    !> crystal's own scale changes moduli by a factor only.
    real(wp) function specimen_stiffness(settings) result(scale)
       type(settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(specimen_type), allocatable :: specimen
       real(wp) :: poisson, anisotropy, own(6, 6)
 
       scale = 0.0_wp
-      call find_specimen(settings, tip, specimen)
+      call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
       own = specimen%own_stiffness()
       if (maxval(own) > 0.0_wp) call logarithmic_mean(own, poisson, anisotropy, scale)
@@ -110,48 +81,45 @@ contains
    !> Contact radius (half-space) at the last depth of simulations of a specimen with a length of its own, um; 0 of one without.
    real(wp) function specimen_contact_radius(settings) result(radius)
       type(settings_type), intent(in) :: settings
-      class(specimen_mesh_type), allocatable :: specimen
-      type(indenter_type) :: tip
+      class(specimen_type), allocatable :: specimen
 
       radius = 0.0_wp
-      call find_specimen(settings, tip, specimen)
+      call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
-      if (specimen%has_length) radius = tip%contact_radius
+      if (specimen%has_length) radius = specimen%contact_radius
    end function specimen_contact_radius
 
    !> What finite elements, ours or others', indent; not allocated where theory takes their place, or it cannot be.
-   subroutine find_specimen(settings, tip, specimen)
+   subroutine find_specimen(settings, specimen)
       type(settings_type), intent(in) :: settings
-      type(indenter_type), intent(out) :: tip
-      class(specimen_mesh_type), allocatable, intent(out) :: specimen
+      class(specimen_type), allocatable, intent(out) :: specimen
+      class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
 
       if (settings%simulation%simulator == 'theory') return
-      call new_indenter(settings%indenter, tip, error)
-      if (.not. allocated(error)) call new_specimen(settings, tip%contact_radius, specimen, error)
+      call new_indentation(settings, indenter, specimen, error)
       if (allocated(error) .and. allocated(specimen)) deallocate (specimen)
    end subroutine find_specimen
 
    !> The simulator that the settings ask for; for finite elements the meshes are made.
    subroutine new_simulator(settings, simulator, error)
       type(settings_type), intent(in) :: settings
-      class(simulator_type), allocatable, intent(out) :: simulator
+      type(simulator_type), allocatable, intent(out) :: simulator
       type(error_type), allocatable, intent(out) :: error
-      type(fe_simulator_type), allocatable :: fe
 
+      allocate (simulator)
       select case (settings%simulation%simulator)
       case ('fe')
-         allocate (fe)
-         call new_indentation_model(settings, fe%model, error)
-         call move_alloc(fe, simulator)
+         allocate (simulator%model)
+         call new_indentation_model(settings, simulator%model, error)
       case ('theory')
-         simulator = theory_simulator_type()
       case default
          call raise(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
             & //"'build --ask', import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
       end select
    end subroutine new_simulator
 
+   !> Simulate a crystal and take the time.
    subroutine run(self, stiffness, euler, outcome, error)
       class(simulator_type), intent(in) :: self
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -159,13 +127,26 @@ contains
       type(outcome_type), intent(out) :: outcome
       !> Of the input or the machine: there is no outcome.
       type(error_type), allocatable, intent(out) :: error
+      type(indentation_result_type) :: result
+      type(halfspace_type) :: theory
       integer(i8) :: start, finish, rate
 
       call system_clock(start, rate)
       outcome%depth = [real(wp) ::]
       outcome%force = [real(wp) ::]
       outcome%message = ''
-      call self%evaluate(stiffness, euler, outcome, error)
+      if (.not. allocated(self%model)) then
+         call halfspace_modulus(stiffness, euler, theory, error)
+         outcome%modulus = theory%modulus
+      else
+         call simulate_indentation(self%model, stiffness, euler, result, error)
+         if (.not. allocated(error)) then
+            outcome%modulus = result%modulus
+            outcome%elements = result%elements
+            outcome%depth = result%depth
+            outcome%force = result%force
+         end if
+      end if
       call system_clock(finish)
       outcome%seconds = real(finish - start, wp)/real(rate, wp)
       outcome%status = outcome_done
@@ -193,34 +174,4 @@ contains
       largest = largest_mesh_error(settings, stiffness)
       warning = resolution_warning(largest)
    end subroutine simulation_error
-
-   subroutine evaluate_fe(self, stiffness, euler, outcome, error)
-      class(fe_simulator_type), intent(in) :: self
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-      type(indentation_result_type) :: result
-
-      call simulate_indentation(self%model, stiffness, euler, result, error)
-      if (allocated(error)) return
-      outcome%modulus = result%modulus
-      outcome%elements = result%elements
-      outcome%depth = result%depth
-      outcome%force = result%force
-   end subroutine evaluate_fe
-
-   subroutine evaluate_theory(self, stiffness, euler, outcome, error)
-      class(theory_simulator_type), intent(in) :: self
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(outcome_type), intent(inout) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-      type(halfspace_type) :: theory
-
-      associate (unused => self)
-      end associate
-      call halfspace_modulus(stiffness, euler, theory, error)
-      outcome%modulus = theory%modulus
-   end subroutine evaluate_theory
 end module simulate
