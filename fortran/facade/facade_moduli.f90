@@ -3,8 +3,10 @@
 !> `values`: n indentation moduli (GPa) as another kind (GPa), of an indenter's Young's `modulus` (`indenter_modulus`, GPa) and
 !> Poisson's ratio (`indenter_nu`), and the Poisson's ratio that was assumed of the sample (`sample_nu`).
 subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, moduli, values, status, message)
+   use abstract_observable, only: observable_type
    use interoperation, only: c_double, c_int, error_to_status, error_type
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use observables, only: new_observable
+   use settings_groups, only: measurements_settings_type
    implicit none
    character(len=*), intent(in) :: kind
    real(c_double), intent(in) :: indenter_modulus, indenter_nu, sample_nu
@@ -14,12 +16,13 @@ subroutine moduli_of_kind(kind, indenter_modulus, indenter_nu, sample_nu, n, mod
    integer(c_int), intent(out) :: status
    character(len=4096), intent(out) :: message
    real(c_double) :: slope(n)
-   type(modulus_map_type) :: map
+   class(observable_type), allocatable :: observable
    type(error_type), allocatable :: error
 
    values = moduli
    slope = 1
-   call new_modulus_map(kind, indenter_modulus, indenter_nu, sample_nu, map, error)
+   call new_observable(kind, measurements_settings_type(indenter_modulus_gpa=indenter_modulus, indenter_nu=indenter_nu, &
+      & sample_nu=sample_nu), observable, error)
    call error_to_status(error, status, message)
-   if (status == 0) call map%apply(values, slope)
+   if (status == 0) call observable%from_simulation(values, slope)
 end subroutine moduli_of_kind

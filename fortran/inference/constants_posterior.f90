@@ -7,18 +7,20 @@
 module constants_posterior
    use abstract_basis, only: grain_model_type
    use abstract_error_model, only: error_model_type
+   use abstract_observable, only: observable_type
    use constants_prior, only: prior_type
-   use error_models, only: likelihood_type, new_error_model
+   use error_models, only: new_error_model
    use errors, only: error_type
    use kinds, only: wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use observables, only: new_observable
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: place_normal, random_stream_type
    use sampling_target, only: point_type, target_type
+   use settings_groups, only: measurements_settings_type
    use small_matrices, only: factor_columns, sum_of_logs
-   use surrogate_model, only: new_grain_model, surrogate_type
+   use surrogate_model, only: surrogate_type
    implicit none
    private
    public :: posterior_type, new_posterior
@@ -28,13 +30,16 @@ module constants_posterior
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
-      type(likelihood_type) :: likelihood
+      !> Of &measurements; whether a common factor on the sds is inferred, as one more parameter, its logarithm; and whether the data are
+      !> left out: the prior alone.
+      type(measurements_settings_type) :: settings
+      logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
       !> Directions of each grain that are evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      type(modulus_map_type) :: kind
+      class(observable_type), allocatable :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group.
       integer :: n_shared = 0
@@ -71,24 +76,26 @@ module constants_posterior
 contains
 
    !> The posterior for n grains.
-   subroutine new_posterior(surrogate, prior, likelihood, measured, posterior, error)
+   subroutine new_posterior(surrogate, prior, settings, with_covariance, prior_only, measured, posterior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
-      type(likelihood_type), intent(in) :: likelihood
+      type(measurements_settings_type), intent(in) :: settings
+      !> Count the surrogate's uncertainty; leave the data out.
+      logical, intent(in) :: with_covariance, prior_only
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
       !> Variance of y that is none.
       real(wp), parameter :: none = 1.0e-20_wp
 
-      call check_measurements(measured, likelihood%prior_only, error)
-      if (allocated(error)) return
-      call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, likelihood%indenter_nu, likelihood%sample_nu, &
-         & posterior%kind, error)
-      if (.not. allocated(error)) call new_error_model(likelihood, posterior%errors, error)
+      call new_observable(settings%modulus_kind, settings, posterior%observable, error)
+      if (.not. allocated(error)) call check_measurements(measured, posterior%observable, prior_only, error)
+      if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
       if (allocated(error)) return
       posterior%prior = prior
-      posterior%likelihood = likelihood
+      posterior%settings = settings
+      posterior%infers_scale = settings%scale == 'inferred'
+      posterior%prior_only = prior_only
       posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
       posterior%measured = measured%modulus
@@ -99,16 +106,17 @@ contains
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
-      if (posterior%n_grains > 0) posterior%typical_modulus = 0.7_wp*sum(measured%modulus)/posterior%n_grains
+      if (posterior%n_grains > 0) posterior%typical_modulus = 0.7_wp &
+         & *posterior%observable%isotropic_modulus(sum(measured%modulus)/posterior%n_grains)
       if (any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
-      call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
+      call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (allocated(error)) return
-      if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = posterior%grains%n_independent
-      if (likelihood%surrogate_uncertainty .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, likelihood%calibration_sd > 0.0_wp)
-      posterior%dimension = prior%n_constants + merge(1, 0, likelihood%infer_scale)
+      if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
+      if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
+      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
+      posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
 
    !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
@@ -147,7 +155,7 @@ contains
       log_likelihood = 0.0_wp
       admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
       if (.not. admitted) return
-      if (.not. self%likelihood%prior_only) log_likelihood = likelihood_of_crystal(self, x, c)
+      if (.not. self%prior_only) log_likelihood = likelihood_of_crystal(self, x, c)
       log_density = self%log_prior(c) + log_likelihood
    end subroutine evaluate_parts
 
@@ -219,7 +227,7 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
 
-      scale_is_admitted = .not. self%likelihood%infer_scale &
+      scale_is_admitted = .not. self%infers_scale &
          & .or. (x(self%dimension) >= log(least_factor) .and. x(self%dimension) <= log(greatest_factor))
    end function scale_is_admitted
 
@@ -231,7 +239,7 @@ contains
       real(wp), intent(in), optional :: rows(:)
 
       log_density = self%prior%log_density(c)
-      if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
+      if (.not. self%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
    end function density_of_crystal
 
    subroutine draw_start(self, stream, x)
@@ -242,7 +250,7 @@ contains
       real(wp) :: log_weight
 
       call self%prior%draw_start(stream, x(:self%n_constants), log_weight)
-      if (.not. self%likelihood%infer_scale) return
+      if (.not. self%infers_scale) return
       call stream%uniform(x(self%dimension))
       x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
    end subroutine draw_start
@@ -299,14 +307,14 @@ contains
       if (self%n_directions == 1) then
          modulus = rows
          slope = slopes
-         own_variance = self%scatter*slope**2 + (self%likelihood%scatter_sd*modulus)**2
+         own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
          return
       end if
       do g = 1, self%n_grains
          call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
          modulus(g) = rows(g) + shift
          slope(g) = slopes(g)
-         own_variance(g) = self%scatter*slope(g)**2 + (self%likelihood%scatter_sd*rows(g))**2 + variance
+         own_variance(g) = self%scatter*slope(g)**2 + (self%settings%scatter_sd*rows(g))**2 + variance
       end do
    end subroutine evaluate_grains
 
@@ -322,7 +330,7 @@ contains
       factor = scale_factor(self, x)
       call evaluate_grains(self, c, model, slope, own_variance, rows)
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call self%kind%apply(model, slope)
+         call self%observable%from_simulation(model, slope)
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
          return
       end if
@@ -336,7 +344,7 @@ contains
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%likelihood%scatter_sd > 0.0_wp
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -345,7 +353,7 @@ contains
       real(wp), intent(in) :: x(:)
 
       scale_factor = 1.0_wp
-      if (self%likelihood%infer_scale) scale_factor = exp(x(self%dimension))
+      if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
    !> From moduli to what is measured, `model` and `slope` in place; scales of the errors that grains do not share, and over them the
@@ -356,12 +364,12 @@ contains
       real(wp), intent(inout) :: model(:), slope(:)
       real(wp), intent(in) :: own_variance(:)
       real(wp), intent(out), contiguous :: scales(:), u(:, :)
-      real(wp) :: ratio(size(scales)), map_slope(size(scales))
+      real(wp), dimension(size(scales)) :: ratio, map_slope, common
       real(wp), allocatable :: columns(:, :)
       integer :: g
 
       map_slope = 1.0_wp
-      call self%kind%apply(model, map_slope)
+      call self%observable%from_simulation(model, map_slope)
       slope = slope*map_slope
       scales = factor*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
@@ -378,10 +386,11 @@ contains
             u(:, g) = u(:, g)*ratio
          end do
       end if
-      if (self%likelihood%calibration_sd > 0.0_wp) then
+      if (self%settings%calibration_sd > 0.0_wp) then
          u(:, self%grains%n_columns + 1:) = 0.0_wp
+         common = self%observable%calibration_slope(model)
          do g = 1, self%n_grains
-            u(g, self%grains%n_columns + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
+            u(g, self%grains%n_columns + self%group(g)) = self%settings%calibration_sd*common(g)/scales(g)
          end do
       end if
    end subroutine whiten
@@ -472,6 +481,6 @@ contains
 
       call place_normal(z, b, precision)
       factor = 1.0_wp
-      if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(self%grains%n_columns + 1:)
+      if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd*b(self%grains%n_columns + 1:)
    end subroutine place_shared
 end module constants_posterior

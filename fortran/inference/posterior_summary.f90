@@ -318,7 +318,7 @@ contains
             call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
             slope = 1.0_wp
-            call posterior%kind%apply(predictions%moduli(:, i, c), slope)
+            call posterior%observable%from_simulation(predictions%moduli(:, i, c), slope)
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
          end do
       end do

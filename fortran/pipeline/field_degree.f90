@@ -91,7 +91,7 @@ contains
       do i = 1, size(draws, 2)
          call posterior%grains%evaluate_moduli(posterior%stiffness(draws(:, i)), moduli, slopes)
          slopes = 1.0_wp
-         call posterior%kind%apply(moduli, slopes)
+         call posterior%observable%from_simulation(moduli, slopes)
          e = (moduli(checked) - exact(:, i))/posterior%sd(checked)
          errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
@@ -126,7 +126,7 @@ contains
       do i = 1, size(draws, 2)
          call in_full%evaluate_moduli(posterior%stiffness(draws(:, i)), exact(:, i), slopes)
          slopes = 1.0_wp
-         call posterior%kind%apply(exact(:, i), slopes)
+         call posterior%observable%from_simulation(exact(:, i), slopes)
       end do
    end subroutine exact_moduli
 end module field_degree

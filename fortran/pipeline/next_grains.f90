@@ -287,9 +287,10 @@ contains
       call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
-      call posterior%kind%apply(mean, mean_slope)
+      call posterior%observable%from_simulation(mean, mean_slope)
       columns = 0.0_wp
-      if (posterior%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%likelihood%calibration_sd*mean
+      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%settings%calibration_sd &
+         & *posterior%observable%calibration_slope(mean)
       call posterior%place_shared(z, b, precision, factor)
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
@@ -298,7 +299,7 @@ contains
             columns(:, i) = mean_slope*influence(:, i)
          end do
       end if
-      call posterior%kind%apply(values, slope)
+      call posterior%observable%from_simulation(values, slope)
       values = factor(1)*values
       shared_variance = 0.0_wp
       do j = 1, posterior%n_shared
@@ -309,6 +310,6 @@ contains
          columns(:, j) = columns(:, j)/precision(j, j)
          shared_variance = shared_variance + columns(:, j)**2
       end do
-      own_variance = posterior%scatter*mean_slope**2 + (posterior%likelihood%scatter_sd*mean)**2
+      own_variance = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
    end subroutine draw_measurements
 end module next_grains

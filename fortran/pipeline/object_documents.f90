@@ -7,7 +7,7 @@ module object_documents
    use fe_indentation, only: indentation_model_type
    use json, only: json_type
    use kinds, only: i8, wp
-   use modulus_kinds, only: modulus_kind_names
+   use observables, only: observable_names
    use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
@@ -99,7 +99,7 @@ contains
          end associate
       end do
       call document%end_array()
-      call document%put('modulus_kinds', modulus_kind_names)
+      call document%put('modulus_kinds', observable_names)
       call document%begin_array('stages')
       call put_stage(run_command)
       do i = 1, size(all_stages)

@@ -3,15 +3,15 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
-   use error_models, only: likelihood_type
+   use abstract_observable, only: observable_type
    use errors, only: error_type, exit_bad_input, raise
    use kept_chains, only: chain_shelf_type, new_chain_shelf
    use kinds, only: degree, wp
    use knowledge_conflict, only: without_knowledge
    use measured_grains, only: measured_type
    use memory, only: check_memory
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
    use namelist_file, only: place
+   use observables, only: new_observable
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
@@ -105,7 +105,6 @@ contains
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
       type(prior_type) :: prior
-      type(likelihood_type) :: likelihood
       type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
@@ -113,19 +112,6 @@ contains
             & exit_bad_input)
          return
       end if
-      associate (m => problem%settings%measurements)
-         likelihood%modulus_kind = m%modulus_kind
-         likelihood%indenter_modulus = m%indenter_modulus_gpa
-         likelihood%indenter_nu = m%indenter_nu
-         likelihood%sample_nu = m%sample_nu
-         likelihood%calibration_sd = m%calibration_sd
-         likelihood%scatter_sd = m%scatter_sd
-         likelihood%errors = m%likelihood
-         likelihood%student_dof = m%student_dof
-         likelihood%infer_scale = m%scale == 'inferred'
-      end associate
-      likelihood%surrogate_uncertainty = problem%settings%sampler%surrogate_variance == 'full'
-      likelihood%prior_only = prior_only
       associate (table => problem%measurements)
          measured%euler = table%euler_deg*degree
          measured%modulus = table%modulus_gpa
@@ -136,32 +122,32 @@ contains
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
       end associate
-      call new_problem_prior(problem, surrogate, likelihood, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
+      call new_problem_prior(problem, surrogate, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
       if (allocated(error)) return
-      call new_posterior(surrogate, prior, likelihood, measured, posterior, error)
+      call new_posterior(surrogate, prior, problem%settings%measurements, &
+         & problem%settings%sampler%surrogate_variance == 'full', prior_only, measured, posterior, error)
       if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
    end subroutine new_problem_posterior
 
    !> &prior and &knowledge, cut to what the surrogate covers.
-   subroutine new_problem_prior(problem, surrogate, likelihood, mean_measured, prior, error)
+   subroutine new_problem_prior(problem, surrogate, mean_measured, prior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
-      type(likelihood_type), intent(in) :: likelihood
-      !> GPa, of the kind that was measured.
+      !> In the unit of the observable.
       real(wp), intent(in) :: mean_measured
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
       real(wp), parameter :: typical_poisson = 0.3_wp
       type(knowledge_type) :: knowledge
-      type(modulus_map_type) :: kind
+      class(observable_type), allocatable :: observable
 
       call read_knowledge(problem, knowledge, error)
-      if (.not. allocated(error)) call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, &
-         & likelihood%indenter_nu, likelihood%sample_nu, kind, error)
+      if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
+         & observable, error)
       if (allocated(error)) return
       call new_prior(surrogate%basis, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*kind%indentation_modulus(mean_measured), knowledge, prior, error)
+         & (1.0_wp - typical_poisson**2)*observable%isotropic_modulus(mean_measured), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior
 

@@ -1,13 +1,14 @@
 !> The tables of simulated crystals: `moduli.csv` and `curves.csv`, as the Python program writes them.
 module batch_tables
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use abstract_observable, only: observable_type
    use campaign, only: row_type
    use errors, only: error_type
    use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
-   use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
    use numbers, only: short_text
+   use observables, only: new_observable, observable_names
    use problem, only: problem_type
    use simulate, only: outcome_done
    use table_writer, only: write_table
@@ -27,22 +28,21 @@ contains
       type(row_type), intent(in) :: rows(:)
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: kinds(:), names
-      type(modulus_map_type) :: map
+      class(observable_type), allocatable :: observable
       real(wp), allocatable :: moduli(:, :), slope(:)
       integer :: j
 
-      kinds = split_list(modulus_kind_names)
+      kinds = split_list(observable_names)
       names = ''
       allocate (moduli(size(rows), size(kinds)), slope(size(rows)))
       associate (measured => self%settings%measurements)
          do j = 1, size(kinds)
-            call new_modulus_map(trim(kinds(j)), measured%indenter_modulus_gpa, measured%indenter_nu, measured%sample_nu, &
-               & map, error)
+            call new_observable(trim(kinds(j)), measured, observable, error)
             if (allocated(error)) return
             names = names//','//trim(kinds(j))//'_gpa'
             moduli(:, j) = rows%outcome%modulus
             slope = 1.0_wp
-            call map%apply(moduli(:, j), slope)
+            call observable%from_simulation(moduli(:, j), slope)
             where (rows%outcome%status /= outcome_done) moduli(:, j) = ieee_value(1.0_wp, ieee_quiet_nan)
          end do
       end associate
