@@ -130,8 +130,6 @@ subroutine posterior_evaluate(handle, parameters, n, x, log_density, log_likelih
    character(len=4096), intent(out) :: message
    type(posterior_object_type), pointer :: self
    type(error_type), allocatable :: error
-   integer :: i
-   logical :: admitted
 
    log_density = -huge(log_density)
    log_likelihood = -huge(log_density)
@@ -139,12 +137,8 @@ subroutine posterior_evaluate(handle, parameters, n, x, log_density, log_likelih
    call posterior_of_handle(handle, self, error)
    call error_to_status(error, status, message)
    if (status /= 0) return
-   associate (density => self%density)
-      do i = 1, n
-         call density%evaluate_parts(x(:, i), log_density(i), log_likelihood(i), admitted)
-         inside(i) = merge(1, 0, admitted)
-      end do
-   end associate
+   call self%density%evaluate_parts(x, log_density, log_likelihood)
+   where (log_density > -huge(log_density)) inside = 1
 end subroutine posterior_evaluate
 
 !> At n points x of so many parameters values: the indentation moduli (GPa) of any m grains (euler, radians), with the surrogate's error

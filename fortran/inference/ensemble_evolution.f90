@@ -13,10 +13,10 @@ module ensemble_evolution
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
    use ridge_straightening, only: fit_straightening, straightening_type
-   use sampling_target, only: point_type, target_type
+   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
-   public :: view_type, evolve_population, try_step, add_difference
+   public :: view_type, evolve_population, place_points, try_step, add_difference
 
    !> How the target is looked at: straight coordinates, and what stands for its costly results, if anything.
    type :: view_type
@@ -86,17 +86,14 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (dimension, point), and their logarithms of the density; there may be fewer than are `wanted`.
       real(wp), allocatable, intent(out) :: points(:, :), density(:)
-      integer :: found, k
+      integer :: found
       type(view_type) :: view
-      real(wp) :: w(target%dimension)
+      real(wp), allocatable :: starts(:, :)
 
-      allocate (points(target%dimension, wanted), density(wanted))
-      call draw_starts(target, stream, points, density, found)
-      points = points(:, :found)
-      do k = 1, found
-         call target%to_working(points(:, k), w)
-         points(:, k) = w
-      end do
+      allocate (starts(target%dimension, wanted), density(wanted))
+      call draw_starts(target, stream, starts, density, found)
+      allocate (points(target%dimension, found))
+      call target%to_working(starts(:, :found), points)
       density = viewed_density(target, view, points)
    end subroutine draw_population
 
@@ -107,17 +104,11 @@ contains
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp) :: density(size(points, 2))
-      type(point_type) :: point
-      logical :: admitted
-      integer :: k
+      type(point_type), allocatable :: batch(:)
 
-      allocate (point%w(target%dimension))
-      do k = 1, size(density)
-         point%w = points(:, k)
-         call target%evaluate_working(point, admitted, view%polynomial)
-         density(k) = -huge(1.0_wp)
-         if (admitted) density(k) = point%log_working
-      end do
+      call place_points(points, batch)
+      call target%evaluate_working(batch, view%polynomial)
+      density = batch%log_working
    end function viewed_density
 
    !> By how much more than one evaluation a step counts: where the density is cheap for its dimension, or made so.
@@ -172,15 +163,15 @@ contains
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
       real(wp), parameter :: accepted_share = 0.2_wp, least_reach = 0.02_wp
-      type(point_type) :: walkers(m), proposal
+      type(point_type), allocatable :: walkers(:)
       real(wp) :: u(target%dimension, m), tried(target%dimension)
       integer :: k, a, b, kept, moved
       integer(i8) :: generations, generation, visits, stride, i
       logical :: accepted
 
+      call place_points(points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
+      call target%evaluate_working(walkers, view%polynomial)
       do k = 1, m
-         walkers(k)%w = points(:, 1 + int((k - 1)*size(density, kind=i8)/m))
-         call target%evaluate_working(walkers(k), accepted, view%polynomial)
          call view%straight%to_straight(walkers(k)%w, u(:, k))
       end do
       generations = max(4_i8, wanted)
@@ -192,7 +183,6 @@ contains
       visits = (generations - generations/2)*m
       deallocate (points, density)
       allocate (points(target%dimension, (visits + stride - 1)/stride), density((visits + stride - 1)/stride))
-      allocate (proposal%w(target%dimension))
       visits = 0
       kept = 0
       distinct = 0
@@ -202,7 +192,7 @@ contains
          do k = 1, m
             call pick_pair(stream, m, k, a, b)
             call add_difference(stream, u(:, a) - u(:, b), view%reach, u(:, k), tried)
-            call try_step(target, view, stream, tried, temperature, proposal, walkers(k), accepted)
+            call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
             if (accepted) then
                u(:, k) = tried
                moved = moved + 1
@@ -290,66 +280,85 @@ contains
       !> Share of the points of the test at which it must not err by more than two temperatures.
       real(wp), parameter :: least_good = 0.7_wp
       integer, parameter :: surplus = 4, tests = 50, few_terms = 300, many_terms = 800
-      real(wp), allocatable :: outputs(:, :), arguments(:, :)
-      type(point_type) :: exact, near
+      real(wp), allocatable :: outputs(:, :), arguments(:, :), w(:, :)
+      type(point_type), allocatable :: exact(:), near(:)
       real(wp), dimension(target%dimension) :: u, from, to, tried
-      integer :: degree, many, a, k, good, attempt
-      logical :: admitted
+      integer :: degree, many, a, i, k, found, attempts
+      logical, allocatable :: inside(:)
 
       call view%polynomial%clear()
       if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
       degree = polynomial_degree(target%dimension, merge(few_terms, many_terms, temperature > 5.0_wp))
       many = surplus*polynomial_terms(target%dimension, degree)
       allocate (outputs(target%n_outputs, many), arguments(target%dimension, many))
-      allocate (near%w(target%dimension))
-      k = 1
-      do attempt = 1, 20*many
+      allocate (w(target%dimension, many), inside(many))
+      found = 0
+      attempts = 0
+      do while (found < many .and. attempts < 20*many)
          ! Where steps from the points lead, accepted or not: these are more different, and reach a little further.
-         call view%straight%to_straight(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
-         call stream%pick(size(points, 2), a)
-         call view%straight%to_straight(points(:, a), from)
-         call stream%pick(size(points, 2), a)
-         call view%straight%to_straight(points(:, a), to)
-         call add_difference(stream, to - from, max(0.3_wp, view%reach), u, tried)
-         call view%straight%from_straight(tried, near%w)
-         call target%evaluate_outputs(near%w, arguments(:, k), outputs(:, k), admitted)
-         if (.not. admitted) cycle
-         if (k == many) exit
-         k = k + 1
+         do k = found + 1, many
+            call view%straight%to_straight(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
+            call stream%pick(size(points, 2), a)
+            call view%straight%to_straight(points(:, a), from)
+            call stream%pick(size(points, 2), a)
+            call view%straight%to_straight(points(:, a), to)
+            call add_difference(stream, to - from, max(0.3_wp, view%reach), u, tried)
+            call view%straight%from_straight(tried, w(:, k))
+         end do
+         attempts = attempts + many - found
+         call target%evaluate_outputs(w(:, found + 1:), arguments(:, found + 1:), outputs(:, found + 1:), inside(found + 1:))
+         do i = found + 1, many
+            if (.not. inside(i)) cycle
+            found = found + 1
+            arguments(:, found) = arguments(:, i)
+            outputs(:, found) = outputs(:, i)
+         end do
       end do
-      if (k < many) return
+      if (found < many) return
       call fit_output_polynomial(arguments, outputs, degree, view%polynomial)
       if (.not. is_fitted(view%polynomial)) return
-      good = 0
-      do k = 1, tests
-         exact%w = points(:, 1 + (k - 1)*(size(points, 2) - 1)/tests)
-         near = exact
-         call target%evaluate_working(exact, admitted)
-         call target%evaluate_working(near, admitted, view%polynomial)
-         if (abs(exact%log_working - near%log_working) < 2.0_wp*temperature) good = good + 1
-      end do
-      if (good < least_good*tests) call view%polynomial%clear()
+      call place_points(points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)]), exact)
+      near = exact
+      call target%evaluate_working(exact)
+      call target%evaluate_working(near, view%polynomial)
+      if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) < least_good*tests) call view%polynomial%clear()
    end subroutine fit_outputs
 
+   !> Points that are not evaluated yet.
+   pure subroutine place_points(w, points)
+      !> Working coordinates, (dimension, point).
+      real(wp), intent(in) :: w(:, :)
+      type(point_type), allocatable, intent(out) :: points(:)
+      integer :: i
+
+      allocate (points(size(w, 2)))
+      do i = 1, size(points)
+         points(i)%w = w(:, i)
+      end do
+   end subroutine place_points
+
    !> A Metropolis step from `current` to straight coordinates u.
-   subroutine try_step(target, view, stream, u, temperature, proposal, current, accepted)
+   subroutine try_step(target, view, stream, u, temperature, current, accepted)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: u(:)
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
-      type(point_type), intent(inout) :: proposal, current
+      type(point_type), intent(inout) :: current
       !> Whether `current` is now the proposal.
       logical, intent(out) :: accepted
+      type(point_type) :: proposal(1)
       real(wp) :: v
 
-      call view%straight%from_straight(u, proposal%w)
-      call target%evaluate_working(proposal, accepted, view%polynomial)
+      allocate (proposal(1)%w(size(u)))
+      call view%straight%from_straight(u, proposal(1)%w)
+      call target%evaluate_working(proposal, view%polynomial)
+      accepted = proposal(1)%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      accepted = log(v) < (proposal%log_working - current%log_working)/temperature
-      if (accepted) current = proposal
+      accepted = log(v) < (proposal(1)%log_working - current%log_working)/temperature
+      if (accepted) current = proposal(1)
    end subroutine try_step
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.

@@ -88,17 +88,17 @@ contains
       real(wp), intent(out) :: log_density
       integer, parameter :: most = 8
       real(wp), parameter :: nothing = 0.05_wp
-      real(wp) :: before
-      logical :: admitted
+      real(wp) :: before, values(1)
       integer :: i
 
-      call density%evaluate(point, log_density, admitted)
+      call density%evaluate(reshape(point, [size(point), 1]), values)
       do i = 1, most
-         before = log_density
+         before = values(1)
          call climb(density, steps, point)
-         call density%evaluate(point, log_density, admitted)
-         if (log_density - before < nothing) exit
+         call density%evaluate(reshape(point, [size(point), 1]), values)
+         if (values(1) - before < nothing) exit
       end do
+      log_density = values(1)
    end subroutine climb_up
 
    pure function spread_of(chains) result(sd)

@@ -86,7 +86,7 @@ contains
       type(random_stream_type) :: stream
       real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
-      real(wp) :: value
+      real(wp) :: c(6, 6), value
       integer :: i, g, columns
 
       columns = min(posterior%n_grains, posterior%n_shared)
@@ -95,8 +95,9 @@ contains
       stream = new_random_stream(0, stream_number)
       tally%residuals = 0.0_wp*posterior%measured
       do i = 1, size(draws, 2)
-         log_prior(i) = posterior%log_prior(posterior%stiffness(draws(:, i)))
-         call posterior%whiten_residuals(draws(:, i), model, scales, u)
+         c = posterior%stiffness(draws(:, i))
+         log_prior(i) = posterior%log_prior(c)
+         call posterior%predict_measurements(draws(:, i), c, model, scales, u)
          residuals = (posterior%measured - model)/scales
          shared = 0.0_wp
          if (columns > 0) then

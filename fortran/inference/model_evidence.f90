@@ -15,7 +15,7 @@ module model_evidence
    use logarithmic_coordinates, only: log_frame_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
-   use sampling_target, only: point_type
+   use sampling_target, only: outside, point_type
    implicit none
    private
    public :: evidence_type, estimate_evidence
@@ -68,9 +68,9 @@ contains
       half = n/2
       allocate (w(d, n, size(chains%draws, 3)), log_density(n, size(chains%draws, 3)))
       do c = 1, size(w, 3)
+         call density%to_working(chains%draws(:, ::stride, c), w(:, :, c))
          do i = 1, n
-            j = 1 + (i - 1)*stride
-            call to_working(density, chains%draws(:, j, c), chains%log_density(j, c), w(:, i, c), log_density(i, c))
+            log_density(i, c) = chains%log_density(1 + (i - 1)*stride, c) + log_volume(density, w(:, i, c))
          end do
       end do
       ! The first halves are fitted.
@@ -115,26 +115,23 @@ contains
             & of_proposals((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
       end do
       !$omp end parallel do
-      where (of_proposals > -huge(1.0_wp)) of_proposals = of_proposals + log_factor
+      where (of_proposals > outside) of_proposals = of_proposals + log_factor
       call bridge(of_draws, of_proposals, value, variance)
    end subroutine log_integral
 
-   !> Working coordinates of a point and the logarithm of the density there.
-   pure subroutine to_working(density, x, log_density, w, log_working)
+   !> Logarithm of the volume of the constants for one of the working coordinates.
+   pure real(wp) function log_volume(density, w)
       type(posterior_type), intent(in) :: density
       !> (dimension).
-      real(wp), intent(in) :: x(:), log_density
-      real(wp), intent(out) :: w(:), log_working
+      real(wp), intent(in) :: w(:)
       type(log_frame_type) :: frame
       real(wp) :: c(6, 6)
 
-      call density%to_working(x, w)
       call density%prior%logarithms%from_logarithms(w(:density%n_constants), c, frame)
-      log_working = log_density + density%prior%logarithms%log_volume(frame)
-   end subroutine to_working
+      log_volume = density%prior%logarithms%log_volume(frame)
+   end function log_volume
 
-   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; -huge outside the
-   !> support.
+   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; `outside` the support.
    subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
       type(posterior_type), intent(in) :: density
       type(mixture_type), intent(in) :: mixture
@@ -144,21 +141,22 @@ contains
       !> (draw).
       real(wp), intent(out) :: values(:)
       type(random_stream_type) :: stream
-      type(point_type) :: point
-      real(wp) :: u(size(mean))
-      logical :: admitted
+      type(point_type) :: points(size(values))
+      real(wp) :: u(size(mean), size(values))
       integer :: i, j
 
       stream = new_random_stream(0, stream_number)
-      allocate (point%w(size(mean)))
       do i = 1, size(values)
-         call draw_mixture(mixture, stream, u)
+         call draw_mixture(mixture, stream, u(:, i))
+         points(i)%w = mean
          do j = 1, size(mean)
-            point%w(j) = mean(j) + sum(factor(j, :j)*u(:j))
+            points(i)%w(j) = points(i)%w(j) + sum(factor(j, :j)*u(:j, i))
          end do
-         call density%evaluate_working(point, admitted)
-         values(i) = -huge(1.0_wp)
-         if (admitted) values(i) = point%log_working - log_mixture(mixture, u)
+      end do
+      call density%evaluate_working(points)
+      values = points%log_working
+      do i = 1, size(values)
+         if (values(i) > outside) values(i) = values(i) - log_mixture(mixture, u(:, i))
       end do
    end subroutine weigh_block
 
@@ -185,7 +183,7 @@ contains
       do step = 1, most_steps
          before = r
          above = 0.0_wp
-         where (of_proposals > -huge(1.0_wp)) above = 1.0_wp/(share + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
+         where (of_proposals > outside) above = 1.0_wp/(share + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
          below = 1.0_wp/(share*exp(of_draws - top) + (1.0_wp - share)*r)
          r = (sum(above)/size(above))/(sum(below)/m)
          if (abs(r - before) < 1.0e-10_wp*r) exit
