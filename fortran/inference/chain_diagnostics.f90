@@ -7,6 +7,7 @@ module chain_diagnostics
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use kinds, only: i8, pi, wp
    use sorting, only: sort_order
+   use statistics, only: median, sorted_values
    implicit none
    private
    public :: diagnostics_type, diagnose_chains, normal_quantile
@@ -44,14 +45,13 @@ contains
       diagnostics%ess_bulk = effective_size(work)
       if (size(draws, 2) > 1) then
          diagnostics%r_hat = scale_reduction(work)
-         call sort_values(size(halves), halves, sorted)
-         work = abs(halves - 0.5_wp*(sorted(size(sorted)/2) + sorted(size(sorted)/2 + 1)))
+         work = abs(halves - median(size(halves), halves))
          halves = work
          call normal_scores(size(halves), halves, work)
          folded = scale_reduction(work)
          if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
       end if
-      call sort_values(size(draws), draws, sorted)
+      call sorted_values(size(draws), draws, sorted)
       call split_chains(draws, halves)
       diagnostics%ess_tail = min(share_below(quantile(sorted, tail)), share_below(quantile(sorted, 1.0_wp - tail)))
 
@@ -112,21 +112,6 @@ contains
          first = last + 1
       end do
    end subroutine normal_scores
-
-   !> The values in ascending order.
-   pure subroutine sort_values(n, values, sorted)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: values(n)
-      real(wp), allocatable, intent(out) :: sorted(:)
-      integer, allocatable :: order(:)
-      integer :: i
-
-      allocate (order(n), sorted(n))
-      call sort_order(values, order)
-      do i = 1, n
-         sorted(i) = values(order(i))
-      end do
-   end subroutine sort_values
 
    !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan, Am. Stat. 50, 361, 1996).
    !>

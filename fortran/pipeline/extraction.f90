@@ -16,6 +16,7 @@ module extraction
       & sample_without_knowledge
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
+   use statistics, only: flattened, moments, thinned
    use size_verdicts, only: mean_addition
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
@@ -136,7 +137,8 @@ contains
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
       type(chains_type) :: chains
-      integer :: j, n
+      real(wp), dimension(self%posterior%dimension) :: mean, sd
+      integer :: n
 
       allocate (self%theory_mean(0), self%theory_sd(0))
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
@@ -146,9 +148,9 @@ contains
       if (.not. allocated(error)) call sample_beside(problem, posterior, chains, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
-      self%theory_mean = [(sum(chains%draws(j, :, :))/size(chains%draws(j, :, :)), j=1, n)]
-      self%theory_sd = spreads(chains)
-      self%theory_sd = self%theory_sd(:n)
+      call moments(flattened(chains%draws), mean, sd)
+      self%theory_mean = mean(:n)
+      self%theory_sd = sd(:n)
    end subroutine compare_theory
 
    !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
@@ -159,7 +161,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: checked_draws = 1000, most_attempts = 3
       real(wp), allocatable :: some(:, :)
-      integer :: attempt, stride
+      integer :: attempt
 
       if (.not. self%posterior%grains%has_theory) then
          call sample_posterior(problem, self%posterior, self%chains, error)
@@ -173,9 +175,7 @@ contains
          call choose_field_degree(self%posterior, some, error)
          if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
-         stride = max(1, size(self%chains%draws, 2)*size(self%chains%draws, 3)/checked_draws)
-         some = reshape(self%chains%draws(:, ::stride, :), [size(some, 1), (1 + (size(self%chains%draws, 2) - 1)/stride) &
-                                                           & *size(self%chains%draws, 3)])
+         some = flattened(thinned(self%chains%draws, checked_draws))
          call find_field_error(self%posterior, some, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
@@ -187,7 +187,7 @@ contains
       integer, intent(in) :: threads
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: prior_values(:, :, :), spread(:)
+      real(wp), allocatable :: prior_values(:, :, :)
       integer :: k, i, c
 
       k = self%posterior%n_constants
@@ -200,8 +200,7 @@ contains
       if (allocated(error)) return
       call average_predictions(self)
       call check_model(self%posterior, self%chains, threads, self%checks)
-      spread = spreads(self%chains)
-      call most_probable_point(self%posterior, self%chains, spread, self%most_probable)
+      call most_probable_point(self%posterior, self%chains, self%most_probable)
       if (size(self%names) > k) then
          self%chains%draws(k + 1, :, :) = exp(self%chains%draws(k + 1, :, :))
          self%most_probable(k + 1) = exp(self%most_probable(k + 1))
@@ -234,34 +233,20 @@ contains
 
    subroutine average_predictions(self)
       type(extraction_type), intent(inout) :: self
-      integer :: n, c, i
+      integer :: c, i, n
 
-      n = size(self%predictions%moduli, 2)*size(self%predictions%moduli, 3)
-      allocate (self%predicted_sd(self%posterior%n_grains), source=0.0_wp)
-      self%expected = self%predicted_sd
-      self%predicted_mean = sum(sum(self%predictions%moduli, 3), 2)/n
-      do c = 1, size(self%predictions%moduli, 3)
-         do i = 1, size(self%predictions%moduli, 2)
-            associate (moduli => self%predictions%moduli(:, i, c))
-               self%predicted_sd = self%predicted_sd + (moduli - self%predicted_mean)**2
-               self%expected = self%expected + moduli*self%predictions%factor(self%posterior%group, i, c)/n
-            end associate
+      n = self%posterior%n_grains
+      allocate (self%predicted_mean(n), self%predicted_sd(n))
+      allocate (self%expected(n), source=0.0_wp)
+      associate (moduli => self%predictions%moduli)
+         call moments(flattened(moduli), self%predicted_mean, self%predicted_sd)
+         do c = 1, size(moduli, 3)
+            do i = 1, size(moduli, 2)
+               self%expected = self%expected + moduli(:, i, c)*self%predictions%factor(self%posterior%group, i, c)
+            end do
          end do
-      end do
-      self%predicted_sd = sqrt(self%predicted_sd/max(1, n - 1))
+         self%expected = self%expected/(size(moduli, 2)*size(moduli, 3))
+      end associate
    end subroutine average_predictions
 
-   !> Rough sds of the parameters.
-   pure function spreads(chains) result(sd)
-      type(chains_type), intent(in) :: chains
-      real(wp), allocatable :: sd(:)
-      real(wp) :: mean
-      integer :: j
-
-      allocate (sd(size(chains%draws, 1)))
-      do j = 1, size(sd)
-         mean = sum(chains%draws(j, :, :))/(size(chains%draws, 2)*real(size(chains%draws, 3), wp))
-         sd(j) = sqrt(sum((chains%draws(j, :, :) - mean)**2)/(size(chains%draws, 2)*real(size(chains%draws, 3), wp)))
-      end do
-   end function spreads
 end module extraction

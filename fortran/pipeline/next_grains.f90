@@ -17,7 +17,7 @@ module next_grains
    use problem_posterior, only: check_target
    use quantities, only: evaluate_quantities, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use sorting, only: sort_order
+   use statistics, only: median
    use text, only: fixed, to_text
    use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
@@ -53,7 +53,7 @@ contains
       associate (wanted => problem%settings%next)
          sd = wanted%sd_gpa
          if (.not. sd > 0.0_wp) then
-            sd = median(posterior%sd)
+            sd = median(posterior%n_grains, posterior%sd)
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
@@ -170,15 +170,6 @@ contains
       call new_lattice(problem%class, parameters, lattice, unknown)
       if (.not. allocated(unknown)) call document%put('uvw', lattice%nearest(g(:, 3)))
    end subroutine put_direction
-
-   pure real(wp) function median(values)
-      real(wp), intent(in) :: values(:)
-      integer :: order(size(values)), n
-
-      n = size(values)
-      call sort_order(values, order)
-      median = 0.5_wp*(values(order((n + 1)/2)) + values(order(n/2 + 1)))
-   end function median
 
    function written(problem, candidates, suggestions, euler_deg, sd) result(text)
       type(problem_type), intent(in) :: problem
