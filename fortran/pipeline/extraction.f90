@@ -5,24 +5,26 @@ module extraction
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
-   use knowledge_conflict, only: conflict_type, find_conflict
+   use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, sample_beside, sample_pilot, sample_posterior, sample_prior, &
-      & sample_without_knowledge
+   use problem_posterior, only: free_run, new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use size_verdicts, only: mean_addition
+   use size_diagnostics, only: mean_addition
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
    implicit none
    private
    public :: extraction_type, extract
+
+   !> Of harmonics, where the last digits of the theory do not matter.
+   integer, parameter :: rough_degree = 12
 
    type :: extraction_type
       type(posterior_type) :: posterior
@@ -86,8 +88,8 @@ contains
       call sample_exactly(problem, self, error)
       call system_clock(end)
       self%seconds = real(end - start, wp)/rate
-      if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
-      if (.not. allocated(error)) call judge_knowledge(problem, self, error)
+      if (.not. allocated(error)) call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      if (.not. allocated(error)) call compare_knowledge(problem, self, error)
       if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
@@ -99,15 +101,20 @@ contains
    end subroutine extract
 
    !> Compare what is known with what the measurements say without it.
-   subroutine judge_knowledge(problem, self, error)
+   subroutine compare_knowledge(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(chains_type) :: free
+      type(posterior_type) :: free
+      type(chains_type) :: chains
 
-      if (size(self%posterior%prior%knowledge%mean) > 0) call sample_without_knowledge(problem, self%posterior, free, error)
-      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, free, self%conflict, error)
-   end subroutine judge_knowledge
+      if (size(self%posterior%prior%knowledge%mean) > 0) then
+         call without_knowledge(self%posterior, free, error)
+         if (.not. allocated(error) .and. free%grains%has_theory) call free%set_field_degree(rough_degree, error)
+         if (.not. allocated(error)) call sample_aside(problem, free, free_run, chains, error)
+      end if
+      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, chains, self%conflict, error)
+   end subroutine compare_knowledge
 
    subroutine describe_surrogate(surrogate, self)
       type(surrogate_type), intent(in) :: surrogate
@@ -133,7 +140,6 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: rough_degree = 12
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
       type(chains_type) :: chains
@@ -145,7 +151,7 @@ contains
       call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
       if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_beside(problem, posterior, chains, error)
+      if (.not. allocated(error)) call sample_aside(problem, posterior, theory_run, chains, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
       call moments(flattened(chains%draws), mean, sd)
@@ -167,8 +173,8 @@ contains
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
       end if
-      call self%posterior%set_field_degree(12, error)
-      if (.not. allocated(error)) call sample_pilot(problem, self%posterior, self%chains, error)
+      call self%posterior%set_field_degree(rough_degree, error)
+      if (.not. allocated(error)) call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
       some = self%chains%draws(:, :, 1)
       do attempt = 1, most_attempts

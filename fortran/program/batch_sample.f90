@@ -3,11 +3,12 @@ module batch_sample
    use constants_posterior, only: posterior_type
    use errors, only: error_type
    use extraction, only: extract, extraction_type
-   use extraction_document, only: judge_extraction, write_extraction
+   use extraction_document, only: write_extraction
    use files, only: new_file_type, replace_file
    use kept_chains, only: chain_prefix
    use namelist_file, only: place
-   use prior_words, only: describe_prior
+   use posterior_diagnostics, only: check_extraction
+   use prior_text, only: describe_prior
    use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
@@ -42,7 +43,7 @@ contains
       call remove_files(output, chain_prefix)
       allocate (warnings(0))
       call describe_prior(found, prior)
-      call judge_extraction(self, found, warnings)
+      call check_extraction(self, found, warnings)
       told = to_text(size(found%chains%draws, 3))//' chains of '//to_text(size(found%chains%draws, 2))//' samples: '//output &
          & //'/posterior.csv'
    end subroutine sample_constants
