@@ -134,10 +134,12 @@ contains
       !> (n, n) or more, the diagonal positive; (n).
       real(wp), intent(in) :: l(:, :)
       real(wp), intent(inout) :: b(:)
-      integer :: j
+      integer :: j, n
 
-      do j = 1, size(b)
-         b(j) = (b(j) - sum(l(j, :j - 1)*b(:j - 1)))/l(j, j)
+      n = size(b)
+      do j = 1, n
+         b(j) = b(j)/l(j, j)
+         b(j + 1:) = b(j + 1:) - l(j + 1:n, j)*b(j)
       end do
    end subroutine solve_lower
 

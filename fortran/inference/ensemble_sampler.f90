@@ -245,7 +245,7 @@ contains
       do round = 1, most_rounds
          if (stop_requested()) return
          last = round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)
-         call widen_mixture(fitted, 1.05_wp, 0.1_wp, 0.03_wp, 4.0_wp, mixture)
+         call widen_mixture(fitted, mixture)
          inside = 0
          out = 0
          do while (inside < draws .and. out < most_tries)

@@ -7,7 +7,7 @@
 !> means of Voigt's and Reuss' for a uniform texture, and Young's modulus and Poisson's ratio follow from these two.
 module quantities
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, polycrystal_averages
+   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use numbers, only: number_ok, read_real
@@ -255,15 +255,14 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(quantity_type), allocatable, intent(out) :: list(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: averages = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
-         & //'polycrystal_poisson, anisotropy_index', directions = 'young[001], young[100], young[010], young[110], ' &
-         & //'young[101], young[011], young[111]'
+      character(len=*), parameter :: directions = 'young[001], young[100], young[010], young[110], young[101], young[011], ' &
+         & //'young[111]'
       character(len=:), allocatable :: names(:)
       type(quantity_type), allocatable :: all(:)
       real(wp), allocatable :: values(:)
       integer :: i, known, kept
 
-      names = split_list(join(class%constants, ', ')//', '//averages//', '//directions)
+      names = split_list(join(class%constants, ', ')//', '//plain_words//', '//directions)
       known = size(names) - size(split_list(directions))
       allocate (all(size(names)), values(size(names)))
       do i = 1, size(names)
@@ -377,19 +376,18 @@ contains
    pure real(wp) function hill_value(word, averages)
       character(len=*), intent(in) :: word
       type(averages_type), intent(in) :: averages
-      real(wp) :: bulk, shear
+      real(wp) :: young, poisson
 
-      bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-      shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+      call hill_young_poisson(averages, young, poisson)
       select case (word)
       case ('polycrystal_bulk')
-         hill_value = bulk
+         hill_value = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
       case ('polycrystal_shear')
-         hill_value = shear
+         hill_value = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
       case ('polycrystal_young')
-         hill_value = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+         hill_value = young
       case default
-         hill_value = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+         hill_value = poisson
       end select
    end function hill_value
 end module quantities

@@ -4,6 +4,7 @@ module ridge_straightening
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, symmetric_eigen
+   use small_matrices, only: solve_lower, solve_upper
    implicit none
    private
    public :: straightening_type, no_straightening, fit_straightening
@@ -118,7 +119,8 @@ contains
          straight%richness = straight%richness + 1
       end do
       m = feature_count(n - 1, straight%richness)
-      straight%bend = reshape([(0.0_wp, i=1, m*n)], [m, n])
+      deallocate (straight%bend)
+      allocate (straight%bend(m, n), source=0.0_wp)
       straight%centre = sum(points, 2)/many
       allocate (z(n, many))
       do i = 1, many
@@ -151,28 +153,13 @@ contains
          m = feature_count(j - 1, straight%richness)
          if (.not. allocated(error)) then
             rhs = matmul(f(:m, :), z(j, :))
-            call solve_leading(gram, rhs)
+            call solve_lower(gram, rhs)
+            call solve_upper(gram, rhs)
             straight%bend(:m, j) = rhs
          end if
          straight%width(j) = max(1.0e-8_wp, sqrt(sum((z(j, :) - matmul(straight%bend(:m, j), f(:m, :)))**2)/many))
       end do
    end subroutine fit_straightening
-
-   !> x of (L Lᵀ) x = b with the leading part of a lower factor L, in place.
-   pure subroutine solve_leading(factor, b)
-      real(wp), intent(in) :: factor(:, :)
-      real(wp), intent(inout) :: b(:)
-      integer :: i, m
-
-      m = size(b)
-      do i = 1, m
-         b(i) = b(i)/factor(i, i)
-         b(i + 1:) = b(i + 1:) - factor(i + 1:m, i)*b(i)
-      end do
-      do i = m, 1, -1
-         b(i) = (b(i) - sum(factor(i + 1:m, i)*b(i + 1:)))/factor(i, i)
-      end do
-   end subroutine solve_leading
 
    !> From working coordinates `w` to straight ones `u`.
    pure subroutine to_straight(self, w, u)
