@@ -45,27 +45,18 @@ contains
       diagnostics%ess_bulk = effective_size(work)
       if (size(draws, 2) > 1) then
          diagnostics%r_hat = scale_reduction(work)
-         work = abs(halves - median(size(halves), halves))
-         halves = work
+         halves = abs(halves - median(size(halves), halves))
          call normal_scores(size(halves), halves, work)
          folded = scale_reduction(work)
          if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
       end if
       call sorted_values(size(draws), draws, sorted)
       call split_chains(draws, halves)
-      diagnostics%ess_tail = min(share_below(quantile(sorted, tail)), share_below(quantile(sorted, 1.0_wp - tail)))
-
-   contains
-
-      !> Effective size for the share of draws that are not above `limit`.
-      pure real(wp) function share_below(limit)
-         real(wp), intent(in) :: limit
-         real(wp), allocatable :: indicator(:, :)
-
-         allocate (indicator, mold=halves)
-         indicator = merge(1.0_wp, 0.0_wp, halves <= limit)
-         share_below = effective_size(indicator)
-      end function share_below
+      ! Of the shares of draws that are not above the quantiles.
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
+      diagnostics%ess_tail = effective_size(work)
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
+      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
 
    pure real(wp) function nan()
@@ -213,11 +204,8 @@ contains
       scale_reduction = nan()
       if (maxval(chains) - minval(chains) < resolution) return
       n = size(chains, 1)
-      within = 0.0_wp
-      do i = 1, size(chains, 2)
-         mean(i) = sum(chains(:, i))/n
-         within = within + variance(chains(:, i))/size(chains, 2)
-      end do
+      mean = sum(chains, 1)/n
+      within = sum([(variance(chains(:, i)), i=1, size(chains, 2))])/size(chains, 2)
       scale_reduction = sqrt((n*variance(mean)/within + n - 1.0_wp)/n)
    end function scale_reduction
 

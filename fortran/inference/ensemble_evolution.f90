@@ -371,7 +371,7 @@ contains
       real(wp), intent(out) :: moved(:)
       real(wp), parameter :: noise = 1.0e-5_wp
       real(wp) :: share, v, length, z
-      integer :: i, n
+      integer :: i
       logical :: changed(size(u))
 
       call stream%uniform(share)
@@ -383,8 +383,11 @@ contains
          end do
          if (.not. any(changed)) changed = .true.
       end if
-      n = count(changed)
-      call step_length(n, reach, stream, length)
+      ! Ter Braak's factor, now and then one, or shorter.
+      call stream%uniform(v)
+      length = reach*2.38_wp/sqrt(2.0_wp*count(changed))
+      if (v < 0.15_wp) length = 1.0_wp
+      if (v > 0.75_wp) length = 0.35_wp*length
       moved = u
       do i = 1, size(u)
          if (.not. changed(i)) cycle
@@ -392,20 +395,6 @@ contains
          moved(i) = u(i) + length*difference(i) + noise*z
       end do
    end subroutine add_difference
-
-   !> Factor of a difference of two points: ter Braak's, now and then one, or shorter.
-   subroutine step_length(n, reach, stream, length)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: reach
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(out) :: length
-      real(wp) :: v
-
-      call stream%uniform(v)
-      length = reach*2.38_wp/sqrt(2.0_wp*n)
-      if (v < 0.15_wp) length = 1.0_wp
-      if (v > 0.75_wp) length = 0.35_wp*length
-   end subroutine step_length
 
    !> Two members of a population, different from each other and from `w` where there are enough.
    subroutine pick_pair(stream, walkers, w, a, b)

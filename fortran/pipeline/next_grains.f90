@@ -17,7 +17,8 @@ module next_grains
    use problem_posterior, only: check_target
    use quantities, only: evaluate_quantities, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use statistics, only: median
+   use small_matrices, only: solve_lower
+   use statistics, only: median, moments
    use text, only: fixed, to_text
    use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
@@ -271,7 +272,7 @@ contains
       real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared)
       real(wp) :: columns(size(values), posterior%n_shared)
       real(wp) :: factor(posterior%n_groups), mean(size(values)), mean_slope(size(values))
-      integer :: i, j
+      integer :: i
 
       c = posterior%stiffness(x)
       call posterior%infer_shared(x, b, precision)
@@ -292,15 +293,10 @@ contains
       end if
       call posterior%observable%from_simulation(values, slope)
       values = factor(1)*values
-      shared_variance = 0.0_wp
-      do j = 1, posterior%n_shared
-         ! The next entry of L^-1 times the columns.
-         do i = 1, j - 1
-            columns(:, j) = columns(:, j) - precision(j, i)*columns(:, i)
-         end do
-         columns(:, j) = columns(:, j)/precision(j, j)
-         shared_variance = shared_variance + columns(:, j)**2
+      do i = 1, size(values)
+         call solve_lower(precision, columns(i, :))
       end do
+      shared_variance = sum(columns**2, 2)
       own_variance = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
    end subroutine draw_measurements
 end module next_grains
