@@ -45,7 +45,7 @@ end subroutine command_keep_chains
 
 !> Remove the chains that are kept in a folder.
 subroutine command_forget_chains(folder)
-   use kept_chains, only: chain_prefix
+   use chain_checkpoints, only: chain_prefix
    use running_command, only: remove_files
    implicit none
    character(len=*), intent(in) :: folder

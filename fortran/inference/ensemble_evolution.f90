@@ -3,7 +3,7 @@
 !> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their weights at the next temperature, which
 !> is chosen so that enough of them are left (sequential Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind
 !> goes, and a polynomial need not hold for it. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
-!> target's working coordinates, straightened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
+!> target's working coordinates, whitened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
 !> ones. Where the density follows from costly results of a model, a polynomial fitted to these about the points stands for them, and many
 !> more steps are taken.
 module ensemble_evolution
@@ -12,18 +12,18 @@ module ensemble_evolution
    use kinds, only: i8, wp
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
-   use ridge_straightening, only: fit_straightening, straightening_type
+   use ridge_whitening, only: fit_whitening, whitening_type
    use sampling_target, only: outside, point_type, target_type
    implicit none
    private
    public :: view_type, evolve_population, place_points, try_step, add_difference
 
-   !> How the target is looked at: straight coordinates, and what stands for its costly results, if anything.
+   !> How the target is looked at: whitened coordinates, and what stands for its costly results, if anything.
    type :: view_type
-      type(straightening_type) :: straight
+      type(whitening_type) :: whitening
       type(output_polynomial_type) :: polynomial
       !> Of steps along differences, 1 in coordinates in which the density is normal.
-      real(wp) :: reach = 1.0_wp
+      real(wp) :: step_scale = 1.0_wp
    end type view_type
 
    !> From here on ensembles are larger, and a polynomial pays.
@@ -32,7 +32,7 @@ module ensemble_evolution
 contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
-   !> The archive is what the last one visited, thinned, in straight coordinates.
+   !> The archive is what the last one visited, thinned, in whitened coordinates.
    subroutine evolve_population(target, evaluations, stream, view, archive, started)
       class(target_type), intent(in) :: target
       !> Of the density, about.
@@ -75,7 +75,7 @@ contains
       end do
       archive = points
       do i = 1, size(points, 2)
-         call view%straight%to_straight(points(:, i), archive(:, i))
+         call view%whitening%to_white(points(:, i), archive(:, i))
       end do
    end subroutine evolve_population
 
@@ -121,7 +121,7 @@ contains
       effort = merge(10, 2, is_fitted(view%polynomial))
    end function effort
 
-   !> The straight coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
+   !> The whitened coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
    !> polynomial was wrong, some have gone astray.
    subroutine look_again(target, temperature, distinct, stream, points, density, view)
       class(target_type), intent(in) :: target
@@ -138,7 +138,7 @@ contains
       logical :: changed
 
       changed = is_fitted(view%polynomial)
-      call fit_straightening(points, min(distinct, size(density)), view%straight)
+      call fit_whitening(points, min(distinct, size(density)), view%whitening)
       call fit_outputs(target, points, temperature, stream, view)
       if (.not. (changed .or. is_fitted(view%polynomial))) return
       before = density
@@ -162,7 +162,7 @@ contains
       integer, intent(out) :: distinct
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
-      real(wp), parameter :: accepted_share = 0.2_wp, least_reach = 0.02_wp
+      real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
       type(point_type), allocatable :: walkers(:)
       real(wp) :: u(target%dimension, m), tried(target%dimension)
       integer :: k, a, b, kept, moved
@@ -172,7 +172,7 @@ contains
       call place_points(points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
       call target%evaluate_working(walkers, view%polynomial)
       do k = 1, m
-         call view%straight%to_straight(walkers(k)%w, u(:, k))
+         call view%whitening%to_white(walkers(k)%w, u(:, k))
       end do
       generations = max(4_i8, wanted)
       ! All walkers are to be among the points: no common divisor.
@@ -191,7 +191,7 @@ contains
          moved = 0
          do k = 1, m
             call pick_pair(stream, m, k, a, b)
-            call add_difference(stream, u(:, a) - u(:, b), view%reach, u(:, k), tried)
+            call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried)
             call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
             if (accepted) then
                u(:, k) = tried
@@ -205,7 +205,7 @@ contains
             end if
             visits = visits + 1
          end do
-         view%reach = min(1.0_wp, max(least_reach, view%reach*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
+         view%step_scale = min(1.0_wp, max(least_scale, view%step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
          if (2*generation > generations) distinct = distinct + moved
       end do
    end subroutine step_population
@@ -297,13 +297,13 @@ contains
       do while (found < many .and. attempts < 20*many)
          ! Where steps from the points lead, accepted or not: these are more different, and reach a little further.
          do k = found + 1, many
-            call view%straight%to_straight(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
+            call view%whitening%to_white(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
             call stream%pick(size(points, 2), a)
-            call view%straight%to_straight(points(:, a), from)
+            call view%whitening%to_white(points(:, a), from)
             call stream%pick(size(points, 2), a)
-            call view%straight%to_straight(points(:, a), to)
-            call add_difference(stream, to - from, max(0.3_wp, view%reach), u, tried)
-            call view%straight%from_straight(tried, w(:, k))
+            call view%whitening%to_white(points(:, a), to)
+            call add_difference(stream, to - from, max(0.3_wp, view%step_scale), u, tried)
+            call view%whitening%from_white(tried, w(:, k))
          end do
          attempts = attempts + many - found
          call target%evaluate_outputs(w(:, found + 1:), arguments(:, found + 1:), outputs(:, found + 1:), inside(found + 1:))
@@ -337,7 +337,7 @@ contains
       end do
    end subroutine place_points
 
-   !> A Metropolis step from `current` to straight coordinates u.
+   !> A Metropolis step from `current` to whitened coordinates u.
    subroutine try_step(target, view, stream, u, temperature, current, accepted)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
@@ -352,7 +352,7 @@ contains
       real(wp) :: v
 
       allocate (proposal(1)%w(size(u)))
-      call view%straight%from_straight(u, proposal(1)%w)
+      call view%whitening%from_white(u, proposal(1)%w)
       call target%evaluate_working(proposal, view%polynomial)
       accepted = proposal(1)%log_working > outside
       if (.not. accepted) return
@@ -362,11 +362,11 @@ contains
    end subroutine try_step
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
-   subroutine add_difference(stream, difference, reach, u, moved)
+   subroutine add_difference(stream, difference, scale, u, moved)
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: difference(:), u(:)
       !> Of the steps, 1 in coordinates in which the density is normal.
-      real(wp), intent(in) :: reach
+      real(wp), intent(in) :: scale
       !> (dimension).
       real(wp), intent(out) :: moved(:)
       real(wp), parameter :: noise = 1.0e-5_wp
@@ -385,7 +385,7 @@ contains
       end if
       ! Ter Braak's factor, now and then one, or shorter.
       call stream%uniform(v)
-      length = reach*2.38_wp/sqrt(2.0_wp*count(changed))
+      length = scale*2.38_wp/sqrt(2.0_wp*count(changed))
       if (v < 0.15_wp) length = 1.0_wp
       if (v > 0.75_wp) length = 0.35_wp*length
       moved = u

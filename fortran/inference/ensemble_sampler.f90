@@ -24,7 +24,7 @@ module ensemble_sampler
    type :: kernel_type
       type(view_type) :: view
       type(mixture_type) :: mixture
-      !> Points of the burn-in in straight coordinates, (dimension, point).
+      !> Points of the burn-in in whitened coordinates, (dimension, point).
       real(wp), allocatable :: archive(:, :)
       !> Of the steps that are draws of the mixture, and steps for a sample.
       real(wp) :: share = 0.0_wp
@@ -64,14 +64,14 @@ contains
       if (.not. started .or. stop_requested()) return
       call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
       if (stop_requested()) return
-      exact%straight = kernel%view%straight
+      exact%whitening = kernel%view%whitening
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
       if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality))
       kernel%steps = 1 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
                              & *max(0.0_wp, 0.8_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
-      call kernel%view%straight%from_straight(u, tried)
+      call kernel%view%whitening%from_white(u, tried)
       call place_points(reshape(tried, [size(tried), 1]), start)
       call target%evaluate_working(start)
       current = start(1)
@@ -123,7 +123,7 @@ contains
 
       call stream%pick(size(kernel%archive, 2), a)
       call stream%pick(size(kernel%archive, 2), b)
-      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%reach, u, moved)
+      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%step_scale, u, moved)
    end subroutine add_archived
 
    !> Some steps of the chain of the density as it is viewed, from u in place.
@@ -131,7 +131,7 @@ contains
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
       type(random_stream_type), intent(inout) :: stream
-      !> Straight coordinates, (dimension).
+      !> whitened coordinates, (dimension).
       real(wp), intent(inout) :: u(:)
       type(point_type), intent(inout) :: point
       !> Draws of the mixture, and how many were accepted; with a polynomial the accepted steps of any kind.
@@ -195,7 +195,7 @@ contains
       current = proposal(1)
    end subroutine test_exactly
 
-   !> A point of the mixture in the support, and u, its straightened coordinates; `outside` if a thousand draws were all there.
+   !> A point of the mixture in the support, and u, its whitened coordinates; `outside` if a thousand draws were all there.
    subroutine draw_inside(target, view, mixture, stream, point, u)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
@@ -207,7 +207,7 @@ contains
 
       do attempt = 1, 1000
          call draw_mixture(mixture, stream, u)
-         call view%straight%from_straight(u, point(1)%w)
+         call view%whitening%from_white(u, point(1)%w)
          call target%evaluate_working(point, view%polynomial)
          if (point(1)%log_working > outside) return
       end do
@@ -231,16 +231,16 @@ contains
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
       type(point_type), allocatable :: batch(:)
       real(wp) :: cap
-      integer :: i, round, kept, inside, out, few
+      integer :: i, round, archived, inside, out, few
       logical :: last
 
-      kept = size(archive, 2)
-      allocate (points(kept + draws + most_outside, target%dimension), weights(kept + draws + most_outside))
+      archived = size(archive, 2)
+      allocate (points(archived + draws + most_outside, target%dimension), weights(archived + draws + most_outside))
       allocate (log_weights(draws), beyond(most_outside, target%dimension))
-      points(:kept, :) = transpose(archive)
+      points(:archived, :) = transpose(archive)
       weights = 1.0_wp
-      call new_mixture(points(:kept, :), components, fitted)
-      call fit_mixture(points(:kept, :), weights(:kept), 15, fitted)
+      call new_mixture(points(:archived, :), components, fitted)
+      call fit_mixture(points(:archived, :), weights(:archived), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
@@ -253,14 +253,14 @@ contains
             w = u
             do i = 1, size(u, 2)
                call draw_mixture(mixture, stream, u(:, i))
-               call view%straight%from_straight(u(:, i), w(:, i))
+               call view%whitening%from_white(u(:, i), w(:, i))
             end do
             call place_points(w, batch)
             call target%evaluate_working(batch, view%polynomial)
             do i = 1, size(u, 2)
                if (batch(i)%log_working > outside) then
                   inside = inside + 1
-                  points(kept + inside, :) = u(:, i)
+                  points(archived + inside, :) = u(:, i)
                   log_weights(inside) = batch(i)%log_working - log_mixture(mixture, u(:, i))
                else
                   out = out + 1
@@ -281,10 +281,10 @@ contains
          ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from taking over.
          cap = sum(log_weights(:inside))/sqrt(real(inside, wp))
          log_weights(:inside) = min(log_weights(:inside), cap)
-         weights(:kept) = archive_share*inside/kept
-         weights(kept + 1:kept + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
+         weights(:archived) = archive_share*inside/archived
+         weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
          few = min(out, most_outside)
-         i = kept + inside
+         i = archived + inside
          if (few > 0) then
             points(i + 1:i + few, :) = beyond(:few, :)
             weights(i + 1:i + few) = real(out, wp)/few

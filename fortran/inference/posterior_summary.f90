@@ -17,12 +17,12 @@ module posterior_summary
    private
    public :: parameter_type, combination_type, known_quantity_type, predictions_type
    public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point
-   public :: decided_by_data, left_open, decided_by_prior, thinning
+   public :: determined_by_data, not_determined, determined_by_prior, thinning
 
    !> A combination is decided by the data above, and left open below this contraction: its sd is not even half the prior's.
-   real(wp), parameter :: decided_by_data = 0.9_wp, left_open = 0.75_wp
+   real(wp), parameter :: determined_by_data = 0.9_wp, not_determined = 0.75_wp
    !> Below this contraction a most probable value means nothing.
-   real(wp), parameter :: decided_by_prior = 0.5_wp
+   real(wp), parameter :: determined_by_prior = 0.5_wp
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
    integer, parameter :: most_draws = 4000, fewest_draws = 400

@@ -15,13 +15,13 @@ module quantities
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, evaluate_quantities, quantity_words
+   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, evaluate_quantities, quantity_choices
 
    !> Words that stand alone, and words that take a direction.
-   character(len=*), parameter :: plain_words = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
-      & //'polycrystal_poisson, anisotropy_index', directional_words = 'young, shear, compressibility'
+   character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
+      & //'polycrystal_poisson, anisotropy_index', directional_names = 'young, shear, compressibility'
    !> What is allowed, for messages and the schema.
-   character(len=*), parameter :: quantity_words = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_words &
+   character(len=*), parameter :: quantity_choices = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_names &
       & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
 
    integer, parameter :: most_factors = 24
@@ -99,7 +99,7 @@ contains
          quantity%factors(quantity%n_factors) = factor
       end do
       if (quantity%n_factors == 0) then
-         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_words, exit_bad_input)
+         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_choices, exit_bad_input)
          return
       end if
       quantity%unit = unit_of(quantity%factors(:quantity%n_factors))
@@ -121,7 +121,7 @@ contains
       if (bracket > 0) word = lower(piece(:bracket - 1))
       factor%word = word
       if (bracket > 0) then
-         known = any(split_list(directional_words) == word)
+         known = any(split_list(directional_names) == word)
          if (known) call read_direction(piece(bracket:), factor%direction, known)
       else if (word == 'c''') then
          known = .true.
@@ -131,10 +131,10 @@ contains
          known = word(1:1) == 'c' .and. factor%row > 0 .and. factor%column >= factor%row
          factor%word = 'constant'
       else
-         known = any(split_list(plain_words) == word)
+         known = any(split_list(plain_names) == word)
       end if
-      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_words//', ' &
-         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_words, exit_bad_input)
+      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_names//', ' &
+         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices, exit_bad_input)
    end subroutine read_word
 
    !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'.
@@ -262,7 +262,7 @@ contains
       real(wp), allocatable :: values(:)
       integer :: i, known, kept
 
-      names = split_list(join(class%constants, ', ')//', '//plain_words//', '//directions)
+      names = split_list(join(class%constants, ', ')//', '//plain_names//', '//directions)
       known = size(names) - size(split_list(directions))
       allocate (all(size(names)), values(size(names)))
       do i = 1, size(names)

@@ -8,7 +8,7 @@ module extraction
    use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
-   use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
+   use posterior_summary, only: combination_type, compare_quantities, correlate, determined_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
@@ -16,7 +16,7 @@ module extraction
    use quantities, only: evaluate_quantities, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use size_diagnostics, only: mean_addition
+   use size_diagnostics, only: mean_correction
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
    implicit none
@@ -35,7 +35,7 @@ module extraction
       type(parameter_type), allocatable :: parameters(:)
       !> The point of largest density, (parameter), and whether the data say enough of a parameter for it to mean anything.
       real(wp), allocatable :: most_probable(:)
-      logical, allocatable :: decided(:)
+      logical, allocatable :: determined(:)
       !> (constant, constant).
       real(wp), allocatable :: correlation(:, :)
       type(combination_type), allocatable :: combinations(:)
@@ -63,7 +63,7 @@ module extraction
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
       !> See `surrogate_model`, um; and how far its simulations are from the theory on average, relative.
-      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_addition = 0.0_wp
+      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
       !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd; else of size 0.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
@@ -125,7 +125,7 @@ contains
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
-      if (surrogate%contact_radius > 0.0_wp) self%surrogate_addition = mean_addition(surrogate)
+      if (surrogate%contact_radius > 0.0_wp) self%surrogate_correction = mean_correction(surrogate)
       if (self%simulations == 0) return
       k = self%posterior%n_constants
       do i = 1, self%posterior%n_grains
@@ -226,13 +226,13 @@ contains
       end do
       call compare_quantities(self%predictions%quantities, prior_values, self%known)
       ! Of the constants, which come first, all draws are there.
-      allocate (self%decided(size(self%names)), source=.true.)
+      allocate (self%determined(size(self%names)), source=.true.)
       do i = 1, k
          associate (known => self%known(i), parameter => self%parameters(i))
             known%mean = parameter%mean
             known%sd = parameter%sd
             known%contraction = 1.0_wp - (known%sd/known%prior_sd)**2
-            self%decided(i) = known%contraction >= decided_by_prior
+            self%determined(i) = known%contraction >= determined_by_prior
          end associate
       end do
    end subroutine summarise

@@ -97,7 +97,7 @@ contains
          associate (parameter => found%parameters(i))
             call document%begin_object(trim(found%names(i)))
             call put_numbers(document, ['mean', 'sd  '], [parameter%mean, parameter%sd])
-            if (found%decided(i)) then
+            if (found%determined(i)) then
                call document%put('map', found%most_probable(i))
             else
                call document%put_null('map')

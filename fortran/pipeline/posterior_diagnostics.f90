@@ -5,7 +5,7 @@ module posterior_diagnostics
    use field_degree, only: allowed_error
    use files, only: printable
    use kinds, only: wp
-   use posterior_summary, only: decided_by_data, left_open
+   use posterior_summary, only: determined_by_data, not_determined
    use prior_sensitivity, only: change_type
    use problem, only: problem_type
    use size_diagnostics, only: check_sizes
@@ -30,7 +30,7 @@ contains
       integer :: i
 
       call check_surrogate(found, warnings)
-      call check_sizes(problem, found%surrogate_contact_radius, found%surrogate_addition, warnings)
+      call check_sizes(problem, found%surrogate_contact_radius, found%surrogate_correction, warnings)
       call check_knowledge(found, warnings)
       do i = 1, size(found%names)
          call check_mixing(found, i, problem%settings%sampler%method, warnings)
@@ -105,8 +105,8 @@ contains
       associate (combinations => found%combinations, correlation => found%correlation, names => found%names(:k))
          do i = 1, k
             powers = powers_text(names, combinations(i)%exponents)
-            if (combinations(i)%contraction > decided_by_data .and. i <= most) known = listed(known, powers)
-            if (combinations(i)%contraction < left_open .and. k - i < most) hidden = listed(hidden, powers)
+            if (combinations(i)%contraction > determined_by_data .and. i <= most) known = listed(known, powers)
+            if (combinations(i)%contraction < not_determined .and. k - i < most) hidden = listed(hidden, powers)
          end do
          if (len(hidden) == 0) return
          do i = 1, k
@@ -133,11 +133,11 @@ contains
       real(wp) :: share(found%posterior%n_constants)
       integer :: i, j, open
 
-      open = count(found%combinations%contraction < left_open)
+      open = count(found%combinations%contraction < not_determined)
       if (open == 0) return
       share = 0.0_wp
       do i = 1, size(found%combinations)
-         if (found%combinations(i)%contraction < left_open) share = share + found%combinations(i)%correlations**2
+         if (found%combinations(i)%contraction < not_determined) share = share + found%combinations(i)%correlations**2
       end do
       which = ''
       do j = 1, size(share)

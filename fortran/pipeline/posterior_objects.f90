@@ -155,7 +155,7 @@ contains
          call give(1, [real(self%found%predictions%stride, wp)])
       case ('most_probable')
          call give(size(self%found%most_probable), merge(self%found%most_probable, ieee_value(1.0_wp, ieee_quiet_nan), &
-            & self%found%decided))
+            & self%found%determined))
       case default
          call raise(error, 'a posterior has no '//label, exit_bad_input)
       end select

@@ -5,7 +5,7 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use abstract_observable, only: observable_type
    use errors, only: error_type, exit_bad_input, raise
-   use kept_chains, only: chain_shelf_type, new_chain_shelf
+   use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: degree, wp
    use measured_grains, only: measured_type
    use memory, only: check_memory
@@ -201,15 +201,15 @@ contains
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
       class(sampler_type), allocatable :: sampler
       type(run_settings_type) :: complete
-      type(chain_shelf_type) :: shelf
+      type(checkpoint_type) :: checkpoint
 
       complete = settings
       complete%seed = problem%settings%problem%seed
       complete%threads = thread_count(problem%settings%execution%workers)
       call new_sampler(method, burn_in, sampler, error)
-      if (allocated(problem%kept_in)) call new_chain_shelf(problem%kept_in, label//settings_namelist(problem%settings, groups), &
-         & density, shelf)
-      if (.not. allocated(error)) call sample_chains(density, sampler, complete, chains, error, shelf)
+      if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//settings_namelist(problem%settings, groups), &
+         & density, checkpoint)
+      if (.not. allocated(error)) call sample_chains(density, sampler, complete, chains, error, checkpoint)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine run_chains
 end module problem_posterior

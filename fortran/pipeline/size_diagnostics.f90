@@ -12,7 +12,7 @@ module size_diagnostics
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: check_sizes, mean_addition
+   public :: check_sizes, mean_correction
 
    !> A bias is small, and two contact radii are alike, below these.
    real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
@@ -61,23 +61,23 @@ contains
    end subroutine check_depths
 
    !> How far the simulations of a surrogate are from the theory on average, relative.
-   real(wp) function mean_addition(surrogate)
+   real(wp) function mean_correction(surrogate)
       type(surrogate_type), intent(in) :: surrogate
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       integer :: i, n
 
-      mean_addition = 0.0_wp
+      mean_correction = 0.0_wp
       n = size(surrogate%simulations%modulus)
       do i = 1, n
          associate (simulations => surrogate%simulations)
             call halfspace_modulus(surrogate%basis%domain%class%stiffness(simulations%constants(:, i)), &
                & simulations%euler_deg(:, i)*degree, theory, error)
             if (allocated(error)) cycle
-            mean_addition = mean_addition + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
+            mean_correction = mean_correction + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
          end associate
       end do
-   end function mean_addition
+   end function mean_correction
 
    !> Neighbours are taken to be as stiff as the mean measurement.
    subroutine check_grain_radii(measured, contact_radius, warnings)

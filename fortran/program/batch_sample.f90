@@ -5,7 +5,7 @@ module batch_sample
    use extraction, only: extract, extraction_type
    use extraction_document, only: write_extraction
    use files, only: new_file_type, replace_file
-   use kept_chains, only: chain_prefix
+   use chain_checkpoints, only: chain_prefix
    use namelist_file, only: place
    use posterior_diagnostics, only: check_extraction
    use prior_text, only: describe_prior
