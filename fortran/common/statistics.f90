@@ -58,9 +58,11 @@ contains
 
    !> The values in ascending order.
    pure subroutine sorted_values(n, values, sorted)
+      !> Number of values.
       integer, intent(in) :: n
       !> Of any rank.
       real(wp), intent(in) :: values(n)
+      !> (n).
       real(wp), allocatable, intent(out) :: sorted(:)
       integer, allocatable :: order(:)
 
@@ -71,6 +73,7 @@ contains
 
    !> The middle of the values.
    pure real(wp) function median(n, values)
+      !> Number of values.
       integer, intent(in) :: n
       !> Of any rank.
       real(wp), intent(in) :: values(n)
@@ -92,6 +95,7 @@ contains
    !> About so many draws of chains, evenly spaced in each, (variable, sample, chain).
    pure function thinned(draws, most) result(few)
       real(wp), intent(in) :: draws(:, :, :)
+      !> Of all chains together.
       integer, intent(in) :: most
       real(wp), allocatable :: few(:, :, :)
 

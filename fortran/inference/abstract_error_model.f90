@@ -31,7 +31,9 @@ module abstract_error_model
       elemental subroutine weigh_interface(self, e, weight, curvature, expected)
          import :: error_model_type, wp
          class(error_model_type), intent(in) :: self
+         !> The residual, in units of the scale.
          real(wp), intent(in) :: e
+         !> In the order above.
          real(wp), intent(out) :: weight, curvature, expected
       end subroutine weigh_interface
       !> The density of scale one as a mixture of normal ones.

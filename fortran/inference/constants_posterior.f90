@@ -16,10 +16,10 @@ module constants_posterior
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable
    use output_polynomial, only: is_fitted, output_polynomial_type
-   use random, only: place_normal, random_stream_type
+   use random, only: random_stream_type
    use sampling_target, only: outside, point_type, target_type
    use settings_groups, only: measurements_settings_type
-   use small_matrices, only: factor_columns, sum_of_logs
+   use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: surrogate_type
    implicit none
    private
@@ -447,8 +447,12 @@ contains
       real(wp), intent(in) :: precision(:, :)
       !> (group).
       real(wp), intent(out) :: factor(:)
+      real(wp) :: error(size(z))
 
-      call place_normal(z, b, precision)
+      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
+      error = z
+      call solve_upper(precision, error)
+      b = b + error
       factor = 1.0_wp
       if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd*b(self%grains%n_columns + 1:)
    end subroutine place_shared

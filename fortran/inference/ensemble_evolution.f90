@@ -286,7 +286,7 @@ contains
       integer :: degree, many, a, i, k, found, attempts
       logical, allocatable :: inside(:)
 
-      call view%polynomial%clear()
+      view%polynomial = output_polynomial_type()
       if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
       degree = polynomial_degree(target%dimension, merge(few_terms, many_terms, temperature > 5.0_wp))
       many = surplus*polynomial_terms(target%dimension, degree)
@@ -321,7 +321,8 @@ contains
       near = exact
       call target%evaluate_working(exact)
       call target%evaluate_working(near, view%polynomial)
-      if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) < least_good*tests) call view%polynomial%clear()
+      if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests) return
+      view%polynomial = output_polynomial_type()
    end subroutine fit_outputs
 
    !> Points that are not evaluated yet.

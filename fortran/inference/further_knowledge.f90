@@ -7,7 +7,7 @@ module further_knowledge
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use quantities, only: evaluate_draws, new_quantity, quantity_type
    use small_matrices, only: solve_lower
    use statistics, only: covariance_of, flattened, moments, thinned
    use text, only: split_list
@@ -52,10 +52,7 @@ contains
             call new_quantity(trim(names(i)), list(i), error)
             if (allocated(error)) return
          end do
-         allocate (values(size(names), size(constants, 2)))
-         do i = 1, size(constants, 2)
-            call evaluate_quantities(list, prior%class%stiffness(constants(:, i)), values(:, i))
-         end do
+         call evaluate_draws(list, prior%class, constants, values)
          call keep_distinct(values, distinct)
          do i = 1, size(names)
             if (.not. distinct(i)) cycle

@@ -9,7 +9,7 @@ module knowledge_conflict
    use constants_prior, only: knowledge_type
    use errors, only: error_type
    use kinds, only: wp
-   use quantities, only: evaluate_quantities
+   use quantities, only: evaluate_draws
    use samplers, only: chains_type
    use simplex_search, only: climb
    use statistics, only: flattened, moments, thinned
@@ -118,18 +118,14 @@ contains
       type(conflict_type), intent(inout) :: conflict
       integer, parameter :: most = 4000
       real(wp), dimension(size(conflict%of_quantity)) :: mean, sd
-      real(wp), allocatable :: draws(:, :), values(:, :)
-      integer :: i
+      real(wp), allocatable :: values(:, :)
 
-      draws = flattened(thinned(chains%draws, most))
-      allocate (values(size(sd), size(draws, 2)))
       associate (knowledge => posterior%prior%knowledge)
-         do i = 1, size(draws, 2)
-            call evaluate_quantities(knowledge%quantities, posterior%stiffness(draws(:, i)), values(:, i))
-            values(:, i) = (values(:, i) - knowledge%mean)/knowledge%sd()
-         end do
+         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, most)), values)
+         call moments(values, mean, sd)
+         mean = (mean - knowledge%mean)/knowledge%sd()
+         sd = sd/knowledge%sd()
       end associate
-      call moments(values, mean, sd)
       conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
    end subroutine compare_moments
 

@@ -220,14 +220,14 @@ contains
 
    !> Quantities in the posterior and in the prior.
    subroutine compare_quantities(values, prior_values, known)
-      !> (quantity, draw, chain).
-      real(wp), intent(in) :: values(:, :, :), prior_values(:, :, :)
+      !> (quantity, draw).
+      real(wp), intent(in) :: values(:, :), prior_values(:, :)
       type(known_quantity_type), allocatable, intent(out) :: known(:)
       real(wp), dimension(size(values, 1)) :: mean, sd, prior_mean, prior_sd
       integer :: q
 
-      call moments(flattened(values), mean, sd)
-      call moments(flattened(prior_values), prior_mean, prior_sd)
+      call moments(values, mean, sd)
+      call moments(prior_values, prior_mean, prior_sd)
       known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q), 1.0_wp - (sd(q)/prior_sd(q))**2), q=1, size(mean))]
    end subroutine compare_quantities
 

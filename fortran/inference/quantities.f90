@@ -15,7 +15,8 @@ module quantities
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, evaluate_quantities, quantity_choices
+   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, quantity_choices
+   public :: evaluate_draws, evaluate_quantities
 
    !> Words that stand alone, and words that take a direction.
    character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
@@ -318,6 +319,22 @@ contains
          end do
       end do
    end subroutine evaluate_quantities
+
+   !> The values of quantities for the crystals of draws.
+   pure subroutine evaluate_draws(quantities, class, draws, values)
+      type(quantity_type), intent(in) :: quantities(:)
+      type(crystal_class_type), intent(in) :: class
+      !> (parameter, draw), the first parameters constants, GPa.
+      real(wp), intent(in) :: draws(:, :)
+      !> (quantity, draw).
+      real(wp), allocatable, intent(out) :: values(:, :)
+      integer :: i
+
+      allocate (values(size(quantities), size(draws, 2)))
+      do i = 1, size(draws, 2)
+         call evaluate_quantities(quantities, class%stiffness(draws(:class%n_constants, i)), values(:, i))
+      end do
+   end subroutine evaluate_draws
 
    pure real(wp) function power_of(value, power)
       real(wp), intent(in) :: value, power

@@ -13,7 +13,7 @@ module extraction
    use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: free_run, new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
-   use quantities, only: evaluate_quantities, quantity_type, reported_quantities
+   use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
    use size_diagnostics, only: mean_correction
@@ -193,8 +193,8 @@ contains
       integer, intent(in) :: threads
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: prior_values(:, :, :)
-      integer :: k, i, c
+      real(wp), allocatable :: prior_values(:, :)
+      integer :: k, i
 
       k = self%posterior%n_constants
       allocate (self%names(self%posterior%dimension))
@@ -217,14 +217,8 @@ contains
       call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
       if (.not. allocated(error)) call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)
       if (allocated(error)) return
-      allocate (prior_values(size(self%quantities), size(self%prior_chains%draws, 2), size(self%prior_chains%draws, 3)))
-      do c = 1, size(prior_values, 3)
-         do i = 1, size(prior_values, 2)
-            call evaluate_quantities(self%quantities, self%posterior%stiffness(self%prior_chains%draws(:, i, c)), &
-               & prior_values(:, i, c))
-         end do
-      end do
-      call compare_quantities(self%predictions%quantities, prior_values, self%known)
+      call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
+      call compare_quantities(flattened(self%predictions%quantities), prior_values, self%known)
       ! Of the constants, which come first, all draws are there.
       allocate (self%determined(size(self%names)), source=.true.)
       do i = 1, k

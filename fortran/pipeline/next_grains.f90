@@ -15,7 +15,7 @@ module next_grains
    use orientation_columns, only: angles_of_direction
    use problem, only: problem_type
    use problem_posterior, only: check_target
-   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
    use statistics, only: median, moments
@@ -142,15 +142,13 @@ contains
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
       type(quantity_type) :: quantity(1)
-      integer :: i
+      real(wp), allocatable :: values(:, :)
 
       if (target == 'all') return
       call new_quantity(target, quantity(1), error)
       if (allocated(error)) return
-      candidates%target = spread(0.0_wp, 1, size(draws, 2))
-      do i = 1, size(draws, 2)
-         call evaluate_quantities(quantity, posterior%stiffness(draws(:, i)), candidates%target(i:i))
-      end do
+      call evaluate_draws(quantity, posterior%prior%class, draws, values)
+      candidates%target = values(1, :)
       if (quantity(1)%is_product()) candidates%target = log(candidates%target)
    end subroutine set_target
 

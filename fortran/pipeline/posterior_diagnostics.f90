@@ -274,7 +274,7 @@ contains
       integer :: named, i
 
       residual = (found%posterior%measured - found%expected)/found%posterior%sd
-      if (size(found%names) > found%posterior%n_constants) residual = residual/found%parameters(size(found%names))%mean
+      if (found%posterior%infers_scale) residual = residual/found%parameters(size(found%names))%mean
       far = least_far
       do while (size(residual)*erfc(far/sqrt(2.0_wp)) > by_chance)
          far = far + 0.01_wp
