@@ -28,13 +28,14 @@ module abstract_error_model
          real(wp), intent(in) :: r(:), factor
       end function log_density_interface
       !> Minus the first derivative of the log density of scale one over the residual, minus the second, and the one that is expected.
-      elemental subroutine weigh_interface(self, e, weight, curvature, expected)
+      pure subroutine weigh_interface(self, e, weight, curvature, expected)
          import :: error_model_type, wp
          class(error_model_type), intent(in) :: self
-         !> The residual, in units of the scale.
-         real(wp), intent(in) :: e
-         !> In the order above.
-         real(wp), intent(out) :: weight, curvature, expected
+         !> Residuals in units of the scale, (measurement).
+         real(wp), intent(in) :: e(:)
+         !> In the order above, (measurement).
+         real(wp), intent(out) :: weight(:)
+         real(wp), intent(out), optional :: curvature(:), expected(:)
       end subroutine weigh_interface
       !> The density of scale one as a mixture of normal ones.
       pure subroutine as_normals_interface(self, variance, share)
@@ -71,15 +72,16 @@ contains
       logical :: definite
 
       b = 0.0_wp
-      call self%weigh(r, weight, curvature, expected)
+      call self%weigh(r, weight)
       do step = 1, 40
          before = b
          used = weight
          call fit_columns(r, u, used, b, l)
          e = r - matmul(u, b)
-         call self%weigh(e, weight, curvature, expected)
+         call self%weigh(e, weight)
          if (maxval(abs(b - before)) < 1.0e-9_wp .or. maxval(abs(weight - used)) <= 0.0_wp) exit
       end do
+      call self%weigh(e, weight, curvature, expected)
       value = self%log_density(e, 1.0_wp) - 0.5_wp*sum(b**2)
       if (maxval(abs(curvature - used)) > 0.0_wp) then
          call weighted_gram(u, curvature, l)
@@ -105,7 +107,7 @@ contains
       !> (measurement).
       real(wp), intent(out) :: values(:)
       real(wp), allocatable :: variance(:), share(:), terms(:)
-      real(wp), dimension(size(r)) :: e, weight, curvature, expected
+      real(wp), dimension(size(r)) :: e, weight, curvature
       real(wp) :: factor(size(b), size(b)), z(size(b)), h, spread
       logical :: definite
       integer :: i
@@ -117,7 +119,7 @@ contains
          return
       end if
       e = r - matmul(u, b)
-      call self%weigh(e, weight, curvature, expected)
+      call self%weigh(e, weight, curvature)
       curvature = max(0.0_wp, curvature)
       call weighted_gram(u, curvature, factor)
       call factor_definite(factor, resolution, definite)

@@ -32,14 +32,15 @@ contains
       log_density = -0.5_wp*total/factor**2 - size(r)*(log(self%scale*factor) + 0.5_wp*log(2.0_wp*pi))
    end function log_density
 
-   elemental subroutine weigh(self, e, weight, curvature, expected)
+   pure subroutine weigh(self, e, weight, curvature, expected)
       class(normal_errors_type), intent(in) :: self
-      real(wp), intent(in) :: e
-      real(wp), intent(out) :: weight, curvature, expected
+      real(wp), intent(in) :: e(:)
+      real(wp), intent(out) :: weight(:)
+      real(wp), intent(out), optional :: curvature(:), expected(:)
 
       weight = 1.0_wp
-      curvature = 1.0_wp
-      expected = 1.0_wp
+      if (present(curvature)) curvature = 1.0_wp
+      if (present(expected)) expected = 1.0_wp
    end subroutine weigh
 
    pure subroutine as_normals(self, variance, share)

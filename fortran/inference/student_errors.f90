@@ -43,14 +43,15 @@ contains
          & - 0.5_wp*(self%dof + 1.0_wp)*sum_of_logs(1.0_wp + (r/factor)**2/self%dof)
    end function log_density
 
-   elemental subroutine weigh(self, e, weight, curvature, expected)
+   pure subroutine weigh(self, e, weight, curvature, expected)
       class(student_errors_type), intent(in) :: self
-      real(wp), intent(in) :: e
-      real(wp), intent(out) :: weight, curvature, expected
+      real(wp), intent(in) :: e(:)
+      real(wp), intent(out) :: weight(:)
+      real(wp), intent(out), optional :: curvature(:), expected(:)
 
       weight = (self%dof + 1.0_wp)/(self%dof + e**2)
-      curvature = (self%dof + 1.0_wp)*(self%dof - e**2)/(self%dof + e**2)**2
-      expected = (self%dof + 1.0_wp)/(self%dof + 3.0_wp)
+      if (present(curvature)) curvature = (self%dof + 1.0_wp)*(self%dof - e**2)/(self%dof + e**2)**2
+      if (present(expected)) expected = (self%dof + 1.0_wp)/(self%dof + 3.0_wp)
    end subroutine weigh
 
    !> 1/variance has a gamma distribution, whose logarithm is put on an even grid.
