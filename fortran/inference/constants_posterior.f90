@@ -364,10 +364,16 @@ contains
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
-         allocate (columns(size(self%euler, 2), self%grains%n_columns))
-         call self%grains%evaluate_columns(c, columns)
+         if (self%n_directions == 1) then
+            call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
+         else
+            allocate (columns(size(self%euler, 2), self%grains%n_columns))
+            call self%grains%evaluate_columns(c, columns)
+            u(:, :self%grains%n_columns) = columns(:self%n_grains, :)
+         end if
+         slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
-            u(:, g) = columns(:self%n_grains, g)*(slope*map_slope/scales)
+            u(:, g) = u(:, g)*slope
          end do
       end if
       if (self%settings%calibration_sd > 0.0_wp) then
