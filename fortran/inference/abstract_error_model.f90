@@ -35,6 +35,7 @@ module abstract_error_model
          real(wp), intent(in) :: e(:)
          !> In the order above, (measurement).
          real(wp), intent(out) :: weight(:)
+         !> (measurement), likewise.
          real(wp), intent(out), optional :: curvature(:), expected(:)
       end subroutine weigh_interface
       !> The density of scale one as a mixture of normal ones.
