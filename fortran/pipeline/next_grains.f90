@@ -279,8 +279,8 @@ contains
       mean_slope = slope
       call posterior%observable%from_simulation(mean, mean_slope)
       columns = 0.0_wp
-      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%settings%calibration_sd &
-         & *posterior%observable%calibration_slope(mean)
+      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = &
+         & posterior%settings%calibration_sd*posterior%observable%calibration_slope(mean)
       call posterior%place_shared(z, b, precision, factor)
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)

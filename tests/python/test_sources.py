@@ -17,7 +17,20 @@ LIBRARY = [path for path in FORTRAN if path.parent.name != "program"]
 PYTHON = sorted((SOURCE / "python").rglob("*.py"))
 
 #: Each folder may use those before it; Python's sub-packages bear the same names.
-LAYERS = ("common", "crystal", "settings", "theory", "fe", "surrogate", "observables", "inference", "pipeline", "report", "facade", "program")
+LAYERS = (
+    "common",
+    "crystal",
+    "settings",
+    "theory",
+    "fe",
+    "surrogate",
+    "observables",
+    "inference",
+    "pipeline",
+    "report",
+    "facade",
+    "program",
+)
 
 
 def relative(path):
