@@ -7,7 +7,7 @@ module problem_operations
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter
    use kinds, only: wp
-   use modulus_kinds, only: modulus_kind_names
+   use observables, only: observable_names
    use named_values, only: named_values_type
    use namelist_file, only: namelist_file_type, parse_namelist
    use physics_identity, only: identity_text
@@ -301,6 +301,6 @@ contains
          call warn(list, trim(stage%description))
       end do
       call out%put('stages', list)
-      call out%put('modulus_kinds', modulus_kind_names)
+      call out%put('modulus_kinds', observable_names)
    end subroutine list_settings
 end module problem_operations

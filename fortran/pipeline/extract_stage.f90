@@ -6,11 +6,11 @@ module extract_stage
    use extraction, only: extract, extraction_type
    use extraction_document, only: write_extraction
    use files, only: new_file_type
-   use kept_chains, only: chain_prefix
+   use chain_checkpoints, only: chain_prefix
    use namelist_file, only: place
    use numbers, only: number_text
    use posterior_file, only: save_posterior
-   use prior_words, only: describe_prior
+   use prior_text, only: describe_prior
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of

@@ -43,7 +43,7 @@ contains
          call out%put_array('log_likelihood', checks%log_likelihood, shape(checks%log_likelihood))
          call out%put_array('replicated', checks%replicated, shape(checks%replicated))
          call out%put_array('log_prior', checks%log_prior, shape(checks%log_prior))
-         call out%put_array('most_probable', merge(found%most_probable, ieee_value(1.0_wp, ieee_quiet_nan), found%decided), &
+         call out%put_array('most_probable', merge(found%most_probable, ieee_value(1.0_wp, ieee_quiet_nan), found%determined), &
             & shape(found%most_probable))
          call out%put_array('lower', prior%lower, shape(prior%lower))
          call out%put_array('upper', prior%upper, shape(prior%upper))

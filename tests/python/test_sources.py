@@ -18,7 +18,7 @@ PYTHON = sorted((SOURCE / "python").rglob("*.py"))
 
 #: Each folder may use those before it; Python's sub-packages bear the same names.
 LAYERS = (
-    "common", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "inference", "campaign", "pipeline",
+    "common", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "observables", "inference", "campaign", "pipeline",
     "report", "facade", "program",
 )  # fmt: skip
 
