@@ -72,6 +72,8 @@ contains
          if (.not. allocated(error)) call put_jobs(stage, x)
       case ('take')
          call take(stage, x, error)
+      case ('leave')
+         call stage%leave(error)
       case ('close')
          call listen()
          call stage%close(document, error)

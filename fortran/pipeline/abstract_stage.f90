@@ -6,7 +6,7 @@
 !>        if (size(stage%jobs) == 0) exit
 !>        (simulate each, in any order, and give what became of it to stage%take)
 !>     end do
-!>     call stage%close(document, error)              ! files, and the document
+!>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%leave
 !>
 !> What became of a simulation is stored by `take`. What the machine could not do (memory) is no result: it is wanted once more, alone, and
 !> is an error if that fails too.
@@ -63,6 +63,8 @@ module abstract_stage
       procedure :: choose
       !> Keep what became of a simulation of the batch.
       procedure :: keep
+      !> Store what waits to be stored, of a stage that ends before its time.
+      procedure :: leave
       !> Write the files, and the document: JSON, an object with the warnings.
       procedure(write_document), deferred :: finish
    end type stage_type
@@ -167,6 +169,14 @@ contains
       associate (unused => self, also_unused => number, unused_too => outcome, nor_this => error)
       end associate
    end subroutine keep
+
+   subroutine leave(self, error)
+      class(stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, also_unused => error)
+      end associate
+   end subroutine leave
 
    !> Write the results, and keep the document in the folder.
    subroutine close(self, document, error)

@@ -61,6 +61,7 @@ module build_loop
       procedure :: stiffness => wanted_stiffness
       procedure :: euler_deg => wanted_euler_deg
       procedure :: store
+      procedure :: store_all
       procedure :: failures
    end type build_type
 
@@ -200,7 +201,7 @@ contains
             call raise(error, 'a simulation that the design chose has no outcome')
             return
          end if
-         call self%buffer%flush(self%campaign, error)
+         call self%store_all(error)
          if (size(self%batch) > 0 .and. .not. allocated(error)) call close_choice(self, error)
          if (allocated(error)) return
          if (self%phase == teaching) call choose_lesson(self, error)
@@ -404,7 +405,7 @@ contains
       euler_deg = self%candidates%euler_deg(:, self%batch(self%wanted(i)))
    end function wanted_euler_deg
 
-   !> Keep what became of simulation i: on return it is in the campaign, if it was not before. One thread at a time.
+   !> Keep what became of simulation i: in the campaign, now or soon, if it was not there before. One thread at a time.
    subroutine store(self, i, outcome, error)
       class(build_type), intent(inout) :: self
       integer, intent(in) :: i
@@ -420,6 +421,14 @@ contains
       self%n_new = self%n_new + 1
       if (outcome%status /= outcome_done) self%n_failed = self%n_failed + 1
    end subroutine store
+
+   !> Let all that was kept be in the campaign.
+   subroutine store_all(self, error)
+      class(build_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%buffer%flush(self%campaign, error)
+   end subroutine store_all
 
    !> Learn from the batch, or keep it to validate with.
    subroutine close_choice(build, error)

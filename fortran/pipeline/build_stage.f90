@@ -19,6 +19,7 @@ module build_stage
       procedure :: begin
       procedure :: choose
       procedure :: keep
+      procedure :: leave
       procedure :: finish
       procedure :: look_ahead => next_candidates
    end type build_stage_type
@@ -66,6 +67,13 @@ contains
 
       call self%build%store(number, outcome, error)
    end subroutine keep
+
+   subroutine leave(self, error)
+      class(build_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%build%store_all(error)
+   end subroutine leave
 
    !> The surrogate's file, and the document.
    subroutine finish(self, document, error)

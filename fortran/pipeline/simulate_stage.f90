@@ -33,6 +33,7 @@ module simulate_stage
       procedure :: begin
       procedure :: choose
       procedure :: keep
+      procedure :: leave
       procedure :: finish
    end type simulate_stage_type
 
@@ -99,6 +100,13 @@ contains
          call self%buffer%add(self%campaign, row, error)
       end associate
    end subroutine keep
+
+   subroutine leave(self, error)
+      class(simulate_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%buffer%flush(self%campaign, error)
+   end subroutine leave
 
    !> moduli.csv, curves.csv, and the document.
    subroutine finish(self, document, error)

@@ -28,6 +28,7 @@ contains
       class(stage_type), intent(inout) :: stage
       type(error_type), allocatable, intent(out) :: error
       type(held_simulator_type), allocatable :: held(:)
+      type(error_type), allocatable :: ignored
       integer(i8) :: last_line
       logical :: stopped
       integer :: i
@@ -46,7 +47,9 @@ contains
             call simulate_one(i)
          end do
          !$omp end parallel do
-         if (allocated(error)) return
+         if (.not. allocated(error)) cycle
+         call stage%leave(ignored)
+         return
       end do
 
    contains

@@ -94,6 +94,12 @@ class Stage(NativeObject):
         """Keep what became of a simulation: it is stored on return, or soon if it took no time."""
         self._call("take", number=number, **outcome)
 
+    def __enter__(self) -> "Stage":
+        return self
+
+    def __exit__(self, *raised) -> None:
+        self._call("leave")
+
     def close(self) -> dict:
         """Write the results; the document."""
         return json.loads(self._call("close")["document"])
@@ -105,7 +111,7 @@ def run_stage(
     """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
     stage, progress = Stage(problem, name, output), progress or Progress()
     execution, engine = problem.settings.execution, None
-    with progress.bar("simulations", stage.expected) as advance, ExitStack() as opened:
+    with progress.bar("simulations", stage.expected) as advance, stage, ExitStack() as opened:
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
