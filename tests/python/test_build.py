@@ -15,12 +15,9 @@ from test_surrogate import specimen
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline import build as build_module
-from bayesindent.pipeline.build import build
-from bayesindent.pipeline.import_export import ask, tell
-from bayesindent.pipeline.simulator import Simulator
+from bayesindent.pipeline.build import ask, build, tell
+from bayesindent.pipeline.stage import Simulations
 from bayesindent.program.cli import main
-from bayesindent.program.commands import simulate as simulate_module
 from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.learner import Learner
@@ -49,18 +46,16 @@ def make_problem(folder: Path, *, model=PAPER, **groups) -> Problem:
     return Problem(path, "build")
 
 
-class Specimen(Simulator):
-    """The theory, and a factor that a specimen might add."""
-
-    def __call__(self, stiffness, euler_deg):
-        result = super().__call__(stiffness, euler_deg)
-        return result | {"modulus_gpa": result["modulus_gpa"] * float(specimen(stiffness[None], np.array([euler_deg]))[0])}
-
-
 @pytest.fixture
 def specimens(monkeypatch):
-    """Simulations of a specimen that is no half-space."""
-    monkeypatch.setattr(build_module, "Simulator", Specimen)
+    """Simulations of a specimen that is no half-space: the theory, and a factor that a specimen might add."""
+    theory = Simulations.__call__
+
+    def simulate(self, job):
+        result = theory(self, job)
+        return result | {"modulus_gpa": result["modulus_gpa"] * float(specimen(job.stiffness[None], job.euler_deg[None])[0])}
+
+    monkeypatch.setattr(Simulations, "__call__", simulate)
 
 
 @pytest.fixture(params=["paper", "correction"])
@@ -70,13 +65,8 @@ def model(request):
 
 def before_each_simulation(monkeypatch, act) -> None:
     """Call act() before each simulation; what it returns, if anything, stands for the simulation's result."""
-
-    class Disturbed(Simulator):
-        def __call__(self, stiffness, euler_deg):
-            return act() or super().__call__(stiffness, euler_deg)
-
-    for module in (build_module, simulate_module):
-        monkeypatch.setattr(module, "Simulator", Disturbed)
+    simulate = Simulations.__call__
+    monkeypatch.setattr(Simulations, "__call__", lambda self, job: act() or simulate(self, job))
 
 
 def stored(output: Path) -> list:
@@ -157,8 +147,8 @@ def test_an_interrupted_build_goes_on_where_it_was(tmp_path, monkeypatch, model,
 
 
 def numbers_of(document: dict) -> dict:
-    """Of a build, without what depends on how often it was begun."""
-    return {name: value for name, value in document.items() if name not in ("file", "new_simulations")}
+    """Of a build, without what depends on how often it was begun, and where."""
+    return {name: value for name, value in document.items() if name not in ("file", "new_simulations", "inputs")}
 
 
 def posterior_of(folder: Path) -> list:
