@@ -213,7 +213,7 @@ def test_a_model_is_frozen(coarse):
 
 def test_a_freed_model_is_refused_in_words():
     model = bi.Indentation(refine=0.6)
-    native.object_release(model.handle)
+    native.core_release(model.handle)
     with pytest.raises(bi.InputError, match="the indentation does not exist any more"):
         model.run(ZINC, (0, 30, 0))
 

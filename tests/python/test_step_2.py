@@ -13,9 +13,11 @@ from theory_cases import FILES, theory_surrogate
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
-from bayesindent.inference.posterior import Posterior
+from bayesindent.inference.posterior import EXTRACTION, Posterior
 from bayesindent.inference.quantities import quantity_names
-from bayesindent.pipeline.step_2 import extract_stage, next_stage, stored_draws
+from bayesindent.pipeline.results_folder import read_posterior
+from bayesindent.pipeline.stage import run_stage
+from bayesindent.program.cli import main
 from conftest import REFERENCE
 
 # What the results say
@@ -317,21 +319,33 @@ def test_stages(tmp_path):
         "&prior c_min = 50, 40, 15  c_max = 250, 150, 120  anisotropy_cap = 7.2 /\n&knowledge quantity = 'bulk_modulus' mean = 165.0 sd = 3.3 /\n"
         "&sampler samples = 300 /\n&next target = 'C44'  count = 3 /\n"
     )
-    problem = bi.Problem(tmp_path / "case.nml", "run")
-    document = extract_stage(problem, tmp_path / "out", None)
-    assert document["parameters"]["C12"]["sd"] < 7
-    stored = az.from_netcdf(str(tmp_path / "out" / "posterior.nc"), engine="h5netcdf")
+    out = tmp_path / "out"
+    assert main(["extract", str(tmp_path / "case.nml"), "--output", str(out)]) == 0
+    stored = az.from_netcdf(str(out / "posterior.nc"), engine="h5netcdf")
     assert stored.posterior["C44"].shape == (4, 300)
-    suggestions = next_stage(problem, tmp_path / "out", None)
-    assert len(suggestions["suggestions"]) == 3
+    draws = read_posterior(out)["draws"]
+    assert all((stored.posterior[name].values == draws[..., j]).all() for j, name in enumerate(constant_names("cubic")))
+    document = run_stage(bi.Problem(tmp_path / "case.nml", "run"), "extract", out)
+    assert document["parameters"]["C12"]["sd"] < 7
+    assert (read_posterior(out)["draws"] == draws).all()
+
+    def suggested(draws=None):
+        """The suggestions of `next`, or those from given draws."""
+        problem = bi.Problem(tmp_path / "case.nml", "run")
+        if draws is None:
+            return run_stage(problem, "next", out)["suggestions"]
+        return Posterior(problem, surrogate).suggest(problem, draws.reshape(-1, 3))["suggestions"]
+
+    surrogate = bi.Surrogate.load(tmp_path / "model.txt")
+    suggestions = suggested()
+    assert len(suggestions) == 3
     # What `next` goes on with is that posterior, and none of other measurements.
-    posterior = Posterior(problem, bi.Surrogate.load(tmp_path / "model.txt"))
-    draws = stored_draws(problem, tmp_path / "out", posterior)
-    assert ([stored.posterior[name].values.ravel() for name in constant_names("cubic")] == draws.T).all()
+    assert suggestions == suggested(draws)
     (tmp_path / "data.csv").write_text((REFERENCE / "cubic_fe3si.csv").read_text().rstrip().rpartition("\n")[0] + "\n")
-    assert stored_draws(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", posterior) is None
+    fewer = Posterior(bi.Problem(tmp_path / "case.nml", "run"), surrogate, EXTRACTION).values["draws"]
+    assert suggested() == suggested(fewer) != suggested(draws)
     (tmp_path / "case.nml").write_text(
         "&problem symmetry = 'hexagonal' /\n&surrogate file = 'model.txt' /\n&measurements file = 'data.csv', modulus_kind = 'indentation_modulus' /\n&sampler samples = 100 /\n"
     )
     with pytest.raises(bi.InputError, match=r"case.nml: &surrogate file: .*for cubic crystals"):
-        extract_stage(bi.Problem(tmp_path / "case.nml", "run"), tmp_path / "out", None)
+        run_stage(bi.Problem(tmp_path / "case.nml", "run"), "extract", out)

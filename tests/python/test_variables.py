@@ -9,9 +9,9 @@ from step_2_cases import rough_correction
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
+from bayesindent.engines import ENGINES
 from bayesindent.inference.posterior import Posterior
 from bayesindent.pipeline.build import build
-from bayesindent.pipeline.simulator import engine_of
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema
@@ -135,7 +135,8 @@ def suggested(folder, groups):
 
 def engine(folder, groups):
     """Where simulations run."""
-    with engine_of(written(folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups)) as made:
+    execution = written(folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups).settings.execution
+    with ENGINES[execution.engine](execution.workers, execution.scheduler) as made:
         return type(made).__name__, getattr(made, "workers", None)
 
 
