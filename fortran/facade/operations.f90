@@ -1,6 +1,6 @@
 !> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or without an object on a subject.
 module operations
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
+   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int, c_int64_t, c_loc
    use crystal_operations, only: perform_crystal
    use errors, only: error_type, exit_bad_input, raise
    use exchange, only: exchange_type
@@ -22,7 +22,7 @@ contains
    subroutine perform(operation, handle, request, reply, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle
-      character(kind=c_char), pointer, intent(in) :: request(:)
+      integer(c_int64_t), intent(in), target, contiguous :: request(:)
       integer(c_int64_t), intent(out) :: reply, words
       integer(c_int), intent(out) :: status
       type(exchange_type) :: values
@@ -33,7 +33,7 @@ contains
 
       kind = operation(:index(operation, '.') - 1)
       verb = operation(index(operation, '.') + 1:)
-      values%in%bytes => request
+      call c_f_pointer(c_loc(request), values%in%bytes, [8*size(request, kind=c_int64_t)])
       object => null()
       if (handle > 0) call find_object(handle, kind, object, error)
       if (.not. allocated(error)) then

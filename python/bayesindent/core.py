@@ -112,9 +112,18 @@ def decode(content: np.ndarray) -> dict:
     return found
 
 
+#: Operations that give up Python's lock; see fortran/facade/core.f90 for why not all do.
+LONG = {
+    "crystal.theory", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict", "surrogate.predict_table",
+    "learner.choose", "learner.fit", "learner.update", "learner.predict", "learner.leave_out", "posterior.sample", "posterior.evaluate",
+    "posterior.moduli",
+}  # fmt: skip
+
+
 def call(operation: str, handle: int = 0, /, **values) -> dict:
     """What an operation of the core gives for named values: 'KIND.VERB', of an object by its handle. Its errors become exceptions."""
-    reply, words, status = native.core_do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
+    do = native.core_do_long if operation in LONG else native.core_do
+    reply, words, status = do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
     found = decode(native.core_take(reply, words).view(np.uint8))
     if status:
         raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(found["message"])
