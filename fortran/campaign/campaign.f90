@@ -200,7 +200,7 @@ contains
    end subroutine find
 
    !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
-   !> work on the same file, stays. A modulus that is none is a failure.
+   !> work on the same file, stays.
    subroutine add(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
@@ -211,12 +211,7 @@ contains
       associate (to => self%insertion, outcome => row%outcome)
          is_done = outcome%status == outcome_done
          message = ''
-         if (is_done) then
-            is_done = ieee_is_finite(outcome%modulus) .and. outcome%modulus > 0.0_wp
-            if (.not. is_done) message = 'the modulus is '//lower(to_text(outcome%modulus))//' GPa'
-         else if (allocated(outcome%message)) then
-            message = outcome%message
-         end if
+         if (allocated(outcome%message) .and. .not. is_done) message = outcome%message
          call to%bind(1, self%physics)
          call to%bind_null(2)
          if (row%position >= 0) call to%bind(2, int(row%position, i8))

@@ -8,16 +8,18 @@
 !>     end do
 !>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%leave
 !>
-!> What became of a simulation is stored by `take`. What the machine could not do (memory) is no result: it is wanted once more, alone, and
+!> What became of a simulation is stored by `take`; a modulus that is none is a failure. What the machine could not do (memory) is no result: it is wanted once more, alone, and
 !> is an error if that fails too.
 module abstract_stage
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use kinds, only: wp
    use problem, only: problem_type
    use settings_groups, only: settings_type
-   use simulate, only: outcome_type, outcome_waiting
+   use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: keep_document
    use surrogate_lookup, only: places_type
+   use text, only: lower, to_text
    use warning_lists, only: warning_type
    implicit none
    private
@@ -126,13 +128,19 @@ contains
       !> Waiting: the machine could not do it, for the reason in its message.
       type(outcome_type), intent(in) :: outcome
       type(error_type), allocatable, intent(out) :: error
+      type(outcome_type) :: kept
 
       if (number < 1 .or. number > size(self%state)) then
          call raise(error, 'no such simulation is wanted', exit_bad_input)
       else if (outcome%status /= outcome_waiting) then
          self%state(number) = made
          self%n_new = self%n_new + 1
-         call self%keep(number, outcome, error)
+         kept = outcome
+         if (kept%status == outcome_done .and. .not. (ieee_is_finite(kept%modulus) .and. kept%modulus > 0.0_wp)) then
+            kept%status = outcome_failed
+            kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
+         end if
+         call self%keep(number, kept, error)
       else if (self%state(number) == again) then
          call raise(error, outcome%message, machine_failure)
       else
