@@ -1,6 +1,11 @@
-"""campaign.sqlite: what it keeps, what it refuses, and that nothing in it changes."""
+"""campaign.sqlite: what it keeps, what it refuses, and that nothing in it changes. What is stored is read by Python's sqlite3.
+
+tests/fortran/test_campaign.f90 looks at the module itself.
+"""
 
 import json
+import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -9,53 +14,95 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from campaigns import rows
 
 import bayesindent as bi
-from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.build import ask, tell
+from bayesindent.pipeline.stage import run_stage
+from bayesindent.settings.problem import Problem, read_crystals
 
-THEORY = {"simulator": "theory"}
+HEADER = ("C11", "C12", "C44", "phi1_deg", "Phi_deg", "phi2_deg")
 COPPER, ANGLES = (168.4, 121.4, 75.4), (10.0, 20.0, 30.0)
 
 
+def table(folder, points, name="points.csv", moduli=None):
+    """A table of cubic crystals, to the last bit."""
+    lines = [",".join(HEADER + ("modulus_gpa",) * (moduli is not None))]
+    lines += [",".join(map(repr, [float(value) for value in point])) for point in points]
+    if moduli is not None:
+        lines[1:] = [f"{line},{modulus!r}" for line, modulus in zip(lines[1:], moduli, strict=True)]
+    (folder / name).write_text("\n".join(lines) + "\n")
+    return folder / name
+
+
+def simulated(folder, points, simulate=None, simulator="theory"):
+    """The document of `simulate` of these points, kept in the folder; what became of each job is what `simulate` says."""
+    folder.mkdir(exist_ok=True)
+    table(folder, points)
+    text = f"&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = '{simulator}', refine = 0.6 /\n"
+    (folder / "a.nml").write_text(text + "&execution workers = 1 /\n")
+    return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)
+
+
+def told(folder, points, moduli):
+    """What `build --tell` says of these moduli of others; its physics is the theory's."""
+    folder.mkdir(exist_ok=True)
+    text = "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&domain log_anisotropy_max = 3 /\n&design budget = 8 /\n"
+    (folder / "b.nml").write_text(text)
+    path = table(folder, points, "told.csv", moduli)
+    return tell(Problem(folder / "b.nml", "build"), folder, read_crystals(path, "cubic"), "told.csv")
+
+
+def crystals(n, seed=1):
+    """Points (n, 6) of stable crystals, among them powers of two and numbers next to them, which have the fewest digits in ways of their own."""
+    rng = np.random.default_rng(seed)
+    c12 = np.concatenate([rng.uniform(1, 100, n // 2), 2.0 ** rng.integers(0, 7, n - n // 2)])
+    c44 = np.concatenate([rng.uniform(10, 100, n // 2), 2.0 ** rng.integers(3, 7, n - n // 2) * (1 + 2.0**-52)])
+    angles = np.concatenate([rng.uniform(0, 180, (n // 2, 3)), 2.0 ** rng.integers(-40, 7, (n - n // 2, 3))])
+    points = np.column_stack([c12 + 2.0 ** rng.integers(5, 7, n), c12, c44, angles])
+    points[0] = 230.0, 0.1 + 0.2, 64.0, 1e-05, -0.0, 2.0**-44
+    return points
+
+
 def test_rows_come_back_to_the_last_bit(tmp_path):
-    values = tuple(np.array(COPPER) / 3)
-    with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        campaign.add("cubic", values, ANGLES, modulus_gpa=0.1 + 0.2, elements=12, seconds=1.5, depth_um=[0.1], force_mn=[2.0])
-        campaign.add("cubic", COPPER, ANGLES, message="the contact did not converge")
-    with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        done, failed = campaign.rows("cubic")
-        assert (done.constants, done.euler_deg, done.modulus_gpa, done.seconds) == (values, ANGLES, 0.1 + 0.2, 1.5)
-        assert (failed.message, failed.modulus_gpa) == ("the contact did not converge", None)
-        assert campaign.find("cubic", values, ANGLES) == done
-        assert campaign.rows("hexagonal") == []
-        assert campaign.next_position() == 2
+    """Lists are spelled as Python spells them, under which a point is found."""
+    points = crystals(400)
+    curves = iter(np.random.default_rng(2).uniform(1e-9, 1e9, (400, 2, 3)).tolist())
+    made = []
 
+    def simulate(job):
+        depth, force = next(curves)
+        made.append((depth, force))
+        if len(made) == 8:
+            return {"message": "the contact did not converge"}
+        return {"modulus_gpa": depth[0] + 0.1, "seconds": 0.25 + len(made), "elements": 7, "depth_um": depth, "force_mn": force}
 
-def test_the_file_is_plain_sqlite(tmp_path):
-    path = tmp_path / "new folder" / "campaign.sqlite"
-    # Powers of two, and numbers next to them, have the fewest digits in ways of their own.
-    rng = np.random.default_rng(1)
-    points = np.concatenate([rng.uniform(0, 360, (200, 6)), 2.0 ** rng.integers(-40, 40, (200, 6)), rng.integers(0, 300, (200, 6)) / 8])
-    points[0] = 230.0, 1e-05, 1e16, 0.1, -0.0, 2.0**-44
-    with Campaign(path, THEORY) as campaign:
-        for point in points:
-            campaign.add(
-                "cubic", point[:3], point[3:], modulus_gpa=point[0] + 1, seconds=0.25, elements=7, depth_um=point[:2], force_mn=point[2:4]
-            )
-        campaign.add("cubic", COPPER, ANGLES, message="no contact")
-    with closing(sqlite3.connect(path)) as file:
+    document = simulated(tmp_path, points, simulate, "fe")
+    assert (document["new_simulations"], document["failed"]) == (400, 1)
+    stored = rows(tmp_path / "campaign.sqlite")
+    assert [row.position for row in stored] == list(range(400))
+    assert [(*row.constants, *row.euler_deg) for row in stored] == [tuple(point) for point in points.tolist()]
+    for i, (row, (depth, force)) in enumerate(zip(stored, made, strict=True)):
+        if i == 7:
+            assert (row.message, row.modulus_gpa, row.depth_um) == ("the contact did not converge", None, None)
+        else:
+            assert row[5:] == ("", depth[0] + 0.1, 1.25 + i, 7, depth, force)
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
         assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        rows = file.execute("SELECT * FROM simulation ORDER BY position").fetchall()
-        assert [row[2] for row in rows] == list(range(601))
-        # Every list as Python writes it, under which the point is found.
-        for row, point in zip(rows, points.tolist(), strict=False):
-            assert row[3:14] == (
-                "cubic", json.dumps(point[:3]), json.dumps(point[3:]), "simulated", "done", "", point[0] + 1, 7, 0.25, json.dumps(point[:2]),
-                json.dumps(point[2:4]),
+        texts = file.execute("SELECT symmetry, constants, euler_deg, depth_um, force_mn, origin, status FROM simulation ORDER BY position")
+        for i, (texts_of_row, point, curve) in enumerate(zip(texts, points.tolist(), made, strict=True)):
+            failed = i == 7
+            curve = [None, None] if failed else [json.dumps(values) for values in curve]
+            assert texts_of_row == (
+                "cubic", json.dumps(point[:3]), json.dumps(point[3:]), *curve, "simulated", "failed" if failed else "done",
             )  # fmt: skip
-        assert rows[-1][3:14] == ("cubic", json.dumps(COPPER), json.dumps(ANGLES), "simulated", "failed", "no contact", *[None] * 5)
-        written = time.mktime(time.strptime(rows[-1][14], "%Y-%m-%dT%H:%M:%S+00:00")) - time.timezone
+        (created,) = file.execute("SELECT created FROM simulation WHERE position = 399").fetchone()
+        written = time.mktime(time.strptime(created, "%Y-%m-%dT%H:%M:%S+00:00")) - time.timezone
         assert abs(time.time() - written) < 600
+    # All are found again, the failed one too.
+    again = simulated(tmp_path, points, None, "fe")
+    assert again["new_simulations"] == 0
+    assert again["results"] == document["results"]
 
 
 #: The layout of the files that version 0.1 wrote with Python's sqlite3.
@@ -76,125 +123,131 @@ INSERT INTO physics (identity) VALUES ('{"simulator": "theory"}');
 @pytest.mark.long
 def test_rows_that_python_wrote_are_found(tmp_path):
     path = tmp_path / "campaign.sqlite"
-    rng = np.random.default_rng(2)
-    points = [(tuple(rng.uniform(1, 300, 3)), tuple(rng.uniform(0, 360, 3))) for _ in range(20000)]
+    points = crystals(20000, 2).tolist()
+    unique = {json.dumps(point): point for point in points}
     with closing(sqlite3.connect(path)) as file:
         file.executescript(OLD)
-        cells = [(i, json.dumps(c), json.dumps(e), c[0] / 3, json.dumps([0.1, c[1]])) for i, (c, e) in enumerate(points)]
+        cells = [(i, json.dumps(p[:3]), json.dumps(p[3:]), p[0] / 3, json.dumps([0.1, p[1]])) for i, p in enumerate(unique.values())]
         file.executemany(
-            "INSERT INTO simulation VALUES (NULL, 1, ?, 'cubic', ?, ?, 'told', 'done', '', ?, NULL, NULL, ?, '[1.0]', '2026-01-01')", cells
+            "INSERT INTO simulation VALUES (NULL, 1, ?, 'cubic', ?, ?, 'told', 'done', '', ?, NULL, NULL, ?, '[1.0, 2.0]', '2026-01-01')", cells
         )
         file.commit()
-    with Campaign(path, THEORY) as campaign:
-        start = time.process_time()
-        rows = campaign.rows()
-        assert [(row.constants, row.euler_deg) for row in rows] == points
-        assert all(row == campaign.find("cubic", *point) for row, point in zip(rows[::10], points[::10], strict=True))
-        assert time.process_time() - start < 10
-        assert rows[7].modulus_gpa == points[7][0][0] / 3
-        assert (rows[7].depth_um, rows[7].force_mn, rows[7].imported, rows[7].seconds) == ([0.1, points[7][0][1]], [1.0], True, None)
-        campaign.add("cubic", *points[7], modulus_gpa=1.0)
-        assert campaign.next_position() == 20000
-        assert len(campaign.rows("cubic")) == 20000
+    start = time.process_time()
+    document = simulated(tmp_path, points)
+    assert time.process_time() - start < 30
+    assert document["new_simulations"] == 0
+    assert [row["indentation_modulus_gpa"] for row in document["results"]] == [point[0] / 3 for point in points]
+    assert document["results"][7]["depth_um"] == [0.1, points[7][1]]
+    stored = rows(path)
+    assert len(stored) == len(unique)
+    assert (stored[7].force_mn, stored[7].imported, stored[7].seconds) == ([1.0, 2.0], True, None)
+    # A new one comes after them.
+    assert simulated(tmp_path, [*points[:3], (*COPPER, *ANGLES)])["new_simulations"] == 1
+    assert rows(path)[-1].position == len(unique)
 
 
 WRITER = """
 import sys
-from bayesindent.pipeline.campaign import Campaign
+from pathlib import Path
+from test_campaign import told
+folder = Path(sys.argv[1])
+k = float(sys.argv[2])
 sys.stdin.readline()
-with Campaign(sys.argv[1], {"simulator": "theory"}) as campaign:
-    for i in range(50):
-        campaign.add("cubic", (200.0 + i, 100.0, 50.0), (float(sys.argv[2]) * (i % 2), 0.0, 0.0), modulus_gpa=150.0)
+for i in range(0, 50, 2):
+    told(folder, [(200.0 + i, 100.0, 50.0, 0.0, 0.0, 0.0), (201.0 + i, 100.0, 50.0, k, 0.0, 0.0)], [150.0, 150.0])
 """
 
 
 def test_processes_share_a_file(tmp_path):
-    path = tmp_path / "campaign.sqlite"
-    writers = [subprocess.Popen([sys.executable, "-c", WRITER, path, str(k)], stdin=subprocess.PIPE, text=True) for k in range(3)]
+    """The library takes no lock: the file itself bears it."""
+    (tmp_path / "campaign").mkdir()
+    writers = []
+    for k in range(3):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        (folder / "campaign.sqlite").symlink_to(tmp_path / "campaign" / "campaign.sqlite")
+    told(tmp_path / "campaign", [(*COPPER, *ANGLES)], [134.0])
+    for k in range(3):
+        command = [sys.executable, "-c", WRITER, tmp_path / str(k), str(k)]
+        environment = {"PYTHONPATH": ":".join(sys.path)}
+        writers.append(subprocess.Popen(command, stdin=subprocess.PIPE, text=True, env=os.environ | environment))
     for writer in writers:
         writer.stdin.write("\n")
         writer.stdin.flush()
     for writer in writers:
         writer.communicate()
         assert writer.returncode == 0
-    with Campaign(path, THEORY) as campaign:
-        # Each has the 25 points of even i, which are one and the same, and 25 of its own.
-        assert sorted(row.position for row in campaign.rows("cubic")) == list(range(100))
-
-
-def test_a_closed_campaign_says_so(tmp_path):
-    with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        pass
-    campaign.close()
-    with pytest.raises(bi.InputError, match="the campaign does not exist any more"):
-        campaign.rows()
+    # Each has the 25 points of even i, which are one and the same, and 25 of its own.
+    assert sorted(row.position for row in rows(tmp_path / "campaign" / "campaign.sqlite")) == list(range(101))
 
 
 def test_no_row_is_ever_changed(tmp_path):
     path = tmp_path / "campaign.sqlite"
-    with Campaign(path, THEORY) as campaign:
-        campaign.add("cubic", COPPER, ANGLES, modulus_gpa=134.0)
-        campaign.add("cubic", COPPER, ANGLES, modulus_gpa=135.0)
-        assert [row.modulus_gpa for row in campaign.rows("cubic")] == [134.0]
-    file = sqlite3.connect(path)
-    for statement in ("UPDATE simulation SET indentation_modulus_gpa = 1", "DELETE FROM simulation"):
-        with pytest.raises(sqlite3.IntegrityError, match="never"):
-            file.execute(statement)
+    told(tmp_path, [(*COPPER, *ANGLES)], [134.0])
+    assert simulated(tmp_path, [(*COPPER, *ANGLES)])["results"][0]["indentation_modulus_gpa"] == 134.0
+    assert [row.modulus_gpa for row in rows(path)] == [134.0]
+    with closing(sqlite3.connect(path)) as file:
+        for statement in ("UPDATE simulation SET indentation_modulus_gpa = 1", "DELETE FROM simulation"):
+            with pytest.raises(sqlite3.IntegrityError, match="never"):
+                file.execute(statement)
 
 
 def test_physics_are_kept_apart(tmp_path):
+    point = [(*COPPER, *ANGLES)]
+    told(tmp_path, point, [134.0])
+    assert simulated(tmp_path, point, lambda job: {"modulus_gpa": 140.0}, "fe")["new_simulations"] == 1
     path = tmp_path / "campaign.sqlite"
-    with Campaign(path, THEORY) as campaign:
-        campaign.add("cubic", COPPER, ANGLES, modulus_gpa=134.0)
-    with Campaign(path, {"simulator": "fe", "geometry": "block"}) as campaign:
-        assert campaign.rows("cubic") == []
-        assert campaign.other_physics() == ['{"simulator": "theory"}']
-        campaign.add("cubic", COPPER, ANGLES, modulus_gpa=140.0)
-    with Campaign(path, THEORY) as campaign:
-        assert [row.modulus_gpa for row in campaign.rows("cubic")] == [134.0]
+    assert [row.modulus_gpa for row in rows(path, '{"simulator": "theory"}')] == [134.0]
+    assert sorted(row.modulus_gpa for row in rows(path)) == [134.0, 140.0]
+    # A build with yet another says so.
+    text = (tmp_path / "b.nml").read_text().replace("'theory'", "'import'")
+    (tmp_path / "c.nml").write_text(text)
+    (warning,) = ask(Problem(tmp_path / "c.nml", "build"), tmp_path, 1)["warnings"]
+    assert "campaign.sqlite holds only simulations of another physics (" in warning
 
 
-def test_a_modulus_that_is_none_is_a_failure(tmp_path):
-    with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        campaign.add("cubic", COPPER, ANGLES, modulus_gpa=float("nan"))
-        assert campaign.rows("cubic")[0].message == "the modulus is nan GPa"
+@pytest.mark.parametrize("modulus", [float("nan"), -1.0, float("inf")])
+def test_a_modulus_that_is_none_is_a_failure(tmp_path, modulus):
+    with pytest.raises(bi.BayesindentError, match="every simulation failed"):
+        simulated(tmp_path, [(*COPPER, *ANGLES)], lambda job: {"modulus_gpa": modulus})
+    (row,) = rows(tmp_path / "campaign.sqlite")
+    assert re.fullmatch("the modulus is (nan|-1.0|infinity) GPa", row.message) and row.modulus_gpa is None
 
 
 def test_import(tmp_path):
-    constants = np.array([COPPER, (225.0, 135.0, 124.0)])
-    angles = np.array([ANGLES, ANGLES])
-    with Campaign(tmp_path / "campaign.sqlite", THEORY) as campaign:
-        assert campaign.import_rows("cubic", constants, angles, [134.0, 214.0]) == 2
-        assert campaign.import_rows("cubic", constants, angles, [134.0, 214.0]) == 0
-        with pytest.raises(bi.InputError, match="row 2 .*215.*same point has 214.0 GPa in the campaign"):
-            campaign.import_rows("cubic", constants, angles, [134.0, 215.0])
-        with pytest.raises(bi.InputError, match="row 2 .*same point has 150.0 GPa in an earlier row"):
-            campaign.import_rows("cubic", 2 * constants[[0, 0]], angles, [150.0, 151.0])
-        with pytest.raises(bi.InputError, match="row 1: modulus_gpa is nan"):
-            campaign.import_rows("cubic", 3 * constants, angles, [np.nan, 1.0])
-        assert len(campaign.rows("cubic")) == 2
-        campaign.add("cubic", 5 * constants[0], ANGLES, message="no contact")
-        with pytest.raises(bi.InputError, match="failed .no contact."):
-            campaign.import_rows("cubic", 5 * constants[:1], angles[:1], [700.0])
+    points = np.array([(*COPPER, *ANGLES), (225.0, 135.0, 124.0, *ANGLES)])
+    assert told(tmp_path, points, [134.0, 214.0]) == {"imported": 2, "simulations": 2, "warnings": []}
+    assert told(tmp_path, points, [134.0, 214.0])["imported"] == 0
+    with pytest.raises(bi.InputError, match=r"told.csv: row 2 .*215.*same point has 214.0 GPa in the campaign"):
+        told(tmp_path, points, [134.0, 215.0])
+    with pytest.raises(bi.InputError, match="row 2 .*same point has 150.0 GPa in an earlier row"):
+        told(tmp_path, [(*points[0, :3] + 1, *ANGLES)] * 2, [150.0, 151.0])
+    assert len(rows(tmp_path / "campaign.sqlite")) == 2
+    failing = [(*points[0, :3] * 2, *ANGLES)]
+    with pytest.raises(bi.BayesindentError, match="no contact"):
+        simulated(tmp_path, failing, lambda job: {"message": "no contact"})
+    with pytest.raises(bi.InputError, match="failed .no contact."):
+        told(tmp_path, failing, [700.0])
 
 
 def test_foreign_and_damaged_files_are_refused(tmp_path):
-    text = tmp_path / "text.sqlite"
-    text.write_text("this is not a database, but it is long enough to look like a file with something in it" * 20)
-    with pytest.raises(bi.InputError, match="is not a campaign, or is damaged"):
-        Campaign(text, THEORY)
-    assert text.read_text().startswith("this is not")
-    foreign = tmp_path / "foreign.sqlite"
-    with sqlite3.connect(foreign) as file:
-        file.execute("CREATE TABLE recipes (name TEXT)")
-    with pytest.raises(bi.InputError, match="not a campaign of bayesindent"):
-        Campaign(foreign, THEORY)
     path = tmp_path / "campaign.sqlite"
-    with Campaign(path, THEORY) as campaign:
-        for i in range(400):
-            campaign.add("cubic", (100.0 + i, 50.0, 50.0), ANGLES, modulus_gpa=100.0)
+    path.write_text("this is not a database, but it is long enough to look like a file with something in it" * 20)
+    with pytest.raises(bi.InputError, match="is not a campaign, or is damaged"):
+        told(tmp_path, [(*COPPER, *ANGLES)], [134.0])
+    assert path.read_text().startswith("this is not")
+    path.unlink()
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("CREATE TABLE recipes (name TEXT)")
+        file.commit()
+    with pytest.raises(bi.InputError, match="not a campaign of bayesindent"):
+        told(tmp_path, [(*COPPER, *ANGLES)], [134.0])
+    path.unlink()
+    points = [(200.0 + i, 50.0, 50.0, *ANGLES) for i in range(400)]
+    told(tmp_path, points, [100.0] * 400)
     content = bytearray(path.read_bytes())
     content[8192:12288] = b"\x55" * 4096
     path.write_bytes(content)
-    with pytest.raises(bi.InputError, match="damaged"):
-        Campaign(path, THEORY)
+    for attempt in (lambda: told(tmp_path, points[:1], [100.0]), lambda: simulated(tmp_path, points[:1])):
+        with pytest.raises(bi.InputError, match="damaged"):
+            attempt()

@@ -10,17 +10,16 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.common.result_files import read_groups, read_json, whole_file, write_groups, write_json
+from bayesindent.common.result_files import read_json, whole_file, write_json
 from bayesindent.core import BayesindentError, InputError
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline.campaign import Campaign
-from bayesindent.pipeline.inputs_identity import read_manifest, read_resolved, update_manifest, write_resolved
+from bayesindent.pipeline.results_folder import read_posterior, read_resolved
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
+from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 from conftest import SOURCE
 
-THEORY = {"simulator": "theory"}
-GROUPS = {"posterior": ({"C11": (("chain", "draw"), np.arange(200.0).reshape(2, 100))}, {"inputs": "{}"})}
 
 
 def bits_changed(content: bytes, count: int, seed: int = 1):
@@ -31,12 +30,18 @@ def bits_changed(content: bytes, count: int, seed: int = 1):
         yield content[:at] + bytes([content[at] ^ (1 << dice.randrange(8))]) + content[at + 1 :]
 
 
-def filled(path, rows: int = 20) -> list:
-    """The rows of a new campaign."""
-    with Campaign(path, THEORY) as campaign:
-        for i in range(rows):
-            campaign.add("cubic", (200.0 + i / 7, 100.0, 50.0), (0.1 * i, 0.0, 0.0), modulus_gpa=150.0 + i / 3, seconds=0.1, elements=8)
-        return campaign.rows()
+def simulated(folder, rows: int = 20, simulator: str = "theory") -> list:
+    """What `simulate` says of crystals in a folder. Those that its campaign has not are simulated by a formula."""
+    lines = [f"{200 + i / 7!r},100,50,{0.1 * i!r},0,0\n" for i in range(rows)]
+    (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(lines))
+    text = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = 1 /\n"
+    (folder / "a.nml").write_text(f"{text}&simulation simulator = '{simulator}', refine = 0.6 /\n")
+
+    def simulate(job):
+        modulus = 150.0 + (job.stiffness[0, 0] - 200) * 7 / 3
+        return {"modulus_gpa": modulus, "seconds": 0.1, "elements": 8, "depth_um": [0.1, 0.2], "force_mn": [1.0, modulus]}
+
+    return run_stage(Problem(folder / "a.nml", "simulate"), "simulate", folder, simulate=simulate)["results"]
 
 
 @pytest.mark.parametrize(
@@ -54,19 +59,29 @@ def filled(path, rows: int = 20) -> list:
 )
 def test_a_row_that_was_changed_is_refused(tmp_path, change):
     path = tmp_path / "campaign.sqlite"
-    filled(path)
+    simulated(tmp_path)
     with closing(sqlite3.connect(path)) as file:
         file.execute("DROP TRIGGER simulation_is_not_changed")
         file.execute(f"UPDATE simulation SET {change} WHERE position = 7")
         file.commit()
         assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-    with Campaign(path, THEORY) as campaign, pytest.raises(InputError, match="campaign.sqlite: is .* damaged .the row of position 7"):
-        campaign.rows()
+    with pytest.raises(InputError, match="campaign.sqlite: is .* damaged .the row of position 7"):
+        teach(tmp_path)
+
+
+def teach(folder) -> None:
+    """Let a build learn from all rows."""
+    text = (folder / "a.nml").read_text() + "&domain log_anisotropy_max = 3 /\n&design budget = 20 /\n&surrogate degree = 1 /\n"
+    (folder / "b.nml").write_text(text)
+    ask(Problem(folder / "b.nml", "build"), folder, 1)
 
 
 def test_rows_moved_to_another_physics_are_refused(tmp_path):
     path = tmp_path / "campaign.sqlite"
-    filled(path)
+    simulated(tmp_path)
+    with closing(sqlite3.connect(path)) as file:
+        (identity,) = file.execute("SELECT identity FROM physics").fetchone()
+    simulated(tmp_path, 1, "fe")
     with closing(sqlite3.connect(path)) as file:
         file.execute("UPDATE physics SET identity = ?", ['{"simulator": "fe"}'])
         file.commit()

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import bayesindent as bi
+from bayesindent.engines import DaskEngine
 from bayesindent.pipeline.build import build
-from bayesindent.pipeline.engines import DaskEngine
 from bayesindent.settings.problem import Problem
 from conftest import HANGS_S
 
@@ -131,6 +131,6 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
 
 
 def test_no_scheduler_is_told(monkeypatch):
-    monkeypatch.setattr("bayesindent.pipeline.engines.dask.PATIENCE_S", 0.5)
+    monkeypatch.setattr("bayesindent.engines.dask.PATIENCE_S", 0.5)
     with pytest.raises(bi.core.MachineError, match="no scheduler answers at tcp://127.0.0.1:1"):
         DaskEngine(0, "tcp://127.0.0.1:1")
