@@ -1,25 +1,33 @@
 """Files that were damaged are refused in one line that names them; rows of a campaign know when they were changed."""
 
+import csv
 import json
+import os
 import random
 import re
+import shutil
 import sqlite3
 from contextlib import closing
 
 import numpy as np
 import pytest
+from campaigns import rows
 
 import bayesindent as bi
 from bayesindent.common.result_files import read_json, whole_file, write_json
 from bayesindent.core import BayesindentError, InputError
 from bayesindent.crystal.elasticity import stiffness_rows
 from bayesindent.pipeline.results_folder import read_posterior, read_resolved
-from bayesindent.pipeline.stage import run_stage
+from bayesindent.pipeline.stage import Stage, run_stage
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
-from conftest import SOURCE
+from conftest import REFERENCE, SOURCE
 
+
+
+#: Identity of the physics.
+THEORY = '{"simulator": "theory"}'
 
 
 def bits_changed(content: bytes, count: int, seed: int = 1):
@@ -30,9 +38,9 @@ def bits_changed(content: bytes, count: int, seed: int = 1):
         yield content[:at] + bytes([content[at] ^ (1 << dice.randrange(8))]) + content[at + 1 :]
 
 
-def simulated(folder, rows: int = 20, simulator: str = "theory") -> list:
+def simulated(folder, count: int = 20, simulator: str = "theory") -> list:
     """What `simulate` says of crystals in a folder. Those that its campaign has not are simulated by a formula."""
-    lines = [f"{200 + i / 7!r},100,50,{0.1 * i!r},0,0\n" for i in range(rows)]
+    lines = [f"{200 + i / 7!r},100,50,{0.1 * i!r},0,0\n" for i in range(count)]
     (folder / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(lines))
     text = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&execution workers = 1 /\n"
     (folder / "a.nml").write_text(f"{text}&simulation simulator = '{simulator}', refine = 0.6 /\n")
@@ -66,41 +74,40 @@ def test_a_row_that_was_changed_is_refused(tmp_path, change):
         file.commit()
         assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     with pytest.raises(InputError, match="campaign.sqlite: is .* damaged .the row of position 7"):
-        teach(tmp_path)
+        learnt(tmp_path)
 
 
-def teach(folder) -> None:
-    """Let a build learn from all rows."""
+def learnt(folder) -> int:
+    """How many simulations of the campaign a build learns from."""
     text = (folder / "a.nml").read_text() + "&domain log_anisotropy_max = 3 /\n&design budget = 20 /\n&surrogate degree = 1 /\n"
     (folder / "b.nml").write_text(text)
-    ask(Problem(folder / "b.nml", "build"), folder, 1)
+    return 20 - Stage(Problem(folder / "b.nml", "build"), "build", folder).expected
 
 
 def test_rows_moved_to_another_physics_are_refused(tmp_path):
     path = tmp_path / "campaign.sqlite"
     simulated(tmp_path)
+    assert learnt(tmp_path) == 20
     with closing(sqlite3.connect(path)) as file:
-        (identity,) = file.execute("SELECT identity FROM physics").fetchone()
-    simulated(tmp_path, 1, "fe")
-    with closing(sqlite3.connect(path)) as file:
-        file.execute("UPDATE physics SET identity = ?", ['{"simulator": "fe"}'])
+        file.execute("UPDATE physics SET identity = ?", ['{"simulator": "import"}'])
         file.commit()
-    with Campaign(path, {"simulator": "fe"}) as campaign, pytest.raises(InputError, match="was changed"):
-        campaign.rows()
+    (tmp_path / "a.nml").write_text((tmp_path / "a.nml").read_text().replace("'theory'", "'import'"))
+    with pytest.raises(InputError, match="was changed"):
+        learnt(tmp_path)
 
 
 def test_bits_of_a_campaign(tmp_path):
     """Whatever bit is changed: the file is refused by its name, or the rows are the same."""
     path = tmp_path / "campaign.sqlite"
-    rows, content = filled(path), path.read_bytes()
-    refused = 0
+    results, content = simulated(tmp_path), path.read_bytes()
+    stored, refused = rows(path), 0
     for bad in bits_changed(content, 200):
         path.write_bytes(bad)
         try:
-            with Campaign(path, THEORY) as campaign:
-                assert campaign.rows() in (rows, [])
-                # Another identity of the physics: the rows are those of a physics that nobody asks for.
-                assert campaign.rows() == rows or campaign.other_physics()
+            assert simulated(tmp_path) == results
+            # Another identity of the physics, or another crystal: the row is one that nobody asks for, and the asked one is made anew.
+            assert learnt(tmp_path) == 20
+            assert [row[1:] for row in rows(path, THEORY)] == [row[1:] for row in stored]
         except InputError as error:
             assert str(error).startswith(f"{path}: ")
             assert "\n" not in str(error)
@@ -113,19 +120,19 @@ def test_other_files_are_no_campaign(tmp_path, content):
     path = tmp_path / "campaign.sqlite"
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"campaign.sqlite: is not a campaign, or is damaged"):
-        Campaign(path, THEORY)
+        simulated(tmp_path)
     assert path.read_bytes() == content
 
 
 def test_rows_without_a_checksum_are_read(tmp_path):
     """Those of the first version of the layout."""
     path = tmp_path / "campaign.sqlite"
-    rows = filled(path)
+    results = simulated(tmp_path)
     with closing(sqlite3.connect(path)) as file:
         file.executescript("ALTER TABLE simulation DROP COLUMN checksum; PRAGMA user_version = 1")
-    with Campaign(path, THEORY) as campaign:
-        assert campaign.rows() == rows
-        campaign.add("cubic", (250.0, 100.0, 50.0), (0.0, 0.0, 0.0), modulus_gpa=150.0)
+    assert simulated(tmp_path) == results
+    assert learnt(tmp_path) == 20
+    assert simulated(tmp_path, 21)[:20] == results
     with closing(sqlite3.connect(path)) as file:
         sums = [row[0] for row in file.execute("SELECT checksum FROM simulation ORDER BY position")]
     assert sums[:-1] == [None] * 20
@@ -149,22 +156,42 @@ def test_bits_of_a_surrogate(tmp_path):
         assert len(str(error.value).splitlines()) == 1
 
 
-def test_bits_of_a_posterior(tmp_path):
-    import h5netcdf
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory):
+    """A folder with a posterior."""
+    folder = tmp_path_factory.mktemp("sampled")
+    text = f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = '{REFERENCE / 'cubic_fe3si.csv'}', "
+    (folder / "a.nml").write_text(text + "modulus_kind = 'indentation_modulus' /\n&sampler method = 'scmh', samples = 10, burn_in = 50 /\n")
+    assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
+    return folder / "out"
 
-    path = tmp_path / "posterior.nc"
-    write_groups(path, GROUPS)
-    # Others read it by its name.
-    with h5netcdf.File(path, "r") as file:
-        assert file["posterior"]["C11"][...].tolist() == GROUPS["posterior"][0]["C11"][1].tolist()
-    content = path.read_bytes()
+
+def test_bits_of_a_posterior(sampled, tmp_path, capsys):
+    folder = shutil.copytree(sampled, tmp_path / "out")
+    path = folder / "posterior.bin"
+    content, values = path.read_bytes(), read_posterior(folder)
+    with open(folder / "posterior.csv") as table:
+        drawn = [[float(row[name]) for name in ("C11", "C12", "C44")] for row in csv.DictReader(table)]
+    assert values["draws"].reshape(-1, 3).tolist() == drawn
     for bad in [b"", content[:-1], content[:100], content + b"\n", bytes(1000), *bits_changed(content, 200)]:
         path.write_bytes(bad)
-        with pytest.raises(InputError, match="posterior.nc: is damaged"):
-            read_groups(path)
+        with pytest.raises(InputError, match="posterior.bin: is damaged"):
+            read_posterior(folder)
+    for command in (["report", str(folder)], ["compare", str(sampled), str(folder)]):
+        capsys.readouterr()
+        assert main(command) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"{path}: is damaged")
     path.write_bytes(content)
-    with h5netcdf.File(read_groups(path), "r") as file:
-        assert file["posterior"].attrs["inputs"] == "{}"
+    again = read_posterior(folder)
+    assert again.keys() == values.keys() and (again["draws"] == values["draws"]).all() and again["inputs"] == values["inputs"]
+
+
+def test_the_copy_for_arviz_is_read_by_its_name(sampled):
+    import h5netcdf
+
+    with h5netcdf.File(sampled / "posterior.nc", "r") as file:
+        assert file["posterior"]["C11"][...].tolist() == read_posterior(sampled)["draws"][..., 0].tolist()
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"a": 1}}', b"[" * 100000])
@@ -199,15 +226,15 @@ def test_bits_of_a_document(tmp_path):
     assert read_json(path) == document, "the batch program writes none"
 
 
-def test_results_of_another_namelist_are_not_mixed(tmp_path, capsys):
-    """The batch program, say, ran another namelist in the same folder."""
-    write_resolved(tmp_path, "&problem symmetry = 'cubic' /\n")
-    update_manifest(tmp_path, tmp_path / "a.nml", {"problem": "1"})
-    assert read_resolved(tmp_path, read_manifest(tmp_path)) == "&problem symmetry = 'cubic' /\n"
-    assert main(["report", str(tmp_path)]) == 0
-    (tmp_path / "resolved.nml").write_text("&problem symmetry = 'hexagonal' /\n")
+def test_results_of_another_namelist_are_not_mixed(sampled, tmp_path, capsys):
+    """Somebody put another namelist beside the results."""
+    folder = shutil.copytree(sampled, tmp_path / "out")
+    assert read_resolved(folder) == Problem(sampled.parent / "a.nml", "extract").resolved
+    assert main(["report", str(folder)]) == 0
+    text = (folder / "resolved.nml").read_text()
+    (folder / "resolved.nml").write_text(text.replace("cubic", "hexagonal"))
     capsys.readouterr()
-    assert main(["report", str(tmp_path)]) == 2
+    assert main(["report", str(folder)]) == 2
     assert "resolved.nml: is not what the results beside it came from" in capsys.readouterr().err
 
 
@@ -226,14 +253,20 @@ def test_a_full_disk_is_told_in_words(tmp_path, capsys, monkeypatch):
     assert read_json(kept) == {"a": 1}
     (tmp_path / "points.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
     (tmp_path / "a.nml").write_text("&problem symmetry='cubic' /\n&crystals points='points.csv' /\n")
-    assert main(["theory", str(tmp_path / "a.nml"), "--output", str(tmp_path)]) == 1
-    assert capsys.readouterr().err == f"{tmp_path / 'inputs.json'}: cannot be written: the disk is full\n"
+    # The core writes its files beside their names likewise.
+    for name in ("inputs.json", "resolved.nml", "theory.csv", "theory.json"):
+        (tmp_path / f".part-{os.getpid()}-{name}").symlink_to("/dev/full")
+        assert main(["theory", str(tmp_path / "a.nml"), "--output", str(tmp_path)]) == 1
+        assert capsys.readouterr().err.endswith(f"{tmp_path / name}: cannot be written: the disk is full\n")
+        assert not (tmp_path / name).exists()
+        (tmp_path / f".part-{os.getpid()}-{name}").unlink(missing_ok=True)
 
 
 def test_a_core_that_cannot_write_says_so(tmp_path):
     """A folder of the system takes no files from anybody."""
+    simulated(tmp_path)
     with pytest.raises(BayesindentError, match="/sys/kernel/campaign.sqlite: the campaign cannot be used"):
-        Campaign("/sys/kernel/campaign.sqlite", THEORY)
+        Stage(Problem(tmp_path / "a.nml", "simulate"), "simulate", "/sys/kernel")
 
 
 def test_every_writer_goes_through_one_helper():
