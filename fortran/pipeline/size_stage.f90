@@ -72,6 +72,7 @@ contains
          self%sizes = self%contact_radius*merge(film_sizes, grain_sizes, stated%geometry == 'film')
          rigid = stated%geometry == 'film' .and. stated%substrate == 'rigid'
          ways = merge(1, size(factors), rigid)
+         deallocate (self%physics)
          allocate (self%cases(points%n*ways), self%physics(1 + points%n*ways*n_sizes))
          self%physics = self%problem%settings
          self%physics(1)%specimen%geometry = 'halfspace'
