@@ -17,6 +17,7 @@ module posterior_operations
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use surrogate_model, only: surrogate_type
+   use warning_lists, only: warning_type
    implicit none
    private
    public :: perform_posterior
@@ -91,6 +92,7 @@ contains
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
       type(problem_type), pointer :: problem
+      type(warning_type), allocatable :: warnings(:)
       character(len=:), allocatable :: document
 
       select case (verb)
@@ -103,7 +105,8 @@ contains
       case ('next')
          ! The draws have the factor on the sds as it is, not its logarithm.
          problem => x%problem(error)
-         if (.not. allocated(error)) call next_document(problem, density, x%in%columns('draws', density%dimension), document, error)
+         if (.not. allocated(error)) call next_document(problem, density, x%in%columns('draws', density%dimension), document, &
+            & warnings, error)
          if (.not. allocated(error)) call x%out%put('document', document)
       end select
    end subroutine use_posterior

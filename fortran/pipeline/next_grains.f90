@@ -35,19 +35,22 @@ contains
 
    !> The document of `next` from `draws` of the posterior: suggestions, each given those before it, and the gain of every
    !> candidate as the first of them.
-   subroutine next_document(problem, posterior, draws, document, error)
+   subroutine next_document(problem, posterior, draws, document, warnings, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
       !> JSON.
       character(len=:), allocatable, intent(out) :: document
+      !> Beside those of the problem.
+      type(warning_type), allocatable, intent(out) :: warnings(:)
       type(error_type), allocatable, intent(out) :: error
       type(candidates_type) :: candidates
       type(suggestions_type) :: suggestions
       real(wp), allocatable :: few(:, :), euler_deg(:, :)
       real(wp) :: sd
 
+      allocate (warnings(0))
       call check_target(problem, error)
       if (allocated(error)) return
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
@@ -67,7 +70,11 @@ contains
       if (allocated(error)) then
          error%message = place(problem%path, 'next', '')//error%message
       else
-         document = written(problem, candidates, suggestions, euler_deg, sd)
+         associate (found => size(suggestions%chosen), count => problem%settings%next%count)
+            if (found < min(count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of '//to_text(count) &
+               & //' orientations are '//fixed(separation_deg, 0)//' degrees apart')
+         end associate
+         document = written(problem, candidates, suggestions, euler_deg, sd, warnings)
       end if
    end subroutine next_document
 
@@ -170,14 +177,14 @@ contains
       if (.not. allocated(unknown)) call document%put('uvw', lattice%nearest(g(:, 3)))
    end subroutine put_direction
 
-   function written(problem, candidates, suggestions, euler_deg, sd) result(text)
+   function written(problem, candidates, suggestions, euler_deg, sd, warnings) result(text)
       type(problem_type), intent(in) :: problem
       type(candidates_type), intent(in) :: candidates
       type(suggestions_type), intent(in) :: suggestions
       real(wp), intent(in) :: euler_deg(:, :), sd
+      type(warning_type), intent(in) :: warnings(:)
       character(len=:), allocatable :: text
       type(json_type) :: document
-      type(warning_type), allocatable :: warnings(:)
       real(wp) :: mean
       integer :: i, draws, found
 
@@ -211,10 +218,7 @@ contains
       call document%put('target', problem%settings%next%target)
       call document%put('sd_gpa', sd)
       call document%put('unit', trim(merge('nats                 ', 'share of the variance', size(candidates%target) == 0)))
-      warnings = problem%warnings
-      if (found < min(problem%settings%next%count, size(euler_deg, 2))) call warn(warnings, 'only '//to_text(found)//' of ' &
-         & //to_text(problem%settings%next%count)//' orientations are '//fixed(separation_deg, 0)//' degrees apart')
-      call document%put('warnings', warnings)
+      call document%put('warnings', [problem%warnings, warnings])
       call document%end_object()
       text = document%text()
    end function written

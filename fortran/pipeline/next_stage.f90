@@ -53,7 +53,7 @@ contains
          self%posterior = found%posterior
          call remove_files(self%output, chain_prefix)
       end if
-      call next_document(self%problem, self%posterior, draws, document, error)
+      call next_document(self%problem, self%posterior, draws, document, self%warnings, error)
       self%done = self%output//'/next.json'
    end subroutine finish
 end module next_stage

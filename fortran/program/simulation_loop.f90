@@ -67,6 +67,8 @@ contains
          associate (job => stage%jobs(i), needed => held(stage%jobs(i)%physics))
             !$omp critical (simulation_loop_simulators)
             if (.not. allocated(needed%simulator)) call new_simulator(stage%physics(job%physics), needed%simulator, own)
+            ! What could not be made is made anew for the next job.
+            if (allocated(own) .and. allocated(needed%simulator)) deallocate (needed%simulator)
             !$omp end critical (simulation_loop_simulators)
             if (allocated(own)) then
                own%message = place(stage%problem%path, 'simulation', '')//own%message

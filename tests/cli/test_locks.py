@@ -12,10 +12,10 @@ import time
 from contextlib import closing, contextmanager
 
 import pytest
+from campaigns import rows as stored
 from programs import BATCH
 from test_ask_and_tell import NAMELIST
 
-from bayesindent.pipeline.campaign import Campaign
 
 PYTHON = [sys.executable, "-m", "bayesindent"]
 PROGRAMS = {"python": [*PYTHON, "theory"], "batch": [BATCH]}
@@ -134,15 +134,18 @@ def test_asking_and_telling_wait_for_each_other(bayesindent, tmp_path):
 def test_a_campaign_is_made_by_many_at_once(tmp_path):
     """The library takes no lock: the file itself must bear it."""
     code = """import sys, time
-from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.build import tell
+from bayesindent.settings.problem import Problem, read_crystals
+problem, points = Problem("mine.nml", "build"), read_crystals(f"{sys.argv[1]}.csv", "cubic")
 time.sleep(max(0, float(sys.argv[2]) - time.time()))
 for n in range(5):
-    with Campaign(f"{n}/campaign.sqlite", {"mesh": "same"}) as campaign:
-        campaign.add("cubic", [200.0 + int(sys.argv[1]), 100, 50], [0, 0, 0], modulus_gpa=150.0)
+    tell(problem, str(n), points)
 """
+    (tmp_path / "mine.nml").write_text(NAMELIST)
+    for i in range(6):
+        (tmp_path / f"{i}.csv").write_text(f"{POINTS.splitlines()[0]},modulus_gpa\n{200 + i},100,50,0,0,0,150\n")
     at = time.time() + 3
     finished = together([[sys.executable, "-c", code, str(i), str(at)] for i in range(6)], tmp_path)
     assert [done.returncode for done in finished] == [0] * 6, [done.stderr for done in finished]
     for n in range(5):
-        with Campaign(tmp_path / str(n) / "campaign.sqlite", {"mesh": "same"}) as campaign:
-            assert sorted(row.position for row in campaign.rows()) == list(range(6))
+        assert sorted(row.position for row in stored(tmp_path / str(n) / "campaign.sqlite")) == list(range(6))

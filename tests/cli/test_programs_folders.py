@@ -1,0 +1,144 @@
+"""Both programs leave the same folder, and what reads a folder reads either."""
+
+import csv
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from bayesindent.pipeline.results_folder import read_posterior
+from bayesindent.program.cli import EXAMPLES, parser
+from conftest import DOMAIN, REFERENCE, SOURCE
+
+NAMELIST = f"""
+&problem symmetry = 'cubic', seed = 3, title = 'Both' /
+&crystals points = 'points.csv' /
+&simulation simulator = 'theory' /
+{DOMAIN["cubic"]}&surrogate degree = 2 /
+&design n_candidates = 200, budget = 12, batch = 2, validation = 2 /
+&measurements file = '{REFERENCE / "cubic_fe3si.csv"}', modulus_kind = 'indentation_modulus' /
+&sampler samples = 60, burn_in = 300, chains = 2 /
+&next count = 2 /
+&execution workers = 2 /
+"""
+POINTS = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n225,135,124,0,0,0\n168.4,121.4,75.4,10,20,30\n"
+
+#: What only Python adds: a page with its figures, a log, and a copy of the posterior for ArviZ.
+OF_PYTHON = {"report.html", "run.log", "posterior.nc"}
+
+#: What differs from run to run, and between folders.
+FREE = ("seconds", "created", "checksum", "file", "namelist")
+
+
+def plain(document, folder: str):
+    """A document without what may differ; the folder's own name is put in one way."""
+    if isinstance(document, dict):
+        return {key: plain(value, folder) for key, value in document.items() if key not in FREE}
+    if isinstance(document, list):
+        return [plain(value, folder) for value in document]
+    return document.replace(folder, "FOLDER") if isinstance(document, str) else document
+
+
+@pytest.fixture
+def folders(bayesindent, batch, tmp_path):
+    """The folders of both programs."""
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "a.nml").write_text(NAMELIST)
+    done = bayesindent("run", "a.nml", "--output", "python")
+    assert done.returncode == 0, done.stderr
+    done = batch("a.nml", "--output", "batch")
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "python", tmp_path / "batch"
+
+
+def test_the_same_files_with_the_same_content(folders):
+    one, other = folders
+    names = {path.name for path in other.iterdir()}
+    assert {path.name for path in one.iterdir()} == names | OF_PYTHON
+    documents = "simulate.json theory.json build.json summary.json next.json inputs.json"
+    tables = "moduli.csv curves.csv theory.csv posterior.csv"
+    assert names == {*documents.split(), *tables.split(), ".lock", "campaign.sqlite", "posterior.bin", "resolved.nml", "surrogate.txt"}
+    for name in documents.split():
+        read = [plain(json.loads((folder / name).read_text()), folder.name) for folder in folders]
+        assert read[0] == read[1], name
+    for name in (*tables.split(), "resolved.nml", "surrogate.txt"):
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    values = [read_posterior(folder) for folder in folders]
+    assert values[0].keys() == values[1].keys()
+    for name, value in values[0].items():
+        if name == "document":
+            assert plain(json.loads(value), "python") == plain(json.loads(values[1][name]), "batch")
+        elif name not in FREE:
+            assert np.array_equal(value, values[1][name], equal_nan=isinstance(value, np.ndarray | float)), name
+
+
+def test_what_reads_a_folder_reads_either(bayesindent, folders):
+    sections = []
+    for folder in folders:
+        done = bayesindent("report", folder)
+        assert done.returncode == 0, done.stderr
+        page = (folder / "report.html").read_text()
+        assert "other inputs" not in page
+        sections.append(re.findall(r"<h[123][^>]*>(.*?)</h[123]>", page))
+    assert len(sections[0]) > 5 and sections[0] == sections[1]
+    documents = []
+    for folder in folders:
+        done = bayesindent("next", "a.nml", "--output", folder, "--json")
+        assert done.returncode == 0, done.stderr
+        documents.append(plain(json.loads(done.stdout), folder.name))
+    assert documents[0] == documents[1]
+    done = bayesindent("compare", *folders, "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["same_data"] and all(row["difference_gpa"] == 0 for row in document["differences"])
+    assert all(row["elpd_difference"] in (None, 0) for row in document["models"])
+
+
+def test_single_stages(batch, bayesindent, tmp_path):
+    (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "a.nml").write_text(NAMELIST)
+    done = batch("a.nml", "--stage", "theory", "--output", "out")
+    assert (done.returncode, done.stdout) == (0, "theory: 2 crystals: out/theory.csv\n"), done.stderr
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {".lock", "inputs.json", "resolved.nml", "theory.csv", "theory.json"}
+    rows = list(csv.DictReader(line for line in (tmp_path / "out" / "theory.csv").read_text().splitlines() if not line.startswith("#")))
+    told = json.loads(bayesindent("theory", "a.nml", "--json").stdout)["results"]
+    moduli = [float(row["indentation_modulus_gpa"]) for row in rows]
+    assert moduli == pytest.approx([row["indentation_modulus_gpa"] for row in told], rel=1e-9)
+    for name, words in (("hardness", "no command is named 'hardness'; allowed: run, simulate"), ("next", "&next")):
+        text = NAMELIST if name != "next" else NAMELIST.split("&measurements")[0]
+        (tmp_path / "a.nml").write_text(text)
+        done = batch("a.nml", "--stage", name)
+        assert done.returncode == 2 and (words in done.stderr or "&measurements" in done.stderr), done.stderr
+
+
+@pytest.mark.long
+def test_the_stage_size(batch, bayesindent, tmp_path):
+    (tmp_path / "points.csv").write_text(POINTS.rpartition("168")[0])
+    text = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6, depths = 2 /\n"
+    (tmp_path / "a.nml").write_text(text + "&specimen geometry = 'film', thickness_um = 1.0, substrate = 'rigid' /\n")
+    done = batch("a.nml", "--stage", "size", "--output", "batch")
+    assert (done.returncode, done.stdout) == (0, "size: 1 cases: batch/size.json\n"), done.stderr
+    document = json.loads(bayesindent("size", "a.nml", "--output", "python", "--json").stdout)
+    expected = json.loads((tmp_path / "batch" / "size.json").read_text())
+    assert plain(document, "python") | {"figure": ""} == plain(expected, "batch") | {"figure": ""}
+
+
+def examples():
+    """The commands of the help."""
+    return [re.split(r" {2,}", line.strip())[0] for line in EXAMPLES.splitlines() if line.startswith("  bayesindent ")]
+
+
+@pytest.mark.parametrize("example", examples())
+def test_the_examples_of_the_help_are_understood(example):
+    words = shlex.split(example.split(">")[0])[1:]
+    arguments = parser().parse_args(words)
+    assert arguments.command.name == words[0]
+    for word in words:
+        if word.startswith("inputs/"):
+            assert (SOURCE / word).exists()
+
+
+def test_there_are_examples():
+    assert len(examples()) == 6
