@@ -65,6 +65,8 @@ contains
          call give_quantities(x, class, error)
       case ('moduli_of_kind')
          call give_kind(x, error)
+      case default
+         call x%refuse(verb, error)
       end select
 
    contains
@@ -136,7 +138,8 @@ contains
       call x%out%put_array('circular', moduli(:, 2), [n])
    end subroutine give_theory
 
-   !> Names and units of the quantities that are reported of a class; with `constants` (k, n) in GPa the values of those `names`, one a line.
+   !> Names and units of the quantities that are reported of a class; with `constants` (k, n) in GPa the values of those `names`, one a
+   !> line.
    subroutine give_quantities(x, class, error)
       type(exchange_type), intent(inout) :: x
       type(crystal_class_type), intent(in) :: class

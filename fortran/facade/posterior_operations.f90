@@ -108,6 +108,8 @@ contains
          if (.not. allocated(error)) call next_document(problem, density, x%in%columns('draws', density%dimension), document, &
             & warnings, error)
          if (.not. allocated(error)) call x%out%put('document', document)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_posterior
 

@@ -75,7 +75,7 @@ contains
       call file%finish(error)
    end subroutine write_curves
 
-   !> Begin the object of a crystal: its constants by name, GPa, and its angles, degrees.
+   !> Begin the object of the crystal of a `row`: its constants by name, GPa, and its angles, degrees.
    subroutine begin_crystal(page, points, row)
       type(json_type), intent(inout) :: page
       type(points_type), intent(in) :: points

@@ -11,7 +11,8 @@ module extraction_values
 
 contains
 
-   !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain), 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
+   !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
+   !> 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
    !> apart, 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw,
    !> chain), 'log_prior' (draw, chain); of each parameter 'most_probable', NaN where the data do not say; and the prior's limits.
    subroutine put_extraction(problem, found, document, out)
