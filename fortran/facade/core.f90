@@ -18,7 +18,7 @@ subroutine core_do(operation, handle, n, request, reply, words, status)
    call perform(operation, handle, request, reply, words, status)
 end subroutine core_do
 
-!> The same `operation` on the n words of a `request`, without Python's lock: `words` wait under the handle `reply`.
+!> The same `operation` on the n words of a `request`, without Python's lock: `words` wait under the handle `reply`; its `status`.
 subroutine core_do_long(operation, handle, n, request, reply, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform

@@ -18,7 +18,7 @@ module operations
 
 contains
 
-   !> Do an operation on a `request`; `words` wait under the handle `reply`, see `core_do`.
+   !> Do an operation on a `request`; `words` wait under the handle `reply`; its `status`: see `core_do`.
    subroutine perform(operation, handle, request, reply, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle

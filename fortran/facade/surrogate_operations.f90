@@ -137,8 +137,8 @@ contains
       end select
    end subroutine use_basis
 
-   !> Of crystals (stiffness, GPa): the normalised distance of each, see `abstract_basis`, whether a surrogate with the basis is valid for it,
-   !> and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+   !> Of crystals (stiffness, GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid
+   !> for it, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
    subroutine give_validity(basis, x)
       class(basis_type), intent(in) :: basis
       type(exchange_type), intent(inout) :: x

@@ -351,7 +351,7 @@ contains
          & //to_text(self%class%n_constants)//' constants are visible to indentation, and so many directions are needed at least')
    end subroutine question_directions
 
-   !> Add a warning.
+   !> Add a warning, `message`.
    subroutine warn(self, message)
       class(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: message
