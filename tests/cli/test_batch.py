@@ -285,7 +285,9 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
         assert [float(row[name]) for row in rows] == pytest.approx(draws.values.ravel().tolist(), rel=1e-14 if name == "sd_factor" else 0)
     assert [float(row["log_density"]) for row in rows] == result.sample_stats["lp"].values.ravel().tolist()
     document, expected = json.loads((tmp_path / "out" / "summary.json").read_text()), summary(result)
-    assert {key: value for key, value in document.items() if key not in ("inputs", "checksum")} | {"seconds": 0} == expected | {"seconds": 0}
+    assert {key: value for key, value in document.items() if key not in ("inputs", "checksum")} | {"seconds": 0} == expected | {
+        "seconds": 0
+    }
     # Against ArviZ.
     for name, item in document["parameters"].items():
         draws = np.reshape([float(row[name]) for row in rows], (2, 200))

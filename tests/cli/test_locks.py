@@ -16,7 +16,6 @@ from campaigns import rows as stored
 from programs import BATCH
 from test_ask_and_tell import NAMELIST
 
-
 PYTHON = [sys.executable, "-m", "bayesindent"]
 PROGRAMS = {"python": [*PYTHON, "theory"], "batch": [BATCH]}
 THEORY = "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n&simulation simulator = 'theory' /\n"

@@ -129,7 +129,8 @@ def test_rows_that_python_wrote_are_found(tmp_path):
         file.executescript(OLD)
         cells = [(i, json.dumps(p[:3]), json.dumps(p[3:]), p[0] / 3, json.dumps([0.1, p[1]])) for i, p in enumerate(unique.values())]
         file.executemany(
-            "INSERT INTO simulation VALUES (NULL, 1, ?, 'cubic', ?, ?, 'told', 'done', '', ?, NULL, NULL, ?, '[1.0, 2.0]', '2026-01-01')", cells
+            "INSERT INTO simulation VALUES (NULL, 1, ?, 'cubic', ?, ?, 'told', 'done', '', ?, NULL, NULL, ?, '[1.0, 2.0]', '2026-01-01')",
+            cells,
         )
         file.commit()
     start = time.process_time()

@@ -24,8 +24,6 @@ from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 from conftest import REFERENCE, SOURCE
 
-
-
 #: Identity of the physics.
 THEORY = '{"simulator": "theory"}'
 
