@@ -30,14 +30,15 @@ contains
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
       integer(i8) :: now, rate
+      logical :: full
 
       if (.not. allocated(self%rows)) allocate (self%rows(most_rows))
       call system_clock(now, rate)
       if (self%n == 0) self%last = now
       self%n = self%n + 1
       self%rows(self%n) = row
-      if (row%outcome%seconds > quick .or. row%outcome%elements > 0 .or. self%n == most_rows .or. now - self%last > interval*rate) &
-         & call self%flush(campaign, error)
+      full = self%n == most_rows .or. now - self%last > interval*rate
+      if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) call self%flush(campaign, error)
    end subroutine add
 
    !> Store all that wait.

@@ -223,7 +223,7 @@ contains
       if (ieee_is_finite(value)) string = number_text(value)
    end function number
 
-   !> A text as JSON.
+   !> The text `string` as JSON.
    pure function quoted(string) result(literal)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: literal

@@ -2,7 +2,8 @@
 !>
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
 !> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
-!> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with the axes
+!> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with
+!> the axes
 !> reversed.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
@@ -208,7 +209,7 @@ contains
       call self%put_array(label, values, shape(values))
    end subroutine visit_reals
 
-   !> Read from the bytes of a text, which stays where it is.
+   !> Read from the bytes of `content`, which stays where it is.
    subroutine look_at(self, content)
       class(named_values_reader_type), intent(inout) :: self
       character(kind=c_char, len=*), intent(in), target :: content

@@ -6,7 +6,7 @@ module random
    use kinds, only: wp, i8
    implicit none
    private
-   public :: random_stream_type, new_random_stream, draw_normal, place_normal
+   public :: random_stream_type, new_random_stream
 
    !> 2^64 by the golden ratio, odd: z'9E3779B97F4A7C15'.
    integer(i8), parameter :: golden = -7046029254386353131_i8
@@ -112,38 +112,4 @@ contains
       call self%uniform(u)
       k = min(n, 1 + int(u*n))
    end subroutine pick
-
-   !> Add to `mean`, in place, a normal vector of the precision L Lᵀ.
-   subroutine draw_normal(stream, mean, l)
-      class(random_stream_type), intent(inout) :: stream
-      !> (n).
-      real(wp), intent(inout) :: mean(:)
-      !> The lower factor, (n, n).
-      real(wp), intent(in) :: l(:, :)
-      real(wp) :: z(size(mean))
-      integer :: j
-
-      do j = 1, size(mean)
-         call stream%normal(z(j))
-      end do
-      call place_normal(z, mean, l)
-   end subroutine draw_normal
-
-   !> The same from standard normal numbers `z`.
-   pure subroutine place_normal(z, mean, l)
-      !> (n).
-      real(wp), intent(in) :: z(:)
-      !> (n).
-      real(wp), intent(inout) :: mean(:)
-      !> The lower factor, (n, n).
-      real(wp), intent(in) :: l(:, :)
-      real(wp) :: x(size(z))
-      integer :: j
-
-      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
-      do j = size(z), 1, -1
-         x(j) = (z(j) - sum(l(j + 1:, j)*x(j + 1:)))/l(j, j)
-      end do
-      mean = mean + x
-   end subroutine place_normal
 end module random

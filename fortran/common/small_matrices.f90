@@ -3,7 +3,7 @@ module small_matrices
    use kinds, only: wp
    implicit none
    private
-   public :: factor_semidefinite, factor_columns, factor_definite, fit_columns, weighted_gram, sum_of_logs
+   public :: factor_semidefinite, factor_columns, factor_definite, fit_columns, solve_lower, solve_upper, weighted_gram, sum_of_logs
 
 contains
 
@@ -42,27 +42,24 @@ contains
    !> Minimise sum of w (r - U b)² + b² over b.
    !>
    !> By normal equations; where a pivot has lost its digits, by orthogonalisation of U over the unit matrix, which squares nothing.
-   pure subroutine fit_columns(r, u, weight, b, l, misfit)
+   pure subroutine fit_columns(r, u, weight, b, l)
       !> (m), (m, n), (m): weights that are not negative.
       real(wp), intent(in) :: r(:), u(:, :), weight(:)
-      !> (n); (n, n), the lower factor of I + Uᵀ W U; the minimum.
-      real(wp), intent(out) :: b(:), l(:, :), misfit
-      real(wp) :: rhs(size(b))
+      !> (n); (n, n), the lower factor of I + Uᵀ W U.
+      real(wp), intent(out) :: b(:), l(:, :)
       integer :: j
       logical :: accurate
 
       call weighted_gram(u, weight, l)
       do j = 1, size(b)
-         rhs(j) = sum(u(:, j)*weight*r)
+         b(j) = sum(u(:, j)*weight*r)
       end do
       call factor_definite(l, 1.0e-10_wp, accurate)
       if (accurate) then
-         b = rhs
-         call solve_factored(l, b)
-         misfit = sum(weight*r**2) - sum(rhs*b)
+         call solve_lower(l, b)
+         call solve_upper(l, b)
       else
          call orthogonalise(r, u, weight, b, l)
-         misfit = sum(weight*(r - matmul(u, b))**2) + sum(b**2)
       end if
    end subroutine fit_columns
 
@@ -92,9 +89,7 @@ contains
          b(j) = sum(q(:, j)*q(:, n + 1))
          q(:, n + 1) = q(:, n + 1) - b(j)*q(:, j)
       end do
-      do j = n, 1, -1
-         b(j) = (b(j) - sum(l(j + 1:, j)*b(j + 1:)))/l(j, j)
-      end do
+      call solve_upper(l, b)
    end subroutine orthogonalise
 
    !> Lower factor, in place, of a positive definite matrix (lower triangle).
@@ -124,20 +119,32 @@ contains
       end do
    end subroutine factor_definite
 
-   !> Solve (L Lᵀ) x = b in place.
-   pure subroutine solve_factored(l, b)
-      !> (n, n), the diagonal positive.
+   !> L^-1 b in place.
+   pure subroutine solve_lower(l, b)
+      !> (n, n) or more, the diagonal positive; (n).
       real(wp), intent(in) :: l(:, :)
       real(wp), intent(inout) :: b(:)
-      integer :: j
+      integer :: j, n
 
-      do j = 1, size(b)
-         b(j) = (b(j) - sum(l(j, :j - 1)*b(:j - 1)))/l(j, j)
+      n = size(b)
+      do j = 1, n
+         b(j) = b(j)/l(j, j)
+         b(j + 1:) = b(j + 1:) - l(j + 1:n, j)*b(j)
       end do
-      do j = size(b), 1, -1
-         b(j) = (b(j) - sum(l(j + 1:, j)*b(j + 1:)))/l(j, j)
+   end subroutine solve_lower
+
+   !> L^-ᵀ b in place.
+   pure subroutine solve_upper(l, b)
+      !> As in `solve_lower`.
+      real(wp), intent(in) :: l(:, :)
+      real(wp), intent(inout) :: b(:)
+      integer :: j, n
+
+      n = size(b)
+      do j = n, 1, -1
+         b(j) = (b(j) - sum(l(j + 1:n, j)*b(j + 1:)))/l(j, j)
       end do
-   end subroutine solve_factored
+   end subroutine solve_upper
 
    !> I + Uᵀ W U, lower triangle.
    pure subroutine weighted_gram(u, weight, gram)

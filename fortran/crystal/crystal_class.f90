@@ -6,7 +6,7 @@ module crystal_class
    use crystal_elasticity, only: rotate_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
-   use linear_algebra, only: cholesky_factor, cholesky_solve
+   use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: join, lower, split_list, to_text
    implicit none
    private
@@ -155,6 +155,7 @@ contains
       real(wp), allocatable :: gram(:, :), solution(:, :)
       integer :: named(self%n_constants), k, g
       integer, allocatable :: other(:)
+      logical :: definite
 
       named = [(findloc([(entry_name(first(i), second(i)), i=1, 21)], self%constants(k), dim=1), k=1, self%n_constants)]
       other = pack([(k, k=1, 21)], [(all(named /= k), k=1, 21)])
@@ -170,10 +171,14 @@ contains
       solution = -matmul(transpose(equations(:, other)), equations(:, named))
       if (size(other) > 0) then
          gram = matmul(transpose(equations(:, other)), equations(:, other))
-         call cholesky_factor(gram, error)
-         if (.not. allocated(error)) call cholesky_solve(gram, solution)
+         ! Not LAPACK: OpenBLAS waits for memory for ever where it is limited.
+         call factor_definite(gram, 1.0e-9_wp, definite)
+         do k = 1, merge(size(solution, 2), 0, definite)
+            call solve_lower(gram, solution(:, k))
+            call solve_upper(gram, solution(:, k))
+         end do
       end if
-      if (allocated(error) .or. any(abs(matmul(equations(:, other), solution) + equations(:, named)) > 1.0e-6_wp)) then
+      if (any(abs(matmul(equations(:, other), solution) + equations(:, named)) > 1.0e-6_wp)) then
          call raise(error, 'the constants of a '//self%name//' crystal do not span its stiffnesses')
          return
       end if

@@ -3,7 +3,8 @@
 ! work on numbers gives up Python's lock.
 
 !> Do an `operation` on an object that is held under a `handle` (0: on none). `request`: its named values, n words of 8 bytes (see
-!> `named_values`). What it gives, named values of so many `words`, waits under the handle `reply`. status: 0 done, 1 failure, 2 bad input, 3
+!> `named_values`). What it gives, named values of so many `words`, waits under the handle `reply`. status: 0 done, 1 failure, 2 bad
+!> input, 3
 !> the machine's failure; then what it gives is the reason, 'message'.
 subroutine core_do(operation, handle, n, request, reply, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
@@ -17,7 +18,7 @@ subroutine core_do(operation, handle, n, request, reply, words, status)
    call perform(operation, handle, request, reply, words, status)
 end subroutine core_do
 
-!> The same, without Python's lock.
+!> The same `operation` on the n words of a `request`, without Python's lock: `words` wait under the handle `reply`.
 subroutine core_do_long(operation, handle, n, request, reply, words, status)
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
    use operations, only: perform
@@ -31,7 +32,7 @@ subroutine core_do_long(operation, handle, n, request, reply, words, status)
    call perform(operation, handle, request, reply, words, status)
 end subroutine core_do_long
 
-!> What waits under the handle `reply`, which is freed; so many `words`.
+!> The `content` that waits under the handle `reply`, which is freed; so many `words`.
 subroutine core_take(reply, words, content)
    use, intrinsic :: iso_c_binding, only: c_int64_t
    use operations, only: take_reply

@@ -1,5 +1,6 @@
 !> Crystal classes, stiffnesses, directions, the theory of the half-space, quantities, and kinds of modulus.
 module crystal_operations
+   use abstract_observable, only: observable_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
    use distinct_directions, only: all_alike, lattice_of_directions, new_region, region_type, representative, spread_of_directions
@@ -7,8 +8,9 @@ module crystal_operations
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: degree, wp
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use observables, only: new_observable
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
+   use settings_groups, only: measurements_settings_type
    use text, only: to_text
    use warning_lists, only: warn, warning_type
    implicit none
@@ -63,6 +65,8 @@ contains
          call give_quantities(x, class, error)
       case ('moduli_of_kind')
          call give_kind(x, error)
+      case default
+         call x%refuse(verb, error)
       end select
 
    contains
@@ -134,7 +138,8 @@ contains
       call x%out%put_array('circular', moduli(:, 2), [n])
    end subroutine give_theory
 
-   !> Names and units of the quantities that are reported of a class; with `constants` (k, n) in GPa the values of those `names`, one a line.
+   !> Names and units of the quantities that are reported of a class; with `constants` (k, n) in GPa the values of those `names`, one a
+   !> line.
    subroutine give_quantities(x, class, error)
       type(exchange_type), intent(inout) :: x
       type(crystal_class_type), intent(in) :: class
@@ -185,15 +190,18 @@ contains
    subroutine give_kind(x, error)
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
-      type(modulus_map_type) :: map
+      type(measurements_settings_type) :: settings
+      class(observable_type), allocatable :: observable
       real(wp), allocatable :: values(:), slope(:)
 
-      call new_modulus_map(x%in%text('kind'), x%in%real('indenter_modulus_gpa'), x%in%real('indenter_nu'), x%in%real('sample_nu'), &
-         & map, error)
+      settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
+      settings%indenter_nu = x%in%real('indenter_nu')
+      settings%sample_nu = x%in%real('sample_nu')
+      call new_observable(x%in%text('kind'), settings, observable, error)
       if (allocated(error)) return
       values = x%in%reals('moduli')
       slope = 0.0_wp*values + 1.0_wp
-      call map%apply(values, slope)
+      call observable%from_simulation(values, slope)
       call x%out%put_array('values', values, shape(values))
    end subroutine give_kind
 end module crystal_operations

@@ -1,6 +1,6 @@
 !> What an operation takes and gives: named values, and an object that it made.
 module exchange
-   use errors, only: error_type
+   use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8
    use named_values, only: named_values_reader_type, named_values_type
    use object_registry, only: find_object, register_object
@@ -23,11 +23,12 @@ module exchange
       procedure :: problem => problem_of
       procedure :: surrogate => surrogate_of
       procedure :: threads
+      procedure, nopass :: refuse
    end type exchange_type
 
 contains
 
-   !> Let another language hold an object, which is freed after an error.
+   !> Let another language hold an object of a `kind`, which is freed after an error.
    subroutine give(self, object, kind)
       class(exchange_type), intent(inout) :: self
       class(*), pointer, intent(in) :: object
@@ -89,4 +90,12 @@ contains
 
       threads = thread_count(int(self%in%integer('threads')))
    end function threads
+
+   !> There is no operation of this name.
+   subroutine refuse(verb, error)
+      character(len=*), intent(in) :: verb
+      type(error_type), allocatable, intent(out) :: error
+
+      call raise(error, 'no operation is named '//verb, exit_bad_input)
+   end subroutine refuse
 end module exchange

@@ -1,7 +1,7 @@
 !> Files of results, and a command at work in its folder.
 module file_operations
    use checksums, only: checksum
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use exchange, only: exchange_type
    use files, only: read_bytes
    use posterior_file, only: read_posterior
@@ -60,7 +60,7 @@ contains
          call find_surrogate(x%in%text('name'), places_of(x), text, error)
          if (.not. allocated(error)) call x%out%put('text', text)
       case default
-         call raise(error, 'no operation is named '//verb, exit_bad_input)
+         call x%refuse(verb, error)
       end select
    end subroutine perform_file
 end module file_operations

@@ -18,7 +18,7 @@ module operations
 
 contains
 
-   !> Do an operation, see `core_do`.
+   !> Do an operation on a `request`; `words` wait under the handle `reply`, see `core_do`.
    subroutine perform(operation, handle, request, reply, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle
@@ -71,7 +71,7 @@ contains
       call register_object(object, 'reply', reply)
    end subroutine perform
 
-   !> What a reply holds; it is freed.
+   !> The `content` of a reply, which is freed.
    subroutine take_reply(reply, content)
       integer(c_int64_t), intent(in) :: reply
       integer(c_int64_t), intent(out) :: content(:)

@@ -108,6 +108,8 @@ contains
          if (.not. allocated(error)) call next_document(problem, density, x%in%columns('draws', density%dimension), document, &
             & warnings, error)
          if (.not. allocated(error)) call x%out%put('document', document)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_posterior
 
@@ -134,13 +136,9 @@ contains
       real(wp), intent(in) :: points(:, :)
       type(exchange_type), intent(inout) :: x
       real(wp) :: values(size(points, 2), 2)
-      logical :: admitted
-      integer :: i
 
-      do i = 1, size(points, 2)
-         call density%evaluate_parts(points(:, i), values(i, 1), values(i, 2), admitted)
-         if (.not. admitted) values(i, :) = ieee_value(1.0_wp, ieee_negative_inf)
-      end do
+      call density%evaluate_parts(points, values(:, 1), values(:, 2))
+      where (.not. values > -huge(values)) values = ieee_value(1.0_wp, ieee_negative_inf)
       call x%out%put_array('values', values, shape(values))
    end subroutine evaluate
 

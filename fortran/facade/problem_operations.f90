@@ -7,7 +7,7 @@ module problem_operations
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter
    use kinds, only: wp
-   use modulus_kinds, only: modulus_kind_names
+   use observables, only: observable_names
    use named_values, only: named_values_type
    use namelist_file, only: namelist_file_type, parse_namelist
    use physics_identity, only: identity_text
@@ -62,6 +62,8 @@ contains
          call problem_of_text(x%in%text('path'), x%in%text('content'), self, error)
       case ('table')
          call read_table_alone(self, x, error)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine perform_problem
 
@@ -118,7 +120,8 @@ contains
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
             & x%in%columns('values', self%crystals%n), error)
       case ('mesh_error')
-         ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near instability.
+         ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
+         ! instability.
          c => x%in%matrices('stiffness')
          allocate (values(size(c, 3)))
          call simulation_error(self%settings, c, values, warning)
@@ -130,6 +133,8 @@ contains
          if (allocated(error)) return
          values = indenter%unit_force(x%in%reals('depth_um'))
          call x%out%put_array('values', values, shape(values))
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_problem
 
@@ -183,7 +188,7 @@ contains
          if (allocated(self%measurements)) points => self%measurements
       case ('candidates')
          if (allocated(self%candidates)) points => self%candidates
-      case ('grains')
+      case default
          if (allocated(self%grains)) points => self%grains
       end select
    end function points_of
@@ -230,7 +235,7 @@ contains
          call out%put_array('values', points%constants, shape(points%constants))
       case ('stiffness')
          call out%put_array('values', points%stiffness, shape(points%stiffness))
-      case ('class')
+      case default
          call out%put_integers('values', points%class, [points%n])
       end select
    end subroutine give_column
@@ -301,6 +306,6 @@ contains
          call warn(list, trim(stage%description))
       end do
       call out%put('stages', list)
-      call out%put('modulus_kinds', modulus_kind_names)
+      call out%put('modulus_kinds', observable_names)
    end subroutine list_settings
 end module problem_operations

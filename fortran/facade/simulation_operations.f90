@@ -114,6 +114,8 @@ contains
       case ('stiffness')
          c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
          call put_infinite(model, c, x%out)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_model
 
@@ -163,6 +165,7 @@ contains
       type(named_values_type), intent(inout) :: out
 
       call out%put('element', model%specimen%element)
+      call out%put('parts', model%specimen%parts)
       call out%put('elements', model%elements)
       call out%put('depths', size(model%depth))
       call out%put('depth_max_um', model%indenter%depth)

@@ -84,10 +84,13 @@ contains
          type is (build_stage_type)
             call look_ahead(stage, x, error)
          end select
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_stage
 
-   !> What is to be simulated now: numbers, stiffness (GPa, crystal axes), angles (degrees), and of each the number from 0 of its `physics`, the
+   !> What is to be simulated now: numbers, stiffness (GPa, crystal axes), angles (degrees), and of each the number from 0 of its
+   !> `physics`, the
    !> groups of a namelist.
    subroutine put_jobs(stage, x)
       class(stage_type), intent(in) :: stage

@@ -1,4 +1,5 @@
-!> Bases, surrogates, and what trains them. Crystals by the constants of the basis' class (GPa), angles in degrees, candidates by numbers from 0.
+!> Bases, surrogates, and what trains them. Crystals by the constants of the basis' class (GPa), angles in degrees, candidates by
+!> numbers from 0.
 module surrogate_operations
    use abstract_basis, only: basis_type
    use bases, only: describe_basis
@@ -131,6 +132,8 @@ contains
          made => learner
          call x%give(made, 'learner')
          call new_learner(basis, learner, error)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_basis
 
@@ -178,6 +181,8 @@ contains
       case ('predict_table')
          problem => x%problem(error)
          if (.not. allocated(error)) call predict_table(surrogate, problem, x, error)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_surrogate
 
@@ -271,6 +276,8 @@ contains
          made => surrogate
          call x%give(made, 'surrogate')
          call surrogate_of(learner, x%in%text('provenance'), surrogate, error)
+      case default
+         call x%refuse(verb, error)
       end select
    end subroutine use_learner
 end module surrogate_operations

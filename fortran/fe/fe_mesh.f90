@@ -78,8 +78,9 @@ contains
          if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
          ! Where the bottom of the surface is clamped nothing goes on below it.
          nx = ubound(self%at, 1)
-         if (plan%clamped_depth > 0.0_wp .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) &
-            & self%at(1:nx - 1, 1:nx - 1, 0) = 0
+         if (plan%clamped_depth > 0.0_wp .and. self%x(3, self%at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
+            self%at(1:nx - 1, 1:nx - 1, 0) = 0
+         end if
          call add_layers(plan%stages(i), self)
       end do
       call close_mesh(plan, self)
@@ -122,8 +123,9 @@ contains
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
-      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) &
-         & self%contact_limit = plan%half_width - self%element_size
+      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
+         self%contact_limit = plan%half_width - self%element_size
+      end if
       top = reshape(self%at(:, :, nz), [(nx + 1)**2])
       self%contact = pack(top, hypot(self%x(1, top), self%x(2, top)) <= self%contact_limit*(1.0_wp + equal))
       self%at(1:nx - 1, 1:nx - 1, 1:nz) = 0

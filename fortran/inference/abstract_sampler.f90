@@ -3,7 +3,7 @@ module abstract_sampler
    use interruption, only: stop_requested
    use kinds, only: wp
    use random, only: random_stream_type
-   use sampling_target, only: target_type
+   use sampling_target, only: outside, target_type
    implicit none
    private
    public :: sampler_type, draw_starts
@@ -40,19 +40,26 @@ contains
       !> (parameter, point), (point).
       real(wp), intent(out) :: points(:, :), density(:)
       integer, intent(out) :: found
-      real(wp) :: x(target%dimension)
-      integer :: attempt
-      logical :: admitted
+      integer, parameter :: most_tries = 20000
+      real(wp), allocatable :: x(:, :), values(:)
+      integer :: tried, i
 
       found = 0
-      do attempt = 1, 20000*size(density)
-         if (stop_requested()) exit
-         call target%draw_start(stream, x)
-         call target%evaluate(x, density(found + 1), admitted)
-         if (.not. (admitted .and. density(found + 1) > -huge(1.0_wp))) cycle
-         found = found + 1
-         points(:, found) = x
-         if (found == size(density)) exit
+      tried = 0
+      do while (found < size(density) .and. tried < most_tries*size(density) .and. .not. stop_requested())
+         allocate (x(target%dimension, size(density) - found), values(size(density) - found))
+         do i = 1, size(values)
+            call target%draw_start(stream, x(:, i))
+         end do
+         call target%evaluate(x, values)
+         do i = 1, size(values)
+            if (.not. values(i) > outside) cycle
+            found = found + 1
+            points(:, found) = x(:, i)
+            density(found) = values(i)
+         end do
+         tried = tried + size(values)
+         deallocate (x, values)
       end do
    end subroutine draw_starts
 end module abstract_sampler

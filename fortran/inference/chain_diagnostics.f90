@@ -7,6 +7,7 @@ module chain_diagnostics
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use kinds, only: i8, pi, wp
    use sorting, only: sort_order
+   use statistics, only: median, sorted_values
    implicit none
    private
    public :: diagnostics_type, diagnose_chains, normal_quantile
@@ -44,28 +45,18 @@ contains
       diagnostics%ess_bulk = effective_size(work)
       if (size(draws, 2) > 1) then
          diagnostics%r_hat = scale_reduction(work)
-         call sort_values(size(halves), halves, sorted)
-         work = abs(halves - 0.5_wp*(sorted(size(sorted)/2) + sorted(size(sorted)/2 + 1)))
-         halves = work
+         halves = abs(halves - median(size(halves), halves))
          call normal_scores(size(halves), halves, work)
          folded = scale_reduction(work)
          if (folded > diagnostics%r_hat) diagnostics%r_hat = folded
       end if
-      call sort_values(size(draws), draws, sorted)
+      call sorted_values(size(draws), draws, sorted)
       call split_chains(draws, halves)
-      diagnostics%ess_tail = min(share_below(quantile(sorted, tail)), share_below(quantile(sorted, 1.0_wp - tail)))
-
-   contains
-
-      !> Effective size for the share of draws that are not above `limit`.
-      pure real(wp) function share_below(limit)
-         real(wp), intent(in) :: limit
-         real(wp), allocatable :: indicator(:, :)
-
-         allocate (indicator, mold=halves)
-         indicator = merge(1.0_wp, 0.0_wp, halves <= limit)
-         share_below = effective_size(indicator)
-      end function share_below
+      ! Of the shares of draws that are not above the quantiles.
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, tail))
+      diagnostics%ess_tail = effective_size(work)
+      work = merge(1.0_wp, 0.0_wp, halves <= quantile(sorted, 1.0_wp - tail))
+      diagnostics%ess_tail = min(diagnostics%ess_tail, effective_size(work))
    end function diagnose_chains
 
    pure real(wp) function nan()
@@ -112,21 +103,6 @@ contains
          first = last + 1
       end do
    end subroutine normal_scores
-
-   !> The values in ascending order.
-   pure subroutine sort_values(n, values, sorted)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: values(n)
-      real(wp), allocatable, intent(out) :: sorted(:)
-      integer, allocatable :: order(:)
-      integer :: i
-
-      allocate (order(n), sorted(n))
-      call sort_order(values, order)
-      do i = 1, n
-         sorted(i) = values(order(i))
-      end do
-   end subroutine sort_values
 
    !> Quantile `p` of two or more sorted values, linear between neighbours (type 7 of Hyndman & Fan, Am. Stat. 50, 361, 1996).
    !>
@@ -228,11 +204,8 @@ contains
       scale_reduction = nan()
       if (maxval(chains) - minval(chains) < resolution) return
       n = size(chains, 1)
-      within = 0.0_wp
-      do i = 1, size(chains, 2)
-         mean(i) = sum(chains(:, i))/n
-         within = within + variance(chains(:, i))/size(chains, 2)
-      end do
+      mean = sum(chains, 1)/n
+      within = sum([(variance(chains(:, i)), i=1, size(chains, 2))])/size(chains, 2)
       scale_reduction = sqrt((n*variance(mean)/within + n - 1.0_wp)/n)
    end function scale_reduction
 

@@ -7,18 +7,20 @@
 module constants_posterior
    use abstract_basis, only: grain_model_type
    use abstract_error_model, only: error_model_type
+   use abstract_observable, only: observable_type
    use constants_prior, only: prior_type
-   use error_models, only: likelihood_type, new_error_model
+   use error_models, only: new_error_model
    use errors, only: error_type
    use kinds, only: wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use observables, only: new_observable
    use output_polynomial, only: is_fitted, output_polynomial_type
-   use random, only: place_normal, random_stream_type
-   use sampling_target, only: point_type, target_type
-   use small_matrices, only: factor_columns, sum_of_logs
-   use surrogate_model, only: new_grain_model, surrogate_type
+   use random, only: random_stream_type
+   use sampling_target, only: outside, point_type, target_type
+   use settings_groups, only: measurements_settings_type
+   use small_matrices, only: factor_columns, solve_upper, sum_of_logs
+   use surrogate_model, only: surrogate_type
    implicit none
    private
    public :: posterior_type, new_posterior
@@ -28,13 +30,16 @@ module constants_posterior
 
    type, extends(target_type) :: posterior_type
       type(prior_type) :: prior
-      type(likelihood_type) :: likelihood
+      !> Of &measurements; whether a common factor on the sds is inferred, as one more parameter, its logarithm; and whether the data are
+      !> left out: the prior alone.
+      type(measurements_settings_type) :: settings
+      logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
       !> Directions of each grain that are evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
       class(grain_model_type), allocatable :: grains
-      type(modulus_map_type) :: kind
+      class(observable_type), allocatable :: observable
       class(error_model_type), allocatable :: errors
       !> Errors that the grains share: the surrogate's, then the calibration's of each group.
       integer :: n_shared = 0
@@ -57,10 +62,9 @@ module constants_posterior
       procedure :: evaluate_outputs
       procedure :: to_working
       procedure :: draw_start
-      procedure :: moduli
       procedure :: set_field_degree
       procedure :: draw_moduli
-      procedure :: whiten_residuals
+      procedure :: predict_measurements
       procedure :: infer_shared
       procedure :: place_shared
       procedure :: log_prior
@@ -71,24 +75,26 @@ module constants_posterior
 contains
 
    !> The posterior for n grains.
-   subroutine new_posterior(surrogate, prior, likelihood, measured, posterior, error)
+   subroutine new_posterior(surrogate, prior, settings, with_covariance, prior_only, measured, posterior, error)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
-      type(likelihood_type), intent(in) :: likelihood
+      type(measurements_settings_type), intent(in) :: settings
+      !> Count the surrogate's uncertainty; leave the data out.
+      logical, intent(in) :: with_covariance, prior_only
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
       !> Variance of y that is none.
       real(wp), parameter :: none = 1.0e-20_wp
 
-      call check_measurements(measured, likelihood%prior_only, error)
-      if (allocated(error)) return
-      call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, likelihood%indenter_nu, likelihood%sample_nu, &
-         & posterior%kind, error)
-      if (.not. allocated(error)) call new_error_model(likelihood, posterior%errors, error)
+      call new_observable(settings%modulus_kind, settings, posterior%observable, error)
+      if (.not. allocated(error)) call check_measurements(measured, posterior%observable, prior_only, error)
+      if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
       if (allocated(error)) return
       posterior%prior = prior
-      posterior%likelihood = likelihood
+      posterior%settings = settings
+      posterior%infers_scale = settings%scale == 'inferred'
+      posterior%prior_only = prior_only
       posterior%n_grains = size(measured%modulus)
       posterior%n_constants = prior%n_constants
       posterior%measured = measured%modulus
@@ -99,16 +105,17 @@ contains
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
-      if (posterior%n_grains > 0) posterior%typical_modulus = 0.7_wp*sum(measured%modulus)/posterior%n_grains
+      if (posterior%n_grains > 0) posterior%typical_modulus =  &
+         & posterior%observable%isotropic_modulus(0.7_wp*sum(measured%modulus)/posterior%n_grains)
       if (any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
-      call new_grain_model(surrogate, prior%class, posterior%euler, likelihood%surrogate_uncertainty, posterior%grains, error)
+      call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (allocated(error)) return
-      if (posterior%grains%has_theory .and. .not. likelihood%prior_only) posterior%n_outputs = posterior%grains%n_independent
-      if (likelihood%surrogate_uncertainty .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, likelihood%calibration_sd > 0.0_wp)
-      posterior%dimension = prior%n_constants + merge(1, 0, likelihood%infer_scale)
+      if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
+      if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
+      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
+      posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
 
    !> Read the theory, where the surrogate has it, with surface harmonics up to another degree.
@@ -123,32 +130,34 @@ contains
       if (self%n_outputs > 0) self%n_outputs = self%grains%n_independent
    end subroutine set_field_degree
 
-   pure subroutine evaluate(self, x, log_density, admitted)
+   pure subroutine evaluate(self, points, log_density)
       class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: log_density
-      logical, intent(out) :: admitted
-      real(wp) :: log_likelihood
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(out) :: log_density(:)
+      real(wp) :: log_likelihood(size(log_density))
 
-      call self%evaluate_parts(x, log_density, log_likelihood, admitted)
+      call self%evaluate_parts(points, log_density, log_likelihood)
    end subroutine evaluate
 
-   !> The density at `x`, and its part that the measurements make: Eq. 13 and its extensions, normalised over them.
-   pure subroutine evaluate_parts(self, x, log_density, log_likelihood, admitted)
+   !> The density at points, and its part that the measurements make: Eq. 13 and its extensions, normalised over them.
+   pure subroutine evaluate_parts(self, points, log_density, log_likelihood)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: log_density, log_likelihood
-      logical, intent(out) :: admitted
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
+      !> (point).
+      real(wp), intent(out) :: log_density(:), log_likelihood(:)
       real(wp) :: c(6, 6)
+      integer :: i
 
-      c = self%stiffness(x)
-      log_density = -huge(1.0_wp)
+      log_density = outside
       log_likelihood = 0.0_wp
-      admitted = self%prior%admits(x(:self%n_constants), c) .and. scale_is_admitted(self, x)
-      if (.not. admitted) return
-      if (.not. self%likelihood%prior_only) log_likelihood = likelihood_of_crystal(self, x, c)
-      log_density = self%log_prior(c) + log_likelihood
+      do i = 1, size(log_density)
+         c = self%stiffness(points(:, i))
+         if (.not. (self%prior%admits(points(:self%n_constants, i), c) .and. scale_is_admitted(self, points(:, i)))) cycle
+         log_likelihood(i) = likelihood_of_crystal(self, points(:, i), c)
+         log_density(i) = self%log_prior(c) + log_likelihood(i)
+      end do
    end subroutine evaluate_parts
 
    !> Logarithm of the density of the constants without the measurements, at a crystal of the support, up to a constant.
@@ -164,54 +173,62 @@ contains
       log_prior = log_prior - self%prior%logarithms%log_volume(frame)
    end function log_prior
 
-   pure subroutine evaluate_working(self, point, admitted, polynomial)
+   pure subroutine evaluate_working(self, points, polynomial)
       class(posterior_type), intent(in) :: self
-      type(point_type), intent(inout) :: point
-      logical, intent(out) :: admitted
+      type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), log_volume, outputs(self%n_outputs), arguments(self%dimension)
+      real(wp) :: c(6, 6), log_volume, outputs(self%n_outputs)
+      logical :: inside
+      integer :: i, k
 
-      call self%prior%logarithms%from_logarithms(point%w(:self%n_constants), c, frame)
-      point%x = point%w
-      point%x(:self%n_constants) = self%prior%class%constants_of(c)
-      admitted = self%prior%admits(point%x(:self%n_constants), c, norm2(point%w(3:self%n_constants))) &
-         & .and. scale_is_admitted(self, point%x)
-      if (.not. admitted) return
-      if (is_fitted(polynomial)) then
-         arguments = point%w
-         arguments(:self%n_constants) = self%prior%logarithms%saturating(frame, self%typical_modulus)
-         call polynomial%evaluate(arguments, outputs, admitted)
-         if (.not. admitted) return
-         point%log_working = density_of_crystal(self, point%x, c, exp(outputs))
-      else
-         point%log_working = density_of_crystal(self, point%x, c)
-      end if
-      log_volume = self%prior%logarithms%log_volume(frame)
-      point%log_density = point%log_working
-      if (self%prior%in_logarithms) then
-         point%log_density = point%log_density - log_volume
-      else
-         point%log_working = point%log_working + log_volume
-      end if
+      k = self%n_constants
+      do i = 1, size(points)
+         associate (point => points(i))
+            point%log_density = outside
+            point%log_working = outside
+            call self%prior%logarithms%from_logarithms(point%w(:k), c, frame)
+            point%x = point%w
+            point%x(:k) = self%prior%class%constants_of(c)
+            if (.not. (self%prior%admits(point%x(:k), c, norm2(point%w(3:k))) .and. scale_is_admitted(self, point%x))) cycle
+            if (is_fitted(polynomial)) then
+               call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], outputs, &
+                  & inside)
+               if (.not. inside) cycle
+               point%log_working = self%prior%log_density(c) + likelihood_of_crystal(self, point%x, c, exp(outputs))
+            else
+               point%log_working = self%prior%log_density(c) + likelihood_of_crystal(self, point%x, c)
+            end if
+            log_volume = self%prior%logarithms%log_volume(frame)
+            point%log_density = point%log_working
+            if (self%prior%in_logarithms) then
+               point%log_density = point%log_density - log_volume
+            else
+               point%log_working = point%log_working + log_volume
+            end if
+         end associate
+      end do
    end subroutine evaluate_working
 
    !> Logarithms of the moduli that are computed for the measured grains and their tilts.
-   pure subroutine evaluate_outputs(self, w, arguments, outputs, admitted)
+   pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-      real(wp), intent(out) :: arguments(:), outputs(:)
-      logical, intent(out) :: admitted
+      real(wp), intent(in) :: w(:, :)
+      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
+      logical, intent(out) :: inside(:)
       type(log_frame_type) :: frame
-      real(wp) :: c(6, 6), modulus(size(outputs))
+      real(wp) :: c(6, 6), modulus(size(outputs, 1))
+      integer :: i, k
 
-      call self%prior%logarithms%from_logarithms(w(:self%n_constants), c, frame)
-      admitted = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:self%n_constants)))
-      if (.not. admitted) return
-      arguments = w
-      arguments(:self%n_constants) = self%prior%logarithms%saturating(frame, self%typical_modulus)
-      call self%grains%evaluate_independent(c, modulus)
-      outputs = log(modulus)
+      k = self%n_constants
+      do i = 1, size(inside)
+         call self%prior%logarithms%from_logarithms(w(:k, i), c, frame)
+         inside(i) = self%prior%admits(self%prior%class%constants_of(c), c, norm2(w(3:k, i)))
+         if (.not. inside(i)) cycle
+         arguments(:, i) = [self%prior%logarithms%saturating(frame, self%typical_modulus), w(k + 1:, i)]
+         call self%grains%evaluate_independent(c, modulus)
+         outputs(:, i) = log(modulus)
+      end do
    end subroutine evaluate_outputs
 
    !> Whether the factor on the sds is within its bounds, if there is one.
@@ -219,20 +236,9 @@ contains
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:)
 
-      scale_is_admitted = .not. self%likelihood%infer_scale &
+      scale_is_admitted = .not. self%infers_scale &
          & .or. (x(self%dimension) >= log(least_factor) .and. x(self%dimension) <= log(greatest_factor))
    end function scale_is_admitted
-
-   !> Normal factors of the prior and likelihood.
-   pure real(wp) function density_of_crystal(self, x, c, rows) result(log_density)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: x(:), c(6, 6)
-      !> What is computed of them, where theory is not to be asked.
-      real(wp), intent(in), optional :: rows(:)
-
-      log_density = self%prior%log_density(c)
-      if (.not. self%likelihood%prior_only) log_density = log_density + likelihood_of_crystal(self, x, c, rows)
-   end function density_of_crystal
 
    subroutine draw_start(self, stream, x)
       class(posterior_type), intent(in) :: self
@@ -242,7 +248,7 @@ contains
       real(wp) :: log_weight
 
       call self%prior%draw_start(stream, x(:self%n_constants), log_weight)
-      if (.not. self%likelihood%infer_scale) return
+      if (.not. self%infers_scale) return
       call stream%uniform(x(self%dimension))
       x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)
    end subroutine draw_start
@@ -256,78 +262,40 @@ contains
       c = self%prior%class%stiffness(x(:self%n_constants))
    end function stiffness
 
-   !> log K of the crystal.
+   !> log K of the crystals.
    pure subroutine to_working(self, x, w)
       class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: w(:)
+      !> (dimension, point).
+      real(wp), intent(in) :: x(:, :)
+      real(wp), intent(out) :: w(:, :)
+      integer :: i
 
-      w = x(:self%dimension)
-      w(:self%n_constants) = self%prior%logarithms%to_logarithms(self%stiffness(x))
+      w = x(:self%dimension, :)
+      do i = 1, size(w, 2)
+         w(:self%n_constants, i) = self%prior%logarithms%to_logarithms(self%stiffness(x(:, i)))
+      end do
    end subroutine to_working
 
-   !> Indentation moduli, `values` (GPa), that the mean surrogate gives the measured grains at a point.
-   pure subroutine moduli(self, x, values)
-      class(posterior_type), intent(in) :: self
-      !> (dimension), (grain).
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out), contiguous :: values(:)
-      real(wp) :: slope(self%n_grains), own_variance(self%n_grains)
-
-      call evaluate_grains(self, self%stiffness(x), values, slope, own_variance)
-   end subroutine moduli
-
-   !> Of each measured grain the mean indentation modulus, its derivative with respect to y, and the variance that it does not share
-   !> with others: the surrogate's, that of its orientation, and that of grains as such.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, known_rows)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      !> GPa, (grain); GPa².
-      real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
-      !> What is computed of them, if it is known.
-      real(wp), intent(in), optional :: known_rows(:)
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
-      integer :: g
-
-      if (present(known_rows)) then
-         call self%grains%expand(known_rows, rows)
-         slopes = rows
-      else
-         call self%grains%evaluate_moduli(c, rows, slopes)
-      end if
-      if (self%n_directions == 1) then
-         modulus = rows
-         slope = slopes
-         own_variance = self%scatter*slope**2 + (self%likelihood%scatter_sd*modulus)**2
-         return
-      end if
-      do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
-         modulus(g) = rows(g) + shift
-         slope(g) = slopes(g)
-         own_variance(g) = self%scatter*slope(g)**2 + (self%likelihood%scatter_sd*rows(g))**2 + variance
-      end do
-   end subroutine evaluate_grains
-
-   !> Logarithm of Eq. 13 and its extensions at a point.
-   pure real(wp) function likelihood_of_crystal(self, x, c, rows) result(log_likelihood)
+   !> Logarithm of Eq. 13 and its extensions at a point; 0 where the data are left out.
+   pure real(wp) function likelihood_of_crystal(self, x, c, independent) result(log_likelihood)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: x(:), c(6, 6)
-      real(wp), intent(in), optional :: rows(:)
-      real(wp) :: factor, model(self%n_grains), slope(self%n_grains), own_variance(self%n_grains), scales(self%n_grains)
-      real(wp), allocatable :: u(:, :), fewer(:, :)
-      real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b))
+      !> See `predict_measurements`.
+      real(wp), intent(in), optional :: independent(:)
+      real(wp) :: model(self%n_grains), scales(self%n_grains), slopes(self%n_grains)
+      real(wp), allocatable :: u(:, :)
+      real(wp) :: b(min(self%n_grains, self%n_shared)), precision(size(b), size(b)), fewer(self%n_grains, size(b))
 
-      factor = scale_factor(self, x)
-      call evaluate_grains(self, c, model, slope, own_variance, rows)
+      log_likelihood = 0.0_wp
+      if (self%prior_only) return
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
-         call self%kind%apply(model, slope)
-         log_likelihood = self%errors%log_density((model - self%measured)/self%scale, factor) - self%log_scales
+         call evaluate_grains(self, c, model, slopes, scales, independent)
+         call self%observable%from_simulation(model, slopes)
+         log_likelihood = self%errors%log_density((model - self%measured)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
-      allocate (u(self%n_grains, self%n_shared), fewer(self%n_grains, size(b)))
-      call whiten(self, c, factor, model, slope, own_variance, scales, u)
+      allocate (u(self%n_grains, self%n_shared))
+      call self%predict_measurements(x, c, model, scales, u, independent)
       call factor_columns(u, fewer)
       call self%errors%integrate((self%measured - model)/scales, fewer, b, precision, log_likelihood)
       log_likelihood = log_likelihood - sum_of_logs(scales)
@@ -336,7 +304,7 @@ contains
    pure logical function has_own_variance(self)
       class(posterior_type), intent(in) :: self
 
-      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%likelihood%scatter_sd > 0.0_wp
+      has_own_variance = self%scatter > 0.0_wp .or. self%n_directions > 1 .or. self%settings%scatter_sd > 0.0_wp
    end function has_own_variance
 
    !> The factor on the sds at a point.
@@ -345,28 +313,57 @@ contains
       real(wp), intent(in) :: x(:)
 
       scale_factor = 1.0_wp
-      if (self%likelihood%infer_scale) scale_factor = exp(x(self%dimension))
+      if (self%infers_scale) scale_factor = exp(x(self%dimension))
    end function scale_factor
 
-   !> From moduli to what is measured, `model` and `slope` in place; scales of the errors that grains do not share, and over them the
-   !> columns of U: the surrogate's shared errors, the calibration's of each group.
-   pure subroutine whiten(self, c, factor, model, slope, own_variance, scales, u)
+   !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
+   !> share with others: the surrogate's, that of its orientation, and that of grains as such.
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, independent)
       class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6), factor
-      real(wp), intent(inout) :: model(:), slope(:)
-      real(wp), intent(in) :: own_variance(:)
-      real(wp), intent(out), contiguous :: scales(:), u(:, :)
-      real(wp) :: ratio(size(scales)), map_slope(size(scales))
+      real(wp), intent(in) :: c(6, 6)
+      !> GPa, (grain); GPa².
+      real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
+      real(wp), intent(in), optional :: independent(:)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
+      integer :: g
+
+      if (present(independent)) then
+         call self%grains%expand(independent, rows)
+         slopes = rows
+      else
+         call self%grains%evaluate_moduli(c, rows, slopes)
+      end if
+      modulus = rows(:self%n_grains)
+      slope = slopes(:self%n_grains)
+      own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
+      if (self%n_directions == 1) return
+      do g = 1, self%n_grains
+         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
+         modulus(g) = modulus(g) + shift
+         own_variance(g) = own_variance(g) + variance
+      end do
+   end subroutine evaluate_grains
+
+   !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
+   !> surrogate's shared errors, the calibration's of each group.
+   pure subroutine predict_measurements(self, x, c, model, scales, u, independent)
+      class(posterior_type), intent(in) :: self
+      !> (dimension), and the stiffness there, GPa.
+      real(wp), intent(in) :: x(:), c(6, 6)
+      !> In the unit of the observable, (grain); (grain, shared error).
+      real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
+      !> The independent moduli of the grain model, if they are known.
+      real(wp), intent(in), optional :: independent(:)
+      real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope, common
       real(wp), allocatable :: columns(:, :)
       integer :: g
 
+      call evaluate_grains(self, c, model, slope, own_variance, independent)
       map_slope = 1.0_wp
-      call self%kind%apply(model, map_slope)
-      slope = slope*map_slope
-      scales = factor*self%scale
+      call self%observable%from_simulation(model, map_slope)
+      scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
-         ratio = slope/scales
          if (self%n_directions == 1) then
             call self%grains%evaluate_columns(c, u(:, :self%grains%n_columns))
          else
@@ -374,32 +371,19 @@ contains
             call self%grains%evaluate_columns(c, columns)
             u(:, :self%grains%n_columns) = columns(:self%n_grains, :)
          end if
+         slope = slope*map_slope/scales
          do g = 1, self%grains%n_columns
-            u(:, g) = u(:, g)*ratio
+            u(:, g) = u(:, g)*slope
          end do
       end if
-      if (self%likelihood%calibration_sd > 0.0_wp) then
+      if (self%settings%calibration_sd > 0.0_wp) then
          u(:, self%grains%n_columns + 1:) = 0.0_wp
+         common = self%observable%calibration_slope(model)
          do g = 1, self%n_grains
-            u(g, self%grains%n_columns + self%group(g)) = self%likelihood%calibration_sd*model(g)/scales(g)
+            u(g, self%grains%n_columns + self%group(g)) = self%settings%calibration_sd*common(g)/scales(g)
          end do
       end if
-   end subroutine whiten
-
-   !> At a point the mean of what is measured, `model`, the scales of the errors that grains do not share, and over these the columns of U,
-   !> GPa.
-   pure subroutine whiten_residuals(self, x, model, scales, u)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> (grain); (grain, shared error).
-      real(wp), intent(out), contiguous :: model(:), scales(:), u(:, :)
-      real(wp) :: c(6, 6), slope(self%n_grains), own_variance(self%n_grains)
-
-      c = self%stiffness(x)
-      call evaluate_grains(self, c, model, slope, own_variance)
-      call whiten(self, c, scale_factor(self, x), model, slope, own_variance, scales, u)
-   end subroutine whiten_residuals
+   end subroutine predict_measurements
 
    !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
    pure subroutine infer_shared(self, x, b, precision)
@@ -414,7 +398,7 @@ contains
 
       if (self%n_shared == 0) return
       allocate (u(self%n_grains, self%n_shared))
-      call self%whiten_residuals(x, model, scales, u)
+      call self%predict_measurements(x, self%stiffness(x), model, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
 
@@ -469,9 +453,13 @@ contains
       real(wp), intent(in) :: precision(:, :)
       !> (group).
       real(wp), intent(out) :: factor(:)
+      real(wp) :: error(size(z))
 
-      call place_normal(z, b, precision)
+      ! L^-ᵀ z has the covariance (L Lᵀ)^-1.
+      error = z
+      call solve_upper(precision, error)
+      b = b + error
       factor = 1.0_wp
-      if (self%likelihood%calibration_sd > 0.0_wp) factor = factor + self%likelihood%calibration_sd*b(self%grains%n_columns + 1:)
+      if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd*b(self%grains%n_columns + 1:)
    end subroutine place_shared
 end module constants_posterior

@@ -16,6 +16,7 @@ module constants_prior
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
+   use small_matrices, only: solve_lower
    use settings_groups, only: prior_settings_type
    use text, only: to_text
    implicit none
@@ -55,8 +56,8 @@ module constants_prior
       !> The range of the scale (geometric mean of the eigenvalues of the Kelvin stiffness, GPa) to which the surrogate is limited.
       real(wp) :: known_scale(2) = [0.0_wp, huge(1.0_wp)]
       type(knowledge_type) :: knowledge
-      !> Inverse of the lower Cholesky factor of the covariance of what is known, (n, n).
-      real(wp), allocatable, private :: whitening(:, :)
+      !> Lower Cholesky factor of the covariance of what is known, (n, n).
+      real(wp), allocatable, private :: factor(:, :)
       !> Of the surrogate: it says which crystals are covered.
       class(basis_type), allocatable, private :: basis
       !> GPa: middle of the range of Young's modulus from which starts are drawn.
@@ -128,28 +129,14 @@ contains
       class(prior_type), intent(inout) :: self
       type(knowledge_type), intent(in) :: knowledge
       type(error_type), allocatable, intent(out) :: error
-      integer :: i, j
 
       self%knowledge = knowledge
-      self%whitening = knowledge%covariance
-      call cholesky_factor(self%whitening, error)
+      self%factor = knowledge%covariance
+      call cholesky_factor(self%factor, error)
       if (allocated(error) .or. .not. all(abs(knowledge%mean) < huge(1.0_wp))) then
          if (allocated(error)) deallocate (error)
          call raise(error, 'knowledge needs finite means and sds > 0, or a positive definite covariance', exit_bad_input)
-         return
       end if
-      ! Invert the factor column by column.
-      associate (factor => self%whitening)
-         do j = 1, size(factor, 2)
-            factor(:j - 1, j) = 0.0_wp
-         end do
-         do j = size(factor, 2), 1, -1
-            factor(j, j) = 1.0_wp/factor(j, j)
-            do i = size(factor, 1), j + 1, -1
-               factor(i, j) = -factor(j, j)*sum(factor(i, j + 1:i)*factor(j + 1:i, j))
-            end do
-         end do
-      end associate
    end subroutine set_knowledge
 
    !> sds of what is known, (n).
@@ -250,7 +237,9 @@ contains
       log_density = 0.0_wp
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)
-      log_density = -0.5_wp*sum(matmul(self%whitening, values - self%knowledge%mean)**2)
+      values = values - self%knowledge%mean
+      call solve_lower(self%factor, values)
+      log_density = -0.5_wp*sum(values**2)
    end function log_density
 
    !> A crystal to begin with, in the support or not: uniform in the box if there is one, else an isotropic one with anisotropy added,

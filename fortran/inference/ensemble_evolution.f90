@@ -3,7 +3,7 @@
 !> Rounds that cool, and warm a little for the tails. Between them points are drawn anew by their weights at the next temperature, which
 !> is chosen so that enough of them are left (sequential Monte Carlo, Del Moral et al., J. R. Stat. Soc. B 68, 411, 2006): what lags behind
 !> goes, and a polynomial need not hold for it. Within them there is differential evolution (ter Braak, Stat. Comput. 16, 239, 2006) in the
-!> target's working coordinates, straightened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
+!> target's working coordinates, whitened round after round: principal axes, and a polynomial of the longer ones taken off the shorter
 !> ones. Where the density follows from costly results of a model, a polynomial fitted to these about the points stands for them, and many
 !> more steps are taken.
 module ensemble_evolution
@@ -12,18 +12,18 @@ module ensemble_evolution
    use kinds, only: i8, wp
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
-   use ridge_straightening, only: fit_straightening, straightening_type
-   use sampling_target, only: point_type, target_type
+   use ridge_whitening, only: fit_whitening, whitening_type
+   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
-   public :: view_type, evolve_population, try_step, add_difference
+   public :: view_type, evolve_population, place_points, try_step, add_difference
 
-   !> How the target is looked at: straight coordinates, and what stands for its costly results, if anything.
+   !> How the target is looked at: whitened coordinates, and what stands for its costly results, if anything.
    type :: view_type
-      type(straightening_type) :: straight
+      type(whitening_type) :: whitening
       type(output_polynomial_type) :: polynomial
       !> Of steps along differences, 1 in coordinates in which the density is normal.
-      real(wp) :: reach = 1.0_wp
+      real(wp) :: step_scale = 1.0_wp
    end type view_type
 
    !> From here on ensembles are larger, and a polynomial pays.
@@ -32,7 +32,7 @@ module ensemble_evolution
 contains
 
    !> A population from the target's starts, in rounds that cool, then some at the density itself, and warmer ones for the tails.
-   !> The archive is what the last one visited, thinned, in straight coordinates.
+   !> The archive is what the last one visited, thinned, in whitened coordinates.
    subroutine evolve_population(target, evaluations, stream, view, archive, started)
       class(target_type), intent(in) :: target
       !> Of the density, about.
@@ -75,7 +75,7 @@ contains
       end do
       archive = points
       do i = 1, size(points, 2)
-         call view%straight%to_straight(points(:, i), archive(:, i))
+         call view%whitening%to_white(points(:, i), archive(:, i))
       end do
    end subroutine evolve_population
 
@@ -86,17 +86,14 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (dimension, point), and their logarithms of the density; there may be fewer than are `wanted`.
       real(wp), allocatable, intent(out) :: points(:, :), density(:)
-      integer :: found, k
+      integer :: found
       type(view_type) :: view
-      real(wp) :: w(target%dimension)
+      real(wp), allocatable :: starts(:, :)
 
-      allocate (points(target%dimension, wanted), density(wanted))
-      call draw_starts(target, stream, points, density, found)
-      points = points(:, :found)
-      do k = 1, found
-         call target%to_working(points(:, k), w)
-         points(:, k) = w
-      end do
+      allocate (starts(target%dimension, wanted), density(wanted))
+      call draw_starts(target, stream, starts, density, found)
+      allocate (points(target%dimension, found))
+      call target%to_working(starts(:, :found), points)
       density = viewed_density(target, view, points)
    end subroutine draw_population
 
@@ -107,17 +104,11 @@ contains
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       real(wp) :: density(size(points, 2))
-      type(point_type) :: point
-      logical :: admitted
-      integer :: k
+      type(point_type), allocatable :: batch(:)
 
-      allocate (point%w(target%dimension))
-      do k = 1, size(density)
-         point%w = points(:, k)
-         call target%evaluate_working(point, admitted, view%polynomial)
-         density(k) = -huge(1.0_wp)
-         if (admitted) density(k) = point%log_working
-      end do
+      call place_points(points, batch)
+      call target%evaluate_working(batch, view%polynomial)
+      density = batch%log_working
    end function viewed_density
 
    !> By how much more than one evaluation a step counts: where the density is cheap for its dimension, or made so.
@@ -130,7 +121,7 @@ contains
       effort = merge(10, 2, is_fitted(view%polynomial))
    end function effort
 
-   !> The straight coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
+   !> The whitened coordinates and the polynomial from points, and these drawn anew where that changes their density: where an earlier
    !> polynomial was wrong, some have gone astray.
    subroutine look_again(target, temperature, distinct, stream, points, density, view)
       class(target_type), intent(in) :: target
@@ -147,7 +138,7 @@ contains
       logical :: changed
 
       changed = is_fitted(view%polynomial)
-      call fit_straightening(points, min(distinct, size(density)), view%straight)
+      call fit_whitening(points, min(distinct, size(density)), view%whitening)
       call fit_outputs(target, points, temperature, stream, view)
       if (.not. (changed .or. is_fitted(view%polynomial))) return
       before = density
@@ -171,17 +162,17 @@ contains
       integer, intent(out) :: distinct
       !> Points that are kept, about; share of the steps that is aimed at; and how short they may get.
       integer, parameter :: most = 4000
-      real(wp), parameter :: accepted_share = 0.2_wp, least_reach = 0.02_wp
-      type(point_type) :: walkers(m), proposal
+      real(wp), parameter :: accepted_share = 0.2_wp, least_scale = 0.02_wp
+      type(point_type), allocatable :: walkers(:)
       real(wp) :: u(target%dimension, m), tried(target%dimension)
       integer :: k, a, b, kept, moved
       integer(i8) :: generations, generation, visits, stride, i
       logical :: accepted
 
+      call place_points(points(:, [(1 + int((k - 1)*size(density, kind=i8)/m), k=1, m)]), walkers)
+      call target%evaluate_working(walkers, view%polynomial)
       do k = 1, m
-         walkers(k)%w = points(:, 1 + int((k - 1)*size(density, kind=i8)/m))
-         call target%evaluate_working(walkers(k), accepted, view%polynomial)
-         call view%straight%to_straight(walkers(k)%w, u(:, k))
+         call view%whitening%to_white(walkers(k)%w, u(:, k))
       end do
       generations = max(4_i8, wanted)
       ! All walkers are to be among the points: no common divisor.
@@ -192,7 +183,6 @@ contains
       visits = (generations - generations/2)*m
       deallocate (points, density)
       allocate (points(target%dimension, (visits + stride - 1)/stride), density((visits + stride - 1)/stride))
-      allocate (proposal%w(target%dimension))
       visits = 0
       kept = 0
       distinct = 0
@@ -201,8 +191,8 @@ contains
          moved = 0
          do k = 1, m
             call pick_pair(stream, m, k, a, b)
-            call add_difference(stream, u(:, a) - u(:, b), view%reach, u(:, k), tried)
-            call try_step(target, view, stream, tried, temperature, proposal, walkers(k), accepted)
+            call add_difference(stream, u(:, a) - u(:, b), view%step_scale, u(:, k), tried)
+            call try_step(target, view, stream, tried, temperature, walkers(k), accepted)
             if (accepted) then
                u(:, k) = tried
                moved = moved + 1
@@ -215,7 +205,7 @@ contains
             end if
             visits = visits + 1
          end do
-         view%reach = min(1.0_wp, max(least_reach, view%reach*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
+         view%step_scale = min(1.0_wp, max(least_scale, view%step_scale*exp(0.5_wp*(real(moved, wp)/m - accepted_share))))
          if (2*generation > generations) distinct = distinct + moved
       end do
    end subroutine step_population
@@ -290,79 +280,99 @@ contains
       !> Share of the points of the test at which it must not err by more than two temperatures.
       real(wp), parameter :: least_good = 0.7_wp
       integer, parameter :: surplus = 4, tests = 50, few_terms = 300, many_terms = 800
-      real(wp), allocatable :: outputs(:, :), arguments(:, :)
-      type(point_type) :: exact, near
+      real(wp), allocatable :: outputs(:, :), arguments(:, :), w(:, :)
+      type(point_type), allocatable :: exact(:), near(:)
       real(wp), dimension(target%dimension) :: u, from, to, tried
-      integer :: degree, many, a, k, good, attempt
-      logical :: admitted
+      integer :: degree, many, a, i, k, found, attempts
+      logical, allocatable :: inside(:)
 
-      call view%polynomial%clear()
+      view%polynomial = output_polynomial_type()
       if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
       degree = polynomial_degree(target%dimension, merge(few_terms, many_terms, temperature > 5.0_wp))
       many = surplus*polynomial_terms(target%dimension, degree)
       allocate (outputs(target%n_outputs, many), arguments(target%dimension, many))
-      allocate (near%w(target%dimension))
-      k = 1
-      do attempt = 1, 20*many
+      allocate (w(target%dimension, many), inside(many))
+      found = 0
+      attempts = 0
+      do while (found < many .and. attempts < 20*many)
          ! Where steps from the points lead, accepted or not: these are more different, and reach a little further.
-         call view%straight%to_straight(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
-         call stream%pick(size(points, 2), a)
-         call view%straight%to_straight(points(:, a), from)
-         call stream%pick(size(points, 2), a)
-         call view%straight%to_straight(points(:, a), to)
-         call add_difference(stream, to - from, max(0.3_wp, view%reach), u, tried)
-         call view%straight%from_straight(tried, near%w)
-         call target%evaluate_outputs(near%w, arguments(:, k), outputs(:, k), admitted)
-         if (.not. admitted) cycle
-         if (k == many) exit
-         k = k + 1
+         do k = found + 1, many
+            call view%whitening%to_white(points(:, 1 + mod(k*(size(points, 2)/many + 1), size(points, 2))), u)
+            call stream%pick(size(points, 2), a)
+            call view%whitening%to_white(points(:, a), from)
+            call stream%pick(size(points, 2), a)
+            call view%whitening%to_white(points(:, a), to)
+            call add_difference(stream, to - from, max(0.3_wp, view%step_scale), u, tried)
+            call view%whitening%from_white(tried, w(:, k))
+         end do
+         attempts = attempts + many - found
+         call target%evaluate_outputs(w(:, found + 1:), arguments(:, found + 1:), outputs(:, found + 1:), inside(found + 1:))
+         do i = found + 1, many
+            if (.not. inside(i)) cycle
+            found = found + 1
+            arguments(:, found) = arguments(:, i)
+            outputs(:, found) = outputs(:, i)
+         end do
       end do
-      if (k < many) return
+      if (found < many) return
       call fit_output_polynomial(arguments, outputs, degree, view%polynomial)
       if (.not. is_fitted(view%polynomial)) return
-      good = 0
-      do k = 1, tests
-         exact%w = points(:, 1 + (k - 1)*(size(points, 2) - 1)/tests)
-         near = exact
-         call target%evaluate_working(exact, admitted)
-         call target%evaluate_working(near, admitted, view%polynomial)
-         if (abs(exact%log_working - near%log_working) < 2.0_wp*temperature) good = good + 1
-      end do
-      if (good < least_good*tests) call view%polynomial%clear()
+      call place_points(points(:, [(1 + (k - 1)*(size(points, 2) - 1)/tests, k=1, tests)]), exact)
+      near = exact
+      call target%evaluate_working(exact)
+      call target%evaluate_working(near, view%polynomial)
+      if (count(abs(exact%log_working - near%log_working) < 2.0_wp*temperature) >= least_good*tests) return
+      view%polynomial = output_polynomial_type()
    end subroutine fit_outputs
 
-   !> A Metropolis step from `current` to straight coordinates u.
-   subroutine try_step(target, view, stream, u, temperature, proposal, current, accepted)
+   !> Points that are not evaluated yet.
+   pure subroutine place_points(w, points)
+      !> Working coordinates, (dimension, point).
+      real(wp), intent(in) :: w(:, :)
+      type(point_type), allocatable, intent(out) :: points(:)
+      integer :: i
+
+      allocate (points(size(w, 2)))
+      do i = 1, size(points)
+         points(i)%w = w(:, i)
+      end do
+   end subroutine place_points
+
+   !> A Metropolis step from `current` to whitened coordinates u.
+   subroutine try_step(target, view, stream, u, temperature, current, accepted)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: u(:)
       !> Divides the logarithm of the density.
       real(wp), intent(in) :: temperature
-      type(point_type), intent(inout) :: proposal, current
+      type(point_type), intent(inout) :: current
       !> Whether `current` is now the proposal.
       logical, intent(out) :: accepted
+      type(point_type) :: proposal(1)
       real(wp) :: v
 
-      call view%straight%from_straight(u, proposal%w)
-      call target%evaluate_working(proposal, accepted, view%polynomial)
+      allocate (proposal(1)%w(size(u)))
+      call view%whitening%from_white(u, proposal(1)%w)
+      call target%evaluate_working(proposal, view%polynomial)
+      accepted = proposal(1)%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      accepted = log(v) < (proposal%log_working - current%log_working)/temperature
-      if (accepted) current = proposal
+      accepted = log(v) < (proposal(1)%log_working - current%log_working)/temperature
+      if (accepted) current = proposal(1)
    end subroutine try_step
 
    !> u plus a factor times a difference of two points, of all coordinates or of some, with a little noise.
-   subroutine add_difference(stream, difference, reach, u, moved)
+   subroutine add_difference(stream, difference, scale, u, moved)
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(in) :: difference(:), u(:)
       !> Of the steps, 1 in coordinates in which the density is normal.
-      real(wp), intent(in) :: reach
+      real(wp), intent(in) :: scale
       !> (dimension).
       real(wp), intent(out) :: moved(:)
       real(wp), parameter :: noise = 1.0e-5_wp
       real(wp) :: share, v, length, z
-      integer :: i, n
+      integer :: i
       logical :: changed(size(u))
 
       call stream%uniform(share)
@@ -374,8 +384,11 @@ contains
          end do
          if (.not. any(changed)) changed = .true.
       end if
-      n = count(changed)
-      call step_length(n, reach, stream, length)
+      ! Ter Braak's factor, now and then one, or shorter.
+      call stream%uniform(v)
+      length = scale*2.38_wp/sqrt(2.0_wp*count(changed))
+      if (v < 0.15_wp) length = 1.0_wp
+      if (v > 0.75_wp) length = 0.35_wp*length
       moved = u
       do i = 1, size(u)
          if (.not. changed(i)) cycle
@@ -383,20 +396,6 @@ contains
          moved(i) = u(i) + length*difference(i) + noise*z
       end do
    end subroutine add_difference
-
-   !> Factor of a difference of two points: ter Braak's, now and then one, or shorter.
-   subroutine step_length(n, reach, stream, length)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: reach
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(out) :: length
-      real(wp) :: v
-
-      call stream%uniform(v)
-      length = reach*2.38_wp/sqrt(2.0_wp*n)
-      if (v < 0.15_wp) length = 1.0_wp
-      if (v > 0.75_wp) length = 0.35_wp*length
-   end subroutine step_length
 
    !> Two members of a population, different from each other and from `w` where there are enough.
    subroutine pick_pair(stream, walkers, w, a, b)

@@ -9,13 +9,13 @@
 !> Carlo Strategies in Scientific Computing, Springer 2001, section 9.4.3), so that the draws are of the exact one.
 module ensemble_sampler
    use abstract_sampler, only: sampler_type
-   use ensemble_evolution, only: add_difference, evolve_population, try_step, view_type
+   use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use interruption, only: stop_requested
    use kinds, only: i8, wp
    use output_polynomial, only: is_fitted
    use random, only: random_stream_type
-   use sampling_target, only: point_type, target_type
+   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
    public :: ensemble_sampler_type
@@ -24,7 +24,7 @@ module ensemble_sampler
    type :: kernel_type
       type(view_type) :: view
       type(mixture_type) :: mixture
-      !> Points of the burn-in in straight coordinates, (dimension, point).
+      !> Points of the burn-in in whitened coordinates, (dimension, point).
       real(wp), allocatable :: archive(:, :)
       !> Of the steps that are draws of the mixture, and steps for a sample.
       real(wp) :: share = 0.0_wp
@@ -53,82 +53,95 @@ contains
       real(wp), parameter :: exact_share = 0.05_wp
       type(kernel_type) :: kernel
       type(view_type) :: exact
+      type(point_type), allocatable :: start(:)
       type(point_type) :: current, nearly, proposal
       real(wp) :: u(target%dimension), tried(target%dimension), quality, v
-      integer :: i, a, b, accepted, counted
-      logical :: admitted, moved
+      integer :: i, drawn, accepted, accepted_in_all, counted
+      logical :: moved
 
       acceptance = 0.0_wp
       call evolve_population(target, int(self%burn_in, i8)*target%dimension, stream, kernel%view, kernel%archive, started)
       if (.not. started .or. stop_requested()) return
       call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
       if (stop_requested()) return
-      exact%straight = kernel%view%straight
+      exact%whitening = kernel%view%whitening
       ! Where the mixture fits badly, more of the steps are differences, which need no fit.
-      kernel%share = 0.0_wp
       if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality))
       kernel%steps = 1 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
                              & *max(0.0_wp, 0.8_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
-      allocate (current%w(target%dimension))
-      call kernel%view%straight%from_straight(u, current%w)
-      nearly = current
-      proposal = current
-      call target%evaluate_working(current, admitted)
-      call target%evaluate_working(nearly, admitted, kernel%view%polynomial)
-      accepted = 0
+      call kernel%view%whitening%from_white(u, tried)
+      call place_points(reshape(tried, [size(tried), 1]), start)
+      call target%evaluate_working(start)
+      current = start(1)
+      call target%evaluate_working(start, kernel%view%polynomial)
+      nearly = start(1)
+      accepted_in_all = 0
       counted = 0
       do i = 1, size(log_density)
          if (stop_requested()) return
          moved = .false.
          call stream%uniform(v)
-         if (is_fitted(kernel%view%polynomial) .and. v < exact_share) then
-            call stream%pick(size(kernel%archive, 2), a)
-            call stream%pick(size(kernel%archive, 2), b)
-            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%reach, u, tried)
-            call try_step(target, exact, stream, tried, 1.0_wp, proposal, current, moved)
+         if (.not. is_fitted(kernel%view%polynomial)) then
+            call walk(target, kernel, stream, u, current, drawn, accepted)
+            counted = counted + drawn
+            accepted_in_all = accepted_in_all + accepted
+         else if (v < exact_share) then
+            call add_archived(kernel, stream, u, tried)
+            call try_step(target, exact, stream, tried, 1.0_wp, current, moved)
             if (moved) then
                u = tried
-               nearly = current
-               call target%evaluate_working(nearly, admitted, kernel%view%polynomial)
                ! Where the polynomial says nothing no walk may end, and so none that is accepted may begin.
-               if (.not. admitted) nearly%log_working = -huge(1.0_wp)
+               start(1) = current
+               call target%evaluate_working(start, kernel%view%polynomial)
+               nearly = start(1)
             end if
-         else if (is_fitted(kernel%view%polynomial)) then
+         else
             tried = u
             proposal = nearly
-            call walk(target, kernel, stream, tried, proposal, a, b)
-            if (b > 0) call test_exactly(target, stream, tried, proposal, u, nearly, current, moved)
-            if (b > 0) counted = counted + 1
-            if (moved) accepted = accepted + 1
-         else
-            call walk(target, kernel, stream, u, current, a, b)
-            counted = counted + a
-            accepted = accepted + b
+            call walk(target, kernel, stream, tried, proposal, drawn, accepted)
+            if (accepted > 0) then
+               call test_exactly(target, stream, tried, proposal, u, nearly, current, moved)
+               counted = counted + 1
+               if (moved) accepted_in_all = accepted_in_all + 1
+            end if
          end if
          draws(:, i) = current%x
          log_density(i) = current%log_density
       end do
-      acceptance = real(accepted, wp)/max(1, counted)
+      acceptance = real(accepted_in_all, wp)/max(1, counted)
    end subroutine run
+
+   !> A step from u along the difference of two points of the burn-in.
+   subroutine add_archived(kernel, stream, u, moved)
+      type(kernel_type), intent(in) :: kernel
+      type(random_stream_type), intent(inout) :: stream
+      real(wp), intent(in) :: u(:)
+      real(wp), intent(out) :: moved(:)
+      integer :: a, b
+
+      call stream%pick(size(kernel%archive, 2), a)
+      call stream%pick(size(kernel%archive, 2), b)
+      call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%step_scale, u, moved)
+   end subroutine add_archived
 
    !> Some steps of the chain of the density as it is viewed, from u in place.
    subroutine walk(target, kernel, stream, u, point, drawn, accepted)
       class(target_type), intent(in) :: target
       type(kernel_type), intent(in) :: kernel
       type(random_stream_type), intent(inout) :: stream
-      !> Straight coordinates, (dimension).
+      !> whitened coordinates, (dimension).
       real(wp), intent(inout) :: u(:)
       type(point_type), intent(inout) :: point
       !> Draws of the mixture, and how many were accepted; with a polynomial the accepted steps of any kind.
       integer, intent(out) :: drawn, accepted
-      type(point_type) :: proposal
+      type(point_type) :: proposal(1)
       real(wp) :: tried(target%dimension), own, other, v
-      integer :: a, b, step
-      logical :: admitted
+      integer :: step
+      logical :: moved
 
-      allocate (proposal%w(target%dimension))
+      allocate (proposal(1)%w(target%dimension))
       own = log_mixture(kernel%mixture, u)
       drawn = 0
       accepted = 0
@@ -136,19 +149,17 @@ contains
          call stream%uniform(v)
          if (v < kernel%share) then
             drawn = drawn + 1
-            call draw_admitted(target, kernel%view, kernel%mixture, stream, proposal, tried, admitted)
-            if (.not. admitted) cycle
+            call draw_inside(target, kernel%view, kernel%mixture, stream, proposal, tried)
+            if (.not. proposal(1)%log_working > outside) cycle
             other = log_mixture(kernel%mixture, tried)
             call stream%uniform(v)
-            if (.not. log(v) < proposal%log_working - point%log_working + own - other) cycle
-            point = proposal
+            if (.not. log(v) < proposal(1)%log_working - point%log_working + own - other) cycle
+            point = proposal(1)
             accepted = accepted + 1
          else
-            call stream%pick(size(kernel%archive, 2), a)
-            call stream%pick(size(kernel%archive, 2), b)
-            call add_difference(stream, kernel%archive(:, a) - kernel%archive(:, b), kernel%view%reach, u, tried)
-            call try_step(target, kernel%view, stream, tried, 1.0_wp, proposal, point, admitted)
-            if (.not. admitted) cycle
+            call add_archived(kernel, stream, u, tried)
+            call try_step(target, kernel%view, stream, tried, 1.0_wp, point, moved)
+            if (.not. moved) cycle
             other = log_mixture(kernel%mixture, tried)
             if (is_fitted(kernel%view%polynomial)) accepted = accepted + 1
          end if
@@ -169,39 +180,38 @@ contains
       !> The old point by the exact density.
       type(point_type), intent(inout) :: current
       logical, intent(out) :: accepted
-      type(point_type) :: proposal
+      type(point_type) :: proposal(1)
       real(wp) :: v
 
-      proposal = near_proposal
-      call target%evaluate_working(proposal, accepted)
+      proposal(1) = near_proposal
+      call target%evaluate_working(proposal)
+      accepted = proposal(1)%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      accepted = log(v) < proposal%log_working - current%log_working - (near_proposal%log_working - nearly%log_working)
+      accepted = log(v) < proposal(1)%log_working - current%log_working - (near_proposal%log_working - nearly%log_working)
       if (.not. accepted) return
       u = tried
       nearly = near_proposal
-      current = proposal
+      current = proposal(1)
    end subroutine test_exactly
 
-   !> A point of the mixture in the support, and u, its straightened coordinates; `admitted` is false if a thousand draws were all
-   !> outside.
-   subroutine draw_admitted(target, view, mixture, stream, point, u, admitted)
+   !> A point of the mixture in the support, and u, its whitened coordinates; `outside` if a thousand draws were all there.
+   subroutine draw_inside(target, view, mixture, stream, point, u)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
-      type(point_type), intent(inout) :: point
+      type(point_type), intent(inout) :: point(1)
       real(wp), intent(out) :: u(:)
-      logical, intent(out) :: admitted
       integer :: attempt
 
       do attempt = 1, 1000
          call draw_mixture(mixture, stream, u)
-         call view%straight%from_straight(u, point%w)
-         call target%evaluate_working(point, admitted, view%polynomial)
-         if (admitted) return
+         call view%whitening%from_white(u, point(1)%w)
+         call target%evaluate_working(point, view%polynomial)
+         if (point(1)%log_working > outside) return
       end do
-   end subroutine draw_admitted
+   end subroutine draw_inside
 
    !> Fit the mixture to the archive, then improve it by importance sampling. Points that the mixture puts outside the support
    !> count as data of their own, so that it does not shy away from the bounds; the archive stays among the data, so that a tail
@@ -218,39 +228,46 @@ contains
       !> A smaller share of good draws is not worth the search: differences alone do better.
       real(wp), parameter :: archive_share = 0.15_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
-      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), outside(:, :)
-      type(point_type) :: point
-      real(wp) :: u(target%dimension), cap
-      integer :: i, round, kept, inside, out, few
-      logical :: admitted, last
+      real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
+      type(point_type), allocatable :: batch(:)
+      real(wp) :: cap
+      integer :: i, round, archived, inside, out, few
+      logical :: last
 
-      kept = size(archive, 2)
-      allocate (point%w(target%dimension))
-      allocate (points(kept + draws + most_outside, target%dimension), weights(kept + draws + most_outside))
-      allocate (log_weights(draws), outside(most_outside, target%dimension))
-      points(:kept, :) = transpose(archive)
+      archived = size(archive, 2)
+      allocate (points(archived + draws + most_outside, target%dimension), weights(archived + draws + most_outside))
+      allocate (log_weights(draws), beyond(most_outside, target%dimension))
+      points(:archived, :) = transpose(archive)
       weights = 1.0_wp
-      call new_mixture(points(:kept, :), components, fitted)
-      call fit_mixture(points(:kept, :), weights(:kept), 15, fitted)
+      call new_mixture(points(:archived, :), components, fitted)
+      call fit_mixture(points(:archived, :), weights(:archived), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
          last = round == most_rounds .or. (round >= least_rounds .and. quality > 0.5_wp)
-         call widen_mixture(fitted, 1.05_wp, 0.1_wp, 0.03_wp, 4.0_wp, mixture)
+         call widen_mixture(fitted, mixture)
          inside = 0
          out = 0
          do while (inside < draws .and. out < most_tries)
-            call draw_mixture(mixture, stream, u)
-            call view%straight%from_straight(u, point%w)
-            call target%evaluate_working(point, admitted, view%polynomial)
-            if (admitted) then
-               inside = inside + 1
-               points(kept + inside, :) = u
-               log_weights(inside) = point%log_working - log_mixture(mixture, u)
-            else
-               out = out + 1
-               if (out <= most_outside) outside(out, :) = u
-            end if
+            allocate (u(target%dimension, min(draws - inside, most_tries - out)))
+            w = u
+            do i = 1, size(u, 2)
+               call draw_mixture(mixture, stream, u(:, i))
+               call view%whitening%from_white(u(:, i), w(:, i))
+            end do
+            call place_points(w, batch)
+            call target%evaluate_working(batch, view%polynomial)
+            do i = 1, size(u, 2)
+               if (batch(i)%log_working > outside) then
+                  inside = inside + 1
+                  points(archived + inside, :) = u(:, i)
+                  log_weights(inside) = batch(i)%log_working - log_mixture(mixture, u(:, i))
+               else
+                  out = out + 1
+                  if (out <= most_outside) beyond(out, :) = u(:, i)
+               end if
+            end do
+            deallocate (u)
          end do
          quality = 0.0_wp
          if (inside == 0) return
@@ -264,12 +281,12 @@ contains
          ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from taking over.
          cap = sum(log_weights(:inside))/sqrt(real(inside, wp))
          log_weights(:inside) = min(log_weights(:inside), cap)
-         weights(:kept) = archive_share*inside/kept
-         weights(kept + 1:kept + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
+         weights(:archived) = archive_share*inside/archived
+         weights(archived + 1:archived + inside) = (1.0_wp - archive_share)*inside/sum(log_weights(:inside))*log_weights(:inside)
          few = min(out, most_outside)
-         i = kept + inside
+         i = archived + inside
          if (few > 0) then
-            points(i + 1:i + few, :) = outside(:few, :)
+            points(i + 1:i + few, :) = beyond(:few, :)
             weights(i + 1:i + few) = real(out, wp)/few
          end if
          call fit_mixture(points(:i + few, :), weights(:i + few), 6, fitted)

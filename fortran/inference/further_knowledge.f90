@@ -6,8 +6,10 @@ module further_knowledge
    use constants_prior, only: prior_type
    use errors, only: error_type
    use kinds, only: wp
-   use linear_algebra, only: cholesky_factor, cholesky_solve
-   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use linear_algebra, only: cholesky_factor
+   use quantities, only: evaluate_draws, new_quantity, quantity_type
+   use small_matrices, only: solve_lower
+   use statistics, only: covariance_of, flattened, moments, thinned
    use text, only: split_list
    implicit none
    private
@@ -41,7 +43,7 @@ contains
       logical, allocatable :: distinct(:)
       integer :: i, k
 
-      call thin_draws(draws, prior%n_constants, constants)
+      constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
       allocate (gains(size(kinds)))
       do k = 1, size(kinds)
          names = split_list(trim(kinds(k)))
@@ -50,10 +52,7 @@ contains
             call new_quantity(trim(names(i)), list(i), error)
             if (allocated(error)) return
          end do
-         allocate (values(size(names), size(constants, 2)))
-         do i = 1, size(constants, 2)
-            call evaluate_quantities(list, prior%class%stiffness(constants(:, i)), values(:, i))
-         end do
+         call evaluate_draws(list, prior%class, constants, values)
          call keep_distinct(values, distinct)
          do i = 1, size(names)
             if (.not. distinct(i)) cycle
@@ -64,21 +63,6 @@ contains
          deallocate (list, values)
       end do
    end subroutine expect_gains
-
-   !> At most so many draws, evenly.
-   subroutine thin_draws(draws, k, constants)
-      real(wp), intent(in) :: draws(:, :, :)
-      integer, intent(in) :: k
-      real(wp), allocatable, intent(out) :: constants(:, :)
-      integer :: stride, n, c
-
-      stride = max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most_draws))
-      n = (size(draws, 2) - 1)/stride + 1
-      allocate (constants(k, n*size(draws, 3)))
-      do c = 1, size(draws, 3)
-         constants(:, (c - 1)*n + 1:c*n) = draws(:k, ::stride, c)
-      end do
-   end subroutine thin_draws
 
    !> Leave out quantities that are the same as another in every draw.
    subroutine keep_distinct(values, distinct)
@@ -101,11 +85,13 @@ contains
       !> (constant, draw), GPa; (quantity, draw).
       real(wp), intent(in) :: constants(:, :), values(:, :)
       type(gain_type), intent(inout) :: gain
-      real(wp) :: weights(size(values, 2)), variance(size(constants, 1)), mean(size(constants, 1))
+      real(wp), dimension(size(constants, 1)) :: variance, mean, sd
+      real(wp) :: weights(size(values, 2))
       integer :: a, i, n, used, anchor
 
       n = size(values, 2)
-      gain%sd_now = sd_of(constants)
+      call moments(constants, mean, sd)
+      gain%sd_now = sd
       variance = 0.0_wp
       used = 0
       do a = 1, anchors
@@ -117,10 +103,8 @@ contains
          weights = weights/sum(weights)
          if (1.0_wp/sum(weights**2) < least_size) cycle
          used = used + 1
-         mean = matmul(constants, weights)
-         do i = 1, size(mean)
-            variance(i) = variance(i) + sum(weights*(constants(i, :) - mean(i))**2)
-         end do
+         call moments(constants, mean, sd, weights)
+         variance = variance + sd**2
       end do
       if (2*used >= anchors) then
          gain%sd_then = sqrt(variance/used)
@@ -129,42 +113,32 @@ contains
       end if
    end subroutine expect_sds
 
-   pure function sd_of(values) result(sd)
-      real(wp), intent(in) :: values(:, :)
-      real(wp) :: sd(size(values, 1))
-      integer :: i
-
-      sd = [(sqrt(sum((values(i, :) - sum(values(i, :))/size(values, 2))**2)/max(1, size(values, 2) - 1)), i=1, size(values, 1))]
-   end function sd_of
-
    !> sds of normal variables with the covariance of the draws after measurements of the quantities.
    function linear_update(constants, values, relative_sd) result(sd)
       real(wp), intent(in) :: constants(:, :), values(:, :), relative_sd
       real(wp) :: sd(size(constants, 1))
-      real(wp) :: own(size(values, 1), size(values, 1)), cross(size(values, 1), 1), solved(size(values, 1), 1)
-      real(wp), allocatable :: deviation(:, :)
+      real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), own(size(values, 1), size(values, 1))
+      real(wp) :: cross(size(values, 1))
+      real(wp), allocatable :: both(:, :)
       type(error_type), allocatable :: error
-      real(wp) :: mean
-      integer :: i, n
+      integer :: i, q
 
-      n = size(values, 2)
-      deviation = values
-      do i = 1, size(values, 1)
-         deviation(i, :) = values(i, :) - sum(values(i, :))/n
-      end do
-      own = matmul(deviation, transpose(deviation))/n
-      do i = 1, size(values, 1)
-         own(i, i) = own(i, i) + (relative_sd*sum(values(i, :))/n)**2
+      q = size(values, 1)
+      allocate (both(size(joint, 1), size(values, 2)))
+      both(:q, :) = values
+      both(q + 1:, :) = constants
+      joint = covariance_of(both)
+      sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
+      own = joint(:q, :q)
+      do i = 1, q
+         own(i, i) = own(i, i) + (relative_sd*sum(values(i, :))/size(values, 2))**2
       end do
       call cholesky_factor(own, error)
-      sd = sd_of(constants)
       if (allocated(error)) return
       do i = 1, size(sd)
-         mean = sum(constants(i, :))/n
-         cross(:, 1) = matmul(deviation, constants(i, :) - mean)/n
-         solved = cross
-         call cholesky_solve(own, solved)
-         sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross*solved)))
+         cross = joint(:q, q + i)
+         call solve_lower(own, cross)
+         sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross**2)))
       end do
    end function linear_update
 end module further_knowledge

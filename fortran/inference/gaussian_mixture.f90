@@ -33,8 +33,7 @@ contains
       many = size(points, 1)
       call allocate_mixture(mixture, size(points, 2), components)
       call sort_order(points(:, 1), order)
-      allocate (responsibility(many, components))
-      responsibility = 0.0_wp
+      allocate (responsibility(many, components), source=0.0_wp)
       do i = 1, many
          responsibility(order(i), 1 + (i - 1)*components/many) = 1.0_wp
       end do
@@ -47,14 +46,10 @@ contains
 
       mixture%n = n
       mixture%components = components
-      allocate (mixture%weight(components), mixture%mean(n, components), mixture%log_norm(components))
-      allocate (mixture%factor(n, n, components), mixture%inverse(components, n, n), mixture%centre(components, n))
-      mixture%centre = 0.0_wp
-      mixture%weight = 1.0_wp/components
-      mixture%mean = 0.0_wp
-      mixture%factor = 0.0_wp
-      mixture%inverse = 0.0_wp
-      mixture%log_norm = -1.0e30_wp
+      allocate (mixture%weight(components), source=1.0_wp/components)
+      allocate (mixture%log_norm(components), source=-1.0e30_wp)
+      allocate (mixture%mean(n, components), mixture%centre(components, n), mixture%factor(n, n, components), &
+         & mixture%inverse(components, n, n), source=0.0_wp)
    end subroutine allocate_mixture
 
    !> The logarithm of each component's share of the density at u.
@@ -122,17 +117,15 @@ contains
       integer, intent(in) :: steps
       type(mixture_type), intent(inout) :: mixture
       real(wp), allocatable :: responsibility(:, :), top(:), total(:), share(:)
-      integer :: step, i, m, many
+      integer :: step, m, many
 
       many = size(points, 1)
       allocate (responsibility(many, mixture%components), top(many), total(many), share(many))
       do step = 1, steps
+         top = -huge(1.0_wp)
          do m = 1, mixture%components
             call component_terms(many, mixture%n, points, mixture%mean(:, m), mixture%inverse(m, :, :), mixture%log_norm(m), &
                & responsibility(:, m))
-         end do
-         top = responsibility(:, 1)
-         do m = 2, mixture%components
             top = max(top, responsibility(:, m))
          end do
          total = 0.0_wp
@@ -142,10 +135,7 @@ contains
             responsibility(:, m) = share
             total = total + responsibility(:, m)
          end do
-         !$omp simd
-         do i = 1, many
-            total(i) = weights(i)/total(i)
-         end do
+         total = weights/total
          do m = 1, mixture%components
             responsibility(:, m) = responsibility(:, m)*total
          end do
@@ -262,10 +252,10 @@ contains
 
    !> The mixture with heavier tails: a share `tails` of each component has `spread` times its covariance, the rest `inflation`
    !> times, and a share `whole` of all has the mean of the mixture and `spread` times its covariance.
-   subroutine widen_mixture(mixture, inflation, tails, whole, spread, wide)
+   subroutine widen_mixture(mixture, wide)
       type(mixture_type), intent(in) :: mixture
-      real(wp), intent(in) :: inflation, tails, whole, spread
       type(mixture_type), intent(out) :: wide
+      real(wp), parameter :: inflation = 1.05_wp, tails = 0.1_wp, whole = 0.03_wp, spread = 4.0_wp
       real(wp) :: covariance(mixture%n, mixture%n), own(mixture%n, mixture%n), mean(mixture%n), d(mixture%n)
       integer :: m, j, n
 

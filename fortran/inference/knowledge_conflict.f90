@@ -9,9 +9,10 @@ module knowledge_conflict
    use constants_prior, only: knowledge_type
    use errors, only: error_type
    use kinds, only: wp
-   use quantities, only: evaluate_quantities
+   use quantities, only: evaluate_draws
    use samplers, only: chains_type
    use simplex_search, only: climb
+   use statistics, only: flattened, moments, thinned
    implicit none
    private
    public :: conflict_type, find_conflict, without_knowledge
@@ -61,7 +62,7 @@ contains
       call best_of(all, chains, point, most)
       call best_of(free, free_chains, other, most_other)
       ! What is best with knowledge is a point to start from without.
-      call climb_up(free, 0.1_wp*spread_of(chains), point, most_free)
+      call climb_up(free, first_steps(chains), point, most_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
       call compare_moments(posterior, chains, conflict)
@@ -77,7 +78,7 @@ contains
 
       best = maxloc(chains%log_density)
       point = chains%draws(:, best(1), best(2))
-      call climb_up(density, 0.1_wp*spread_of(chains), point, log_density)
+      call climb_up(density, first_steps(chains), point, log_density)
    end subroutine best_of
 
    !> Simplices one after another until the next adds nothing.
@@ -88,28 +89,27 @@ contains
       real(wp), intent(out) :: log_density
       integer, parameter :: most = 8
       real(wp), parameter :: nothing = 0.05_wp
-      real(wp) :: before
-      logical :: admitted
+      real(wp) :: before, values(1)
       integer :: i
 
-      call density%evaluate(point, log_density, admitted)
+      call density%evaluate(reshape(point, [size(point), 1]), values)
       do i = 1, most
-         before = log_density
+         before = values(1)
          call climb(density, steps, point)
-         call density%evaluate(point, log_density, admitted)
-         if (log_density - before < nothing) exit
+         call density%evaluate(reshape(point, [size(point), 1]), values)
+         if (values(1) - before < nothing) exit
       end do
+      log_density = values(1)
    end subroutine climb_up
 
-   pure function spread_of(chains) result(sd)
+   !> A tenth of the sds of the parameters.
+   pure function first_steps(chains) result(steps)
       type(chains_type), intent(in) :: chains
-      real(wp) :: sd(size(chains%draws, 1))
-      real(wp) :: n
-      integer :: j
+      real(wp), dimension(size(chains%draws, 1)) :: steps, mean
 
-      n = size(chains%draws, 2)*real(size(chains%draws, 3), wp)
-      sd = [(norm2(chains%draws(j, :, :) - sum(chains%draws(j, :, :))/n)/sqrt(n), j=1, size(sd))]
-   end function spread_of
+      call moments(flattened(chains%draws), mean, steps)
+      steps = 0.1_wp*steps
+   end function first_steps
 
    !> The conflict of each quantity, from mean and variance over some of the draws.
    subroutine compare_moments(posterior, chains, conflict)
@@ -117,26 +117,16 @@ contains
       type(chains_type), intent(in) :: chains
       type(conflict_type), intent(inout) :: conflict
       integer, parameter :: most = 4000
-      real(wp), dimension(size(conflict%of_quantity)) :: values, mean, square, sd
-      integer :: stride, n, c, i
+      real(wp), dimension(size(conflict%of_quantity)) :: mean, sd
+      real(wp), allocatable :: values(:, :)
 
-      stride = max(1, int(size(chains%draws, 2)*real(size(chains%draws, 3), wp)/most))
-      mean = 0.0_wp
-      square = 0.0_wp
-      n = 0
       associate (knowledge => posterior%prior%knowledge)
-         sd = knowledge%sd()
-         do c = 1, size(chains%draws, 3)
-            do i = 1, size(chains%draws, 2), stride
-               call evaluate_quantities(knowledge%quantities, posterior%stiffness(chains%draws(:, i, c)), values)
-               n = n + 1
-               mean = mean + (values - knowledge%mean)/sd
-               square = square + ((values - knowledge%mean)/sd)**2
-            end do
-         end do
+         call evaluate_draws(knowledge%quantities, posterior%prior%class, flattened(thinned(chains%draws, most)), values)
+         call moments(values, mean, sd)
+         mean = (mean - knowledge%mean)/knowledge%sd()
+         sd = sd/knowledge%sd()
       end associate
-      mean = mean/n
-      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - square/n + mean**2)), sqrt(conflict%growth))
+      conflict%of_quantity = min(abs(mean)/sqrt(max(least_share, 1.0_wp - sd**2)), sqrt(conflict%growth))
    end subroutine compare_moments
 
    !> Wilson and Hilferty's normal variable of a chi-square; exactly its root for one degree of freedom.

@@ -3,6 +3,7 @@
 !> The tilt of the indented direction is normal in each of two components. The modulus, quadratic in the tilt, then has the mean
 !> M + sd² tr H / 2 and the variance sd² |s|² + sd⁴ |H|² / 2 with slope s and curvature H, taken from six neighbouring directions.
 module measured_grains
+   use abstract_observable, only: observable_type
    use crystal_elasticity, only: euler_angles, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
@@ -11,8 +12,6 @@ module measured_grains
    private
    public :: measured_type, check_measurements, all_tilts, tilt_moments, n_tilts
 
-   !> More, in GPa, is taken for MPa.
-   real(wp), parameter :: greatest_modulus = 2000.0_wp
    !> Work arrays of a thread are on its stack.
    integer, parameter :: most_grains = 20000
 
@@ -34,8 +33,9 @@ module measured_grains
 contains
 
    !> Refuse what cannot be a table of measurements.
-   subroutine check_measurements(self, may_be_empty, error)
+   subroutine check_measurements(self, observable, may_be_empty, error)
       type(measured_type), intent(in) :: self
+      class(observable_type), intent(in) :: observable
       !> No grains are allowed.
       logical, intent(in) :: may_be_empty
       type(error_type), allocatable, intent(out) :: error
@@ -50,9 +50,10 @@ contains
          call raise(error, to_text(n)//' grains are more than the '//to_text(most_grains)//' that are allowed', exit_bad_input)
       else if (.not. (all(self%modulus > 0.0_wp .and. self%modulus < huge(1.0_wp)) .and. all(abs(self%euler) < huge(1.0_wp)))) then
          call raise(error, 'a measured modulus is not positive, or a value is not finite', exit_bad_input)
-      else if (any(self%modulus > greatest_modulus)) then
-         call raise(error, 'a measured modulus of '//to_text(maxval(self%modulus))//' GPa looks like MPa; allowed up to ' &
-            & //to_text(greatest_modulus)//' GPa', exit_bad_input)
+      else if (any(self%modulus > observable%greatest_plausible)) then
+         call raise(error, 'a measured modulus of '//to_text(maxval(self%modulus))//' '//observable%unit//' looks like ' &
+            & //observable%mistaken_unit//'; allowed up to '//to_text(observable%greatest_plausible)//' ' &
+            & //observable%unit, exit_bad_input)
       else if (.not. all(self%sd > 0.0_wp .and. self%sd < huge(1.0_wp))) then
          call raise(error, 'the sd of a measurement must be positive and finite', exit_bad_input)
       end if

@@ -7,9 +7,9 @@ module model_checks
    use constants_posterior, only: posterior_type
    use kinds, only: wp
    use posterior_summary, only: thinning
-   use random, only: draw_normal, new_random_stream, random_stream_type
+   use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
-   use small_matrices, only: factor_columns
+   use small_matrices, only: factor_columns, solve_upper
    implicit none
    private
    public :: checks_type, check_model
@@ -84,19 +84,20 @@ contains
       real(wp), intent(out) :: log_likelihood(:, :), replicated(:, :), log_prior(:)
       type(tally_type), intent(out) :: tally
       type(random_stream_type) :: stream
-      real(wp), allocatable :: u(:, :), fewer(:, :), b(:), precision(:, :)
+      real(wp), allocatable :: u(:, :), fewer(:, :), b(:), z(:), precision(:, :)
       real(wp), dimension(posterior%n_grains) :: model, scales, residuals, shared, noise
-      real(wp) :: value
+      real(wp) :: c(6, 6), value
       integer :: i, g, columns
 
       columns = min(posterior%n_grains, posterior%n_shared)
       allocate (u(posterior%n_grains, posterior%n_shared), fewer(posterior%n_grains, columns), b(columns), &
-         & precision(columns, columns))
+         & z(columns), precision(columns, columns))
       stream = new_random_stream(0, stream_number)
       tally%residuals = 0.0_wp*posterior%measured
       do i = 1, size(draws, 2)
-         log_prior(i) = posterior%log_prior(posterior%stiffness(draws(:, i)))
-         call posterior%whiten_residuals(draws(:, i), model, scales, u)
+         c = posterior%stiffness(draws(:, i))
+         log_prior(i) = posterior%log_prior(c)
+         call posterior%predict_measurements(draws(:, i), c, model, scales, u)
          residuals = (posterior%measured - model)/scales
          shared = 0.0_wp
          if (columns > 0) then
@@ -106,8 +107,11 @@ contains
          call posterior%errors%leave_one_out(residuals, fewer, b, precision, log_likelihood(:, i))
          log_likelihood(:, i) = log_likelihood(:, i) - log(scales)
          if (columns > 0) then
-            call draw_normal(stream, b, precision)
-            shared = matmul(fewer, b)
+            do g = 1, columns
+               call stream%normal(z(g))
+            end do
+            call solve_upper(precision, z)
+            shared = matmul(fewer, b + z)
          end if
          do g = 1, posterior%n_grains
             call posterior%errors%draw(stream, noise(g))

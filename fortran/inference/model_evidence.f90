@@ -15,7 +15,9 @@ module model_evidence
    use logarithmic_coordinates, only: log_frame_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
-   use sampling_target, only: point_type
+   use sampling_target, only: outside, point_type
+   use small_matrices, only: solve_lower
+   use statistics, only: covariance_of, flattened
    implicit none
    private
    public :: evidence_type, estimate_evidence
@@ -55,57 +57,46 @@ contains
       integer, intent(in) :: stream_offset, threads
       real(wp), intent(out) :: value, variance
       type(error_type), allocatable, intent(out) :: error
-      type(mixture_type) :: mixture
-      real(wp), allocatable :: w(:, :, :), log_density(:, :), points(:, :), weights(:), of_draws(:, :), of_proposals(:)
-      real(wp) :: mean(density%dimension), factor(density%dimension, density%dimension), u(density%dimension), log_factor
-      type(mixture_type) :: fitted
-      integer :: i, j, c, d, n, half, stride, samples
+      type(mixture_type) :: fitted, mixture
+      real(wp), allocatable :: u(:, :, :), log_density(:, :), first(:, :), of_draws(:, :), of_proposals(:)
+      real(wp) :: mean(density%dimension), factor(density%dimension, density%dimension), log_factor
+      integer :: i, j, c, d, n, half, stride
 
-      d = density%dimension
-      samples = size(chains%draws, 2)
-      stride = max(1, int(samples*real(size(chains%draws, 3), wp)/(2*most_draws)))
-      n = (samples + stride - 1)/stride
-      half = n/2
-      allocate (w(d, n, size(chains%draws, 3)), log_density(n, size(chains%draws, 3)))
-      do c = 1, size(w, 3)
-         do i = 1, n
-            j = 1 + (i - 1)*stride
-            call to_working(density, chains%draws(:, j, c), chains%log_density(j, c), w(:, i, c), log_density(i, c))
-         end do
+      stride = max(1, int(size(chains%draws, 2)*real(size(chains%draws, 3), wp)/(2*most_draws)))
+      log_density = chains%log_density(::stride, :)
+      half = size(log_density, 1)/2
+      allocate (u(density%dimension, size(log_density, 1), size(log_density, 2)))
+      do c = 1, size(u, 3)
+         call density%to_working(chains%draws(:, ::stride, c), u(:, :, c))
       end do
       ! The first halves are fitted.
-      n = half*size(w, 3)
-      points = transpose(reshape(w(:, :half, :), [d, n]))
-      mean = sum(points, 1)/n
-      do j = 1, d
-         points(:, j) = points(:, j) - mean(j)
-      end do
-      factor = matmul(transpose(points), points)/n
+      first = flattened(u(:, :half, :))
+      d = size(first, 1)
+      n = size(first, 2)
+      mean = sum(first, 2)/n
+      factor = covariance_of(first)*(n - 1)/n
       do j = 1, d
          factor(j, j) = factor(j, j)*(1.0_wp + 1.0e-9_wp) + 1.0e-14_wp
       end do
       call cholesky_factor(factor, error)
       if (allocated(error)) return
-      log_factor = 0.0_wp
-      do j = 1, d
-         log_factor = log_factor + log(factor(j, j))
+      log_factor = sum([(log(factor(j, j)), j=1, d)])
+      do c = 1, size(u, 3)
+         do i = 1, size(u, 2)
+            log_density(i, c) = log_density(i, c) + log_volume(density, u(:, i, c))
+            u(:, i, c) = u(:, i, c) - mean
+            call solve_lower(factor, u(:, i, c))
+         end do
       end do
-      do i = 1, n
-         u = points(i, :)
-         call solve_lower(factor, u)
-         points(i, :) = u
-      end do
-      allocate (weights(n), source=1.0_wp)
-      call new_mixture(points, max(1, min(16, n/(5*d*(d + 3)))), fitted)
-      call fit_mixture(points, weights, 20, fitted)
-      call widen_mixture(fitted, 1.05_wp, 0.1_wp, 0.03_wp, 4.0_wp, mixture)
+      first = transpose(flattened(u(:, :half, :)))
+      call new_mixture(first, max(1, min(16, n/(5*d*(d + 3)))), fitted)
+      call fit_mixture(first, spread(1.0_wp, 1, n), 20, fitted)
+      call widen_mixture(fitted, mixture)
       ! The second halves are compared with.
-      allocate (of_draws(size(w, 2) - half, size(w, 3)))
-      do c = 1, size(w, 3)
+      of_draws = log_density(half + 1:, :) + log_factor
+      do c = 1, size(u, 3)
          do i = 1, size(of_draws, 1)
-            u = w(:, half + i, c) - mean
-            call solve_lower(factor, u)
-            of_draws(i, c) = log_density(half + i, c) + log_factor - log_mixture(mixture, u)
+            of_draws(i, c) = of_draws(i, c) - log_mixture(mixture, u(:, half + i, c))
          end do
       end do
       allocate (of_proposals(blocks*(most_draws/blocks)))
@@ -115,26 +106,23 @@ contains
             & of_proposals((i - 1)*(most_draws/blocks) + 1:i*(most_draws/blocks)))
       end do
       !$omp end parallel do
-      where (of_proposals > -huge(1.0_wp)) of_proposals = of_proposals + log_factor
+      where (of_proposals > outside) of_proposals = of_proposals + log_factor
       call bridge(of_draws, of_proposals, value, variance)
    end subroutine log_integral
 
-   !> Working coordinates of a point and the logarithm of the density there.
-   pure subroutine to_working(density, x, log_density, w, log_working)
+   !> Logarithm of the volume of the constants for one of the working coordinates.
+   pure real(wp) function log_volume(density, w)
       type(posterior_type), intent(in) :: density
       !> (dimension).
-      real(wp), intent(in) :: x(:), log_density
-      real(wp), intent(out) :: w(:), log_working
+      real(wp), intent(in) :: w(:)
       type(log_frame_type) :: frame
       real(wp) :: c(6, 6)
 
-      call density%to_working(x, w)
       call density%prior%logarithms%from_logarithms(w(:density%n_constants), c, frame)
-      log_working = log_density + density%prior%logarithms%log_volume(frame)
-   end subroutine to_working
+      log_volume = density%prior%logarithms%log_volume(frame)
+   end function log_volume
 
-   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; -huge outside the
-   !> support.
+   !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; `outside` the support.
    subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
       type(posterior_type), intent(in) :: density
       type(mixture_type), intent(in) :: mixture
@@ -144,21 +132,22 @@ contains
       !> (draw).
       real(wp), intent(out) :: values(:)
       type(random_stream_type) :: stream
-      type(point_type) :: point
-      real(wp) :: u(size(mean))
-      logical :: admitted
+      type(point_type) :: points(size(values))
+      real(wp) :: u(size(mean), size(values))
       integer :: i, j
 
       stream = new_random_stream(0, stream_number)
-      allocate (point%w(size(mean)))
       do i = 1, size(values)
-         call draw_mixture(mixture, stream, u)
+         call draw_mixture(mixture, stream, u(:, i))
+         points(i)%w = mean
          do j = 1, size(mean)
-            point%w(j) = mean(j) + sum(factor(j, :j)*u(:j))
+            points(i)%w(j) = points(i)%w(j) + sum(factor(j, :j)*u(:j, i))
          end do
-         call density%evaluate_working(point, admitted)
-         values(i) = -huge(1.0_wp)
-         if (admitted) values(i) = point%log_working - log_mixture(mixture, u)
+      end do
+      call density%evaluate_working(points)
+      values = points%log_working
+      do i = 1, size(values)
+         if (values(i) > outside) values(i) = values(i) - log_mixture(mixture, u(:, i))
       end do
    end subroutine weigh_block
 
@@ -185,7 +174,7 @@ contains
       do step = 1, most_steps
          before = r
          above = 0.0_wp
-         where (of_proposals > -huge(1.0_wp)) above = 1.0_wp/(share + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
+         where (of_proposals > outside) above = 1.0_wp/(share + (1.0_wp - share)*r*exp(min(600.0_wp, top - of_proposals)))
          below = 1.0_wp/(share*exp(of_draws - top) + (1.0_wp - share)*r)
          r = (sum(above)/size(above))/(sum(below)/m)
          if (abs(r - before) < 1.0e-10_wp*r) exit
@@ -203,14 +192,4 @@ contains
       relative_variance = sum((values - mean)**2)/n/mean**2
    end function relative_variance
 
-   !> L^-1 u in place.
-   pure subroutine solve_lower(l, u)
-      real(wp), intent(in) :: l(:, :)
-      real(wp), intent(inout) :: u(:)
-      integer :: j
-
-      do j = 1, size(u)
-         u(j) = (u(j) - sum(l(j, :j - 1)*u(:j - 1)))/l(j, j)
-      end do
-   end subroutine solve_lower
 end module model_evidence

@@ -24,8 +24,8 @@ module next_measurement
    public :: candidates_type, suggestions_type, expected_gains, choose_measurements
 
    !> Bins of the draws and points of the integral per sd of the kernel, and half the width of the kernel in sds.
-   integer, parameter :: bins_per_sd = 10, points_per_sd = 2, reach = 6
-   integer, parameter :: step = bins_per_sd/points_per_sd
+   integer, parameter :: bins_per_sd = 10, points_per_sd = 2, half_width = 6
+   integer, parameter :: step = bins_per_sd/points_per_sd, half_bins = half_width*bins_per_sd
    !> Least sd of the kernel, as a share of the sd of the predictions.
    real(wp), parameter :: least_kernel = 0.02_wp
 
@@ -60,14 +60,14 @@ contains
       real(wp), intent(in), contiguous :: weights(:)
       real(wp), intent(out) :: gain, left
       real(wp), allocatable :: bins(:, :)
-      real(wp) :: kernel(-reach*bins_per_sd:reach*bins_per_sd), width, low, place, share, p, first, second, mean, variance, sd
+      real(wp) :: kernel(-half_bins:half_bins), width, low, place, powers(3), deviation, p, first, second, mean, variance, sd
       integer :: s, k, n, i, margin
       logical :: use_target
 
       associate (predicted => candidates%predicted(:, c), target => candidates%target)
          use_target = size(target) > 0
          sd = kernel_sd(candidates, c)
-         margin = 2*reach*bins_per_sd
+         margin = 2*half_bins
          width = sd/bins_per_sd
          low = minval(predicted)
          n = int((maxval(predicted) - low)/width) + 2
@@ -76,18 +76,15 @@ contains
          mean = 0.0_wp
          if (use_target) mean = sum(weights*target)
          variance = 0.0_wp
+         deviation = 0.0_wp
          do s = 1, size(predicted)
             place = (predicted(s) - low)/width
             k = int(place)
-            share = (place - k)*weights(s)
-            bins(1, k) = bins(1, k) + weights(s) - share
-            bins(1, k + 1) = bins(1, k + 1) + share
-            if (.not. use_target) cycle
-            variance = variance + weights(s)*(target(s) - mean)**2
-            bins(2, k) = bins(2, k) + (weights(s) - share)*(target(s) - mean)
-            bins(2, k + 1) = bins(2, k + 1) + share*(target(s) - mean)
-            bins(3, k) = bins(3, k) + (weights(s) - share)*(target(s) - mean)**2
-            bins(3, k + 1) = bins(3, k + 1) + share*(target(s) - mean)**2
+            if (use_target) deviation = target(s) - mean
+            powers = weights(s)*[1.0_wp, deviation, deviation**2]
+            bins(:, k) = bins(:, k) + (1.0_wp - (place - k))*powers
+            bins(:, k + 1) = bins(:, k + 1) + (place - k)*powers
+            variance = variance + powers(3)
          end do
       end associate
       do i = lbound(kernel, 1), ubound(kernel, 1)
@@ -95,11 +92,11 @@ contains
       end do
       gain = 0.0_wp
       left = 0.0_wp
-      do k = -reach*bins_per_sd, n + reach*bins_per_sd, step
+      do k = -half_bins, n + half_bins, step
          p = 0.0_wp
          first = 0.0_wp
          second = 0.0_wp
-         do i = -reach*bins_per_sd, reach*bins_per_sd
+         do i = -half_bins, half_bins
             p = p + kernel(i)*bins(1, k + i)
             first = first + kernel(i)*bins(2, k + i)
             second = second + kernel(i)*bins(3, k + i)

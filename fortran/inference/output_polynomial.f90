@@ -22,7 +22,6 @@ module output_polynomial
       !> (output, term).
       real(wp), allocatable :: coefficients(:, :)
    contains
-      procedure :: clear
       procedure :: evaluate
    end type output_polynomial_type
 
@@ -59,13 +58,6 @@ contains
       is_fitted = .false.
       if (present(self)) is_fitted = self%n_terms > 0
    end function is_fitted
-
-   !> Nothing to evaluate any more.
-   pure subroutine clear(self)
-      class(output_polynomial_type), intent(inout) :: self
-
-      self%n_terms = 0
-   end subroutine clear
 
    !> Fit of a `degree` to the outputs at some points; nothing is fitted if these do not determine it.
    subroutine fit_output_polynomial(points, outputs, degree, polynomial)

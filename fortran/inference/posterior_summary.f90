@@ -11,17 +11,18 @@ module posterior_summary
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
    use simplex_search, only: climb
-   use sorting, only: sort_order
+   use small_matrices, only: solve_lower, solve_upper
+   use statistics, only: covariance_of, flattened, moments, sorted_values, thinned
    implicit none
    private
    public :: parameter_type, combination_type, known_quantity_type, predictions_type
    public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point
-   public :: decided_by_data, left_open, decided_by_prior, thinning
+   public :: determined_by_data, not_determined, determined_by_prior, thinning
 
    !> A combination is decided by the data above, and left open below this contraction: its sd is not even half the prior's.
-   real(wp), parameter :: decided_by_data = 0.9_wp, left_open = 0.75_wp
+   real(wp), parameter :: determined_by_data = 0.9_wp, not_determined = 0.75_wp
    !> Below this contraction a most probable value means nothing.
-   real(wp), parameter :: decided_by_prior = 0.5_wp
+   real(wp), parameter :: determined_by_prior = 0.5_wp
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
    integer, parameter :: most_draws = 4000, fewest_draws = 400
@@ -63,59 +64,50 @@ contains
       type(chains_type), intent(in) :: chains
       integer, intent(in) :: threads
       type(parameter_type), allocatable, intent(out) :: parameters(:)
-      real(wp), allocatable :: values(:, :)
+      real(wp), allocatable :: values(:, :), mean(:), sd(:)
       integer :: j
 
-      allocate (parameters(size(chains%draws, 1)))
+      allocate (parameters(size(chains%draws, 1)), mean(size(chains%draws, 1)), sd(size(chains%draws, 1)))
+      call moments(flattened(chains%draws), mean, sd)
+      parameters%mean = mean
+      parameters%sd = sd
       !$omp parallel do num_threads(max(1, threads)) schedule(dynamic, 1) private(values)
       do j = 1, size(parameters)
          values = chains%draws(j, :, :)
          parameters(j)%diagnostics = diagnose_chains(values)
-         call moments(size(values), values, parameters(j)%mean, parameters(j)%sd)
          parameters(j)%hdi_95 = narrowest_interval(size(values), values, 0.95_wp)
       end do
       !$omp end parallel do
    end subroutine summarise_parameters
-
-   !> Mean and unbiased sd.
-   pure subroutine moments(n, values, mean, sd)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: values(n)
-      real(wp), intent(out) :: mean, sd
-
-      mean = sum(values)/n
-      sd = sqrt(sum((values - mean)**2)/max(1, n - 1))
-   end subroutine moments
 
    !> The narrowest interval between two of the values that holds a share of them, by the definition of ArviZ.
    pure function narrowest_interval(n, values, share) result(interval)
       integer, intent(in) :: n
       real(wp), intent(in) :: values(n), share
       real(wp) :: interval(2)
-      integer, allocatable :: order(:)
+      real(wp), allocatable :: sorted(:)
       integer :: i, held, best
 
-      allocate (order(n))
-      call sort_order(values, order)
+      call sorted_values(n, values, sorted)
       held = min(n - 1, int(share*n))
       best = 1
       do i = 2, n - held
-         if (values(order(i + held)) - values(order(i)) < values(order(best + held)) - values(order(best))) best = i
+         if (sorted(i + held) - sorted(i) < sorted(best + held) - sorted(best)) best = i
       end do
-      interval = values(order([best, best + held]))
+      interval = sorted([best, best + held])
    end function narrowest_interval
 
    !> The point of largest density: the best draw, then uphill.
-   subroutine most_probable_point(posterior, chains, sd, point)
+   subroutine most_probable_point(posterior, chains, point)
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(in) :: chains
-      !> Of the parameters.
-      real(wp), intent(in) :: sd(:)
       real(wp), allocatable, intent(out) :: point(:)
+      real(wp), dimension(posterior%dimension) :: mean, sd
       integer :: best(2)
 
       best = maxloc(chains%log_density)
       point = chains%draws(:, best(1), best(2))
+      call moments(flattened(chains%draws), mean, sd)
       call climb(posterior, 0.1_wp*sd, point)
    end subroutine most_probable_point
 
@@ -127,35 +119,12 @@ contains
       real(wp) :: sd(k)
       integer :: j
 
-      correlation = covariance_of(chains%draws, k)
+      correlation = covariance_of(flattened(chains%draws(:k, :, :)))
       sd = [(sqrt(correlation(j, j)), j=1, k)]
       do j = 1, k
          correlation(:, j) = correlation(:, j)/(sd*sd(j))
       end do
    end function correlate
-
-   !> Unbiased covariance of the first k rows.
-   pure function covariance_of(draws, k) result(covariance)
-      !> (parameter, sample, chain).
-      real(wp), intent(in) :: draws(:, :, :)
-      integer, intent(in) :: k
-      real(wp) :: covariance(k, k)
-      real(wp) :: mean(k), deviation(k), n
-      integer :: i, c, j
-
-      n = size(draws, 2)*real(size(draws, 3), wp)
-      mean = sum(sum(draws(:k, :, :), 3), 2)/n
-      covariance = 0.0_wp
-      do c = 1, size(draws, 3)
-         do i = 1, size(draws, 2)
-            deviation = draws(:k, i, c) - mean
-            do j = 1, k
-               covariance(:, j) = covariance(:, j) + deviation*deviation(j)
-            end do
-         end do
-      end do
-      covariance = covariance/max(1.0_wp, n - 1.0_wp)
-   end function covariance_of
 
    !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of log K
    !> against the prior's. They are uncorrelated in both.
@@ -165,23 +134,21 @@ contains
       real(wp), intent(in) :: draws(:, :, :), prior_draws(:, :, :)
       type(combination_type), allocatable, intent(out) :: combinations(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: both(:, :, :)
-      real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, spread_before, whitened
-      real(wp), dimension(prior%n_constants) :: values, vector, covariance, constants, gradient
+      real(wp), allocatable :: both(:, :)
+      real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, factor, whitened
+      real(wp), dimension(prior%n_constants) :: vector, covariance, constants, gradient, values
       real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
-      integer :: i, j, k, n
+      integer :: i, j, k
 
       k = prior%n_constants
-      both = with_logarithms(prior, prior_draws)
-      joint = covariance_of(both, 2*k)
+      joint = covariance_of(with_logarithms(prior, prior_draws))
       before = joint(k + 1:, k + 1:)
       both = with_logarithms(prior, draws)
-      joint = covariance_of(both, 2*k)
+      joint = covariance_of(both)
       after = joint(k + 1:, k + 1:)
-      n = size(both, 2)*size(both, 3)
-      constants = sum(sum(both(:k, :, :), 3), 2)/n
-      spread_before = before
-      call cholesky_factor(before, error)
+      constants = sum(both(:k, :), 2)/size(both, 2)
+      factor = before
+      call cholesky_factor(factor, error)
       if (allocated(error)) then
          ! A prior without a spread of its own has no combinations.
          deallocate (error)
@@ -190,17 +157,18 @@ contains
       end if
       ! L^-1 A L^-ᵀ, whose eigenvectors u are L^-ᵀ times those that are wanted.
       whitened = after
-      call solve_lower(whitened)
-      whitened = transpose(whitened)
-      call solve_lower(whitened)
+      do i = 1, 2
+         do j = 1, k
+            call solve_lower(factor, whitened(:, j))
+         end do
+         whitened = transpose(whitened)
+      end do
       call symmetric_eigen(whitened, values, error)
       if (allocated(error)) return
       allocate (combinations(k))
       do i = 1, k
          vector = whitened(:, i)
-         do j = k, 1, -1
-            vector(j) = (vector(j) - sum(before(j + 1:, j)*vector(j + 1:)))/before(j, j)
-         end do
+         call solve_upper(factor, vector)
          gradient = logarithmic_gradient(prior, constants, vector)
          vector = vector/gradient(maxloc(abs(gradient), dim=1))
          covariance = matmul(joint(:k, k + 1:), vector)
@@ -208,38 +176,26 @@ contains
             one%exponents = gradient/gradient(maxloc(abs(gradient), dim=1))
             one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
             one%correlations = covariance/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
-            one%prior_sd = sqrt(sum(vector*matmul(spread_before, vector)))
+            one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
             one%contraction = 1.0_wp - (one%sd/one%prior_sd)**2
          end associate
       end do
-
-   contains
-
-      pure subroutine solve_lower(columns)
-         real(wp), intent(inout) :: columns(k, k)
-         integer :: row
-
-         do row = 1, k
-            columns(row, :) = (columns(row, :) - matmul(before(row, :row - 1), columns(:row - 1, :)))/before(row, row)
-         end do
-      end subroutine solve_lower
    end subroutine find_combinations
 
-   !> Constants and below them log K, of some of the draws.
+   !> Constants and below them log K of some of the draws.
    pure function with_logarithms(prior, draws) result(both)
       type(prior_type), intent(in) :: prior
       real(wp), intent(in) :: draws(:, :, :)
-      real(wp), allocatable :: both(:, :, :)
-      integer :: i, c, k, stride
+      !> (2 n_constants, draw).
+      real(wp), allocatable :: both(:, :), few(:, :)
+      integer :: i, k
 
       k = prior%n_constants
-      stride = max(1, int(size(draws, 2)*real(size(draws, 3), wp)/most_draws))
-      allocate (both(2*k, (size(draws, 2) + stride - 1)/stride, size(draws, 3)))
-      do c = 1, size(both, 3)
-         do i = 1, size(both, 2)
-            both(:k, i, c) = draws(:k, 1 + (i - 1)*stride, c)
-            both(k + 1:, i, c) = prior%logarithms%to_logarithms(prior%class%stiffness(both(:k, i, c)))
-         end do
+      few = flattened(thinned(draws, most_draws))
+      allocate (both(2*k, size(few, 2)))
+      both(:k, :) = few(:k, :)
+      do i = 1, size(few, 2)
+         both(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(few(:k, i)))
       end do
    end function with_logarithms
 
@@ -264,20 +220,15 @@ contains
 
    !> Quantities in the posterior and in the prior.
    subroutine compare_quantities(values, prior_values, known)
-      !> (quantity, draw, chain).
-      real(wp), intent(in) :: values(:, :, :), prior_values(:, :, :)
+      !> (quantity, draw).
+      real(wp), intent(in) :: values(:, :), prior_values(:, :)
       type(known_quantity_type), allocatable, intent(out) :: known(:)
-      real(wp), allocatable :: one(:, :)
+      real(wp), dimension(size(values, 1)) :: mean, sd, prior_mean, prior_sd
       integer :: q
 
-      allocate (known(size(values, 1)))
-      do q = 1, size(known)
-         one = values(q, :, :)
-         call moments(size(one), one, known(q)%mean, known(q)%sd)
-         one = prior_values(q, :, :)
-         call moments(size(one), one, known(q)%prior_mean, known(q)%prior_sd)
-         known(q)%contraction = 1.0_wp - (known(q)%sd/known(q)%prior_sd)**2
-      end do
+      call moments(values, mean, sd)
+      call moments(prior_values, prior_mean, prior_sd)
+      known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q), 1.0_wp - (sd(q)/prior_sd(q))**2), q=1, size(mean))]
    end subroutine compare_quantities
 
    !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.
@@ -318,7 +269,7 @@ contains
             call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
             slope = 1.0_wp
-            call posterior%kind%apply(predictions%moduli(:, i, c), slope)
+            call posterior%observable%from_simulation(predictions%moduli(:, i, c), slope)
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
          end do
       end do

@@ -13,6 +13,7 @@ module prior_sensitivity
    use logarithmic_coordinates, only: log_frame_type
    use posterior_summary, only: thinning
    use samplers, only: chains_type
+   use statistics, only: flattened, moments
    implicit none
    private
    public :: change_type, measure_sensitivity
@@ -51,12 +52,10 @@ contains
       type(averages_type) :: averages
       real(wp), allocatable :: draws(:, :), limited(:, :), log_weights(:)
       real(wp) :: c(6, 6), again(6, 6)
-      integer :: i, j, n, k, stride
+      integer :: i, j, n
 
-      k = posterior%n_constants
-      stride = thinning(chains, 1)
-      n = ((size(chains%draws, 2) + stride - 1)/stride)*size(chains%draws, 3)
-      draws = reshape(chains%draws(:, ::stride, :), [size(chains%draws, 1), n])
+      draws = flattened(chains%draws(:, ::thinning(chains, 1), :))
+      n = size(draws, 2)
       allocate (limited(n, 4), log_weights(n), changes(0))
       associate (prior => posterior%prior)
          do i = 1, n
@@ -68,7 +67,7 @@ contains
             call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), again, frame)
             log_weights(i) = prior%logarithms%log_volume(frame)
          end do
-         do j = 1, k
+         do j = 1, posterior%n_constants
             if (prior%is_stated(j)) call move_limits(draws, prior%class%constants(j), draws(j, :), prior%lower(j), prior%upper(j), &
                & huge(1.0_wp), changes)
          end do
@@ -80,7 +79,7 @@ contains
          call move_limits(draws, 'log_anisotropy_max', limited(:, 4), none, prior%log_anisotropy_max, huge(1.0_wp), changes)
          if (.not. prior%in_logarithms) log_weights = -log_weights
       end associate
-      call add_change(draws, 'measure', exp(log_weights - maxval(log_weights)), changes)
+      call add_change(draws, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity
 
    !> Both limits of something, where they are any, in and out.
@@ -94,64 +93,48 @@ contains
       type(change_type), allocatable, intent(inout) :: changes(:)
       !> GPa; what is not within is no limit.
       real(wp), parameter :: no_limit = 1.0e5_wp
-      real(wp) :: step
-      integer :: last
+      real(wp) :: limit, inwards, step, distance(size(values))
+      type(change_type) :: change
+      integer :: side
 
-      if (abs(lower) < no_limit) then
-         step = min(relative_step*abs(lower), greatest_step*(upper - lower))
-         if (step > 0.0_wp) then
-            call add_change(draws, name, merge(1.0_wp, 0.0_wp, values >= lower + step), changes)
-            call label(.false., lower, lower + step)
-            call add_beyond(draws, name, values - lower, step, changes)
-            call label(.false., lower, lower - step)
-         end if
-      end if
-      if (abs(upper) < no_limit) then
-         step = min(relative_step*abs(upper), greatest_step*(upper - lower))
-         if (step > 0.0_wp) then
-            call add_change(draws, name, merge(1.0_wp, 0.0_wp, values <= upper - step), changes)
-            call label(.true., upper, upper - step)
-            step = min(step, greatest - upper)
-            call add_beyond(draws, name, upper - values, step, changes)
-            call label(.true., upper, upper + step)
-         end if
-      end if
-
-   contains
-
-      subroutine label(is_upper, from, to)
-         logical, intent(in) :: is_upper
-         real(wp), intent(in) :: from, to
-
-         last = size(changes)
-         changes(last)%is_upper = is_upper
-         changes(last)%from = from
-         changes(last)%to = to
-      end subroutine label
+      do side = 1, 2
+         limit = merge(lower, upper, side == 1)
+         if (.not. abs(limit) < no_limit) cycle
+         inwards = merge(1.0_wp, -1.0_wp, side == 1)
+         step = min(relative_step*abs(limit), greatest_step*(upper - lower))
+         if (.not. step > 0.0_wp) cycle
+         distance = inwards*(values - limit)
+         change = change_type(name, side == 2, limit, limit + inwards*step)
+         call add_change(draws, change, merge(1.0_wp, 0.0_wp, distance >= step), changes)
+         if (side == 2) step = min(step, greatest - limit)
+         change = change_type(name, side == 2, limit, limit - inwards*step, exact=.false.)
+         call add_beyond(draws, change, distance, step, changes)
+      end do
    end subroutine move_limits
 
    !> The draws with weights.
-   subroutine add_change(draws, name, weights, changes)
+   subroutine add_change(draws, about, weights, changes)
       real(wp), intent(in) :: draws(:, :)
-      character(len=*), intent(in) :: name
+      !> What is changed.
+      type(change_type), intent(in) :: about
       !> (draw).
       real(wp), intent(in) :: weights(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
       type(change_type) :: change
-      real(wp), dimension(size(draws, 1)) :: mean, variance, new_mean, new_variance
+      real(wp), dimension(size(draws, 1)) :: mean, sd, new_mean, new_sd
 
-      change%name = name
+      change = about
       change%effective = sum(weights)**2/max(tiny(1.0_wp), sum(weights**2))
-      call moments(draws, 1.0_wp + 0.0_wp*weights, mean, variance)
-      call moments(draws, weights, new_mean, new_variance)
-      call compare(mean, variance, new_mean, new_variance, change)
+      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
+      call moments(draws, new_mean, new_sd, weights)
+      call compare(mean, sd, new_mean, new_sd, change)
       changes = [changes, change]
    end subroutine add_change
 
    !> The draws and those that a limit which moves by `step` lets in.
-   subroutine add_beyond(draws, name, distance, step, changes)
+   subroutine add_beyond(draws, about, distance, step, changes)
       real(wp), intent(in) :: draws(:, :)
-      character(len=*), intent(in) :: name
+      type(change_type), intent(in) :: about
       !> From the limit, (draw), and by how much it moves.
       real(wp), intent(in) :: distance(:), step
       type(change_type), allocatable, intent(inout) :: changes(:)
@@ -159,25 +142,24 @@ contains
       real(wp), parameter :: greatest_growth = 1.5_wp
       integer, parameter :: least_in_strip = 20
       type(change_type) :: change
-      real(wp), dimension(size(draws, 1)) :: mean, variance, near_mean, near_variance, far_mean, far_variance
+      real(wp), dimension(size(draws, 1)) :: mean, sd, near_mean, near_sd, far_mean, far_sd
       real(wp) :: near(size(distance)), far(size(distance)), beyond
 
       near = merge(1.0_wp, 0.0_wp, distance <= step)
       far = merge(1.0_wp, 0.0_wp, distance > step .and. distance <= 2.0_wp*step)
-      call moments(draws, 1.0_wp + 0.0_wp*near, mean, variance)
-      call moments(draws, near, near_mean, near_variance)
-      call moments(draws, far, far_mean, far_variance)
-      change%name = name
-      change%exact = .false.
+      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
+      call moments(draws, near_mean, near_sd, near)
+      call moments(draws, far_mean, far_sd, far)
+      change = about
       change%effective = size(distance)
       if (sum(near) < least_in_strip) then
-         call compare(mean, variance, mean, variance, change)
+         call compare(mean, sd, mean, sd, change)
       else
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
          far_mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
-         far_variance = (variance + beyond*near_variance + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond)
-         call compare(mean, variance, far_mean, far_variance, change)
+         far_sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
+         call compare(mean, sd, far_mean, far_sd, change)
       end if
       changes = [changes, change]
    end subroutine add_beyond
@@ -228,34 +210,12 @@ contains
       end function powers
    end function continued
 
-   pure subroutine moments(draws, weights, mean, variance)
-      real(wp), intent(in) :: draws(:, :), weights(:)
-      !> (parameter).
-      real(wp), intent(out) :: mean(:), variance(:)
-      real(wp) :: total
-      integer :: i
-
-      total = max(tiny(1.0_wp), sum(weights))
-      mean = 0.0_wp
-      variance = 0.0_wp
-      do i = 1, size(weights)
-         mean = mean + weights(i)*draws(:, i)
-      end do
-      mean = mean/total
-      do i = 1, size(weights)
-         variance = variance + weights(i)*(draws(:, i) - mean)**2
-      end do
-      variance = variance/total
-   end subroutine moments
-
-   pure subroutine compare(mean, variance, new_mean, new_variance, change)
-      real(wp), intent(in) :: mean(:), variance(:), new_mean(:), new_variance(:)
+   pure subroutine compare(mean, sd, new_mean, new_sd, change)
+      real(wp), intent(in) :: mean(:), sd(:), new_mean(:), new_sd(:)
       type(change_type), intent(inout) :: change
-      real(wp) :: sd(size(mean))
 
-      sd = sqrt(max(tiny(1.0_wp), variance))
-      change%shift = (new_mean - mean)/sd
-      change%sd_ratio = sqrt(new_variance)/sd
+      change%shift = (new_mean - mean)/max(tiny(1.0_wp), sd)
+      change%sd_ratio = new_sd/max(tiny(1.0_wp), sd)
       if (change%effective >= least_draws) return
       change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
       change%sd_ratio = change%shift

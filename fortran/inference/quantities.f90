@@ -7,7 +7,7 @@
 !> means of Voigt's and Reuss' for a uniform texture, and Young's modulus and Poisson's ratio follow from these two.
 module quantities
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, polycrystal_averages
+   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use numbers, only: number_ok, read_real
@@ -15,13 +15,14 @@ module quantities
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, evaluate_quantities, quantity_words
+   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, quantity_choices
+   public :: evaluate_draws, evaluate_quantities
 
    !> Words that stand alone, and words that take a direction.
-   character(len=*), parameter :: plain_words = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
-      & //'polycrystal_poisson, anisotropy_index', directional_words = 'young, shear, compressibility'
+   character(len=*), parameter :: plain_names = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
+      & //'polycrystal_poisson, anisotropy_index', directional_names = 'young, shear, compressibility'
    !> What is allowed, for messages and the schema.
-   character(len=*), parameter :: quantity_words = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_words &
+   character(len=*), parameter :: quantity_choices = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_names &
       & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
 
    integer, parameter :: most_factors = 24
@@ -99,7 +100,7 @@ contains
          quantity%factors(quantity%n_factors) = factor
       end do
       if (quantity%n_factors == 0) then
-         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_words, exit_bad_input)
+         call raise(error, 'the name of the quantity is empty; allowed: '//quantity_choices, exit_bad_input)
          return
       end if
       quantity%unit = unit_of(quantity%factors(:quantity%n_factors))
@@ -121,7 +122,7 @@ contains
       if (bracket > 0) word = lower(piece(:bracket - 1))
       factor%word = word
       if (bracket > 0) then
-         known = any(split_list(directional_words) == word)
+         known = any(split_list(directional_names) == word)
          if (known) call read_direction(piece(bracket:), factor%direction, known)
       else if (word == 'c''') then
          known = .true.
@@ -131,10 +132,10 @@ contains
          known = word(1:1) == 'c' .and. factor%row > 0 .and. factor%column >= factor%row
          factor%word = 'constant'
       else
-         known = any(split_list(plain_words) == word)
+         known = any(split_list(plain_names) == word)
       end if
-      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_words//', ' &
-         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_words, exit_bad_input)
+      if (.not. known) call raise(error, ''''//piece//''' is unknown'//suggestion(word, plain_names//', ' &
+         & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices, exit_bad_input)
    end subroutine read_word
 
    !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'.
@@ -255,15 +256,14 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(quantity_type), allocatable, intent(out) :: list(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: averages = 'bulk_modulus, polycrystal_bulk, polycrystal_shear, polycrystal_young, ' &
-         & //'polycrystal_poisson, anisotropy_index', directions = 'young[001], young[100], young[010], young[110], ' &
-         & //'young[101], young[011], young[111]'
+      character(len=*), parameter :: directions = 'young[001], young[100], young[010], young[110], young[101], young[011], ' &
+         & //'young[111]'
       character(len=:), allocatable :: names(:)
       type(quantity_type), allocatable :: all(:)
       real(wp), allocatable :: values(:)
       integer :: i, known, kept
 
-      names = split_list(join(class%constants, ', ')//', '//averages//', '//directions)
+      names = split_list(join(class%constants, ', ')//', '//plain_names//', '//directions)
       known = size(names) - size(split_list(directions))
       allocate (all(size(names)), values(size(names)))
       do i = 1, size(names)
@@ -319,6 +319,22 @@ contains
          end do
       end do
    end subroutine evaluate_quantities
+
+   !> The values of quantities for the crystals of draws.
+   pure subroutine evaluate_draws(quantities, class, draws, values)
+      type(quantity_type), intent(in) :: quantities(:)
+      type(crystal_class_type), intent(in) :: class
+      !> (parameter, draw), the first parameters constants, GPa.
+      real(wp), intent(in) :: draws(:, :)
+      !> (quantity, draw).
+      real(wp), allocatable, intent(out) :: values(:, :)
+      integer :: i
+
+      allocate (values(size(quantities), size(draws, 2)))
+      do i = 1, size(draws, 2)
+         call evaluate_quantities(quantities, class%stiffness(draws(:class%n_constants, i)), values(:, i))
+      end do
+   end subroutine evaluate_draws
 
    pure real(wp) function power_of(value, power)
       real(wp), intent(in) :: value, power
@@ -377,19 +393,18 @@ contains
    pure real(wp) function hill_value(word, averages)
       character(len=*), intent(in) :: word
       type(averages_type), intent(in) :: averages
-      real(wp) :: bulk, shear
+      real(wp) :: young, poisson
 
-      bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-      shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
+      call hill_young_poisson(averages, young, poisson)
       select case (word)
       case ('polycrystal_bulk')
-         hill_value = bulk
+         hill_value = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
       case ('polycrystal_shear')
-         hill_value = shear
+         hill_value = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
       case ('polycrystal_young')
-         hill_value = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+         hill_value = young
       case default
-         hill_value = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+         hill_value = poisson
       end select
    end function hill_value
 end module quantities

@@ -5,7 +5,7 @@ module samplers
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
    use interruption, only: listen, stop_listening, stop_requested
-   use kept_chains, only: chain_shelf_type
+   use chain_checkpoints, only: checkpoint_type
    use kinds, only: wp
    use memory, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
@@ -56,17 +56,17 @@ contains
    end subroutine new_sampler
 
    !> Run all chains but those that are kept.
-   subroutine sample_chains(target, sampler, settings, chains, error, shelf)
+   subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)
       class(target_type), intent(in) :: target
       class(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
       !> Where each chain is kept as soon as it is finished; default: nowhere.
-      type(chain_shelf_type), intent(in), optional :: shelf
+      type(checkpoint_type), intent(in), optional :: checkpoint
       type(random_stream_type) :: stream
       logical, allocatable :: started(:)
-      integer :: k, stat
+      integer :: k, number, stat
       logical :: interrupted
 
       if (settings%samples < 1 .or. sampler%burn_in < 0 .or. settings%chains < 1) then
@@ -85,22 +85,22 @@ contains
       chains%log_density = 0.0_wp
       chains%acceptance = 0.0_wp
       call listen()
-      !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream)
+      !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream, number)
       do k = 1, settings%chains
          started(k) = .false.
-         if (present(shelf)) then
-            !$omp critical (chain_shelf)
-            call shelf%fetch(settings%first_stream + k - 1, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), &
-               & started(k))
-            !$omp end critical (chain_shelf)
+         number = settings%first_stream + k - 1
+         if (present(checkpoint)) then
+            !$omp critical (chain_files)
+            call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
+            !$omp end critical (chain_files)
          end if
          if (started(k)) cycle
-         stream = new_random_stream(settings%seed, settings%first_stream + k - 1)
+         stream = new_random_stream(settings%seed, number)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
-         if (.not. (present(shelf) .and. started(k)) .or. stop_requested()) cycle
-         !$omp critical (chain_shelf)
-         call shelf%keep(settings%first_stream + k - 1, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
-         !$omp end critical (chain_shelf)
+         if (.not. (present(checkpoint) .and. started(k)) .or. stop_requested()) cycle
+         !$omp critical (chain_files)
+         call checkpoint%store(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k))
+         !$omp end critical (chain_files)
       end do
       !$omp end parallel do
       interrupted = stop_requested()

@@ -1,19 +1,22 @@
-!> What a sampler needs to know of a density.
+!> What a sampler needs of a density: its logarithm at many points in one call.
 module sampling_target
    use kinds, only: wp
-   use output_polynomial, only: is_fitted, output_polynomial_type
+   use output_polynomial, only: output_polynomial_type
    use random, only: random_stream_type
    implicit none
    private
-   public :: target_type, point_type
+   public :: target_type, point_type, outside
+
+   !> The logarithm of a density out of its support.
+   real(wp), parameter :: outside = -huge(1.0_wp)
 
    !> A point of the support: parameters, coordinates in which the density is smoother, and the logarithms of both densities, up to a
    !> constant.
    type :: point_type
       !> (dimension).
       real(wp), allocatable :: x(:), w(:)
-      !> Of x, and of w, which has the volume |dx/dw| in it.
-      real(wp) :: log_density = -huge(1.0_wp), log_working = -huge(1.0_wp)
+      !> Of x, and of w, which has the volume |dx/dw| in it; both `outside` the support.
+      real(wp) :: log_density = outside, log_working = outside
    end type point_type
 
    type, abstract :: target_type
@@ -25,7 +28,7 @@ module sampling_target
    contains
       !> A point that may be in the support, to begin with: widely spread, and in it often enough.
       procedure(draw_start_interface), deferred :: draw_start
-      !> Logarithm of the density of the parameters, up to a constant, and whether they are in the support.
+      !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
       !> Coordinates in which the density is smoother: by default the parameters themselves.
       procedure :: to_working
@@ -42,57 +45,56 @@ module sampling_target
          real(wp), intent(out) :: x(:)
       end subroutine draw_start_interface
       !> Threads call it at the same time.
-      pure subroutine evaluate_interface(self, x, log_density, admitted)
+      pure subroutine evaluate_interface(self, points, log_density)
          import :: target_type, wp
          class(target_type), intent(in) :: self
-         !> (dimension).
-         real(wp), intent(in) :: x(:)
-         !> Only of use where the point is `admitted`.
-         real(wp), intent(out) :: log_density
-         !> Whether it is in the support.
-         logical, intent(out) :: admitted
+         !> (dimension, point).
+         real(wp), intent(in) :: points(:, :)
+         !> (point); `outside` the support.
+         real(wp), intent(out) :: log_density(:)
       end subroutine evaluate_interface
    end interface
 contains
 
-   !> Working coordinates `w` of the parameters `x` of a point of the support.
+   !> Working coordinates `w` of the parameters `x` of points of the support.
    pure subroutine to_working(self, x, w)
       class(target_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: w(:)
+      !> (dimension, point).
+      real(wp), intent(in) :: x(:, :)
+      real(wp), intent(out) :: w(:, :)
 
-      w = x(:self%dimension)
+      w = x(:self%dimension, :)
    end subroutine to_working
 
-   !> All of a point from its working coordinates, which are there; the densities only if it is `admitted`.
-   pure subroutine evaluate_working(self, point, admitted, polynomial)
+   !> All of points from their working coordinates, which are there; the parameters of those in the support.
+   pure subroutine evaluate_working(self, points, polynomial)
       class(target_type), intent(in) :: self
-      type(point_type), intent(inout) :: point
-      !> Whether it is in the support.
-      logical, intent(out) :: admitted
-      !> What takes the place of the costly results, if it is there and fitted.
+      type(point_type), intent(inout) :: points(:)
+      !> What takes the place of the costly results, if it is there and fitted; this target has none.
       type(output_polynomial_type), intent(in), optional :: polynomial
+      real(wp) :: log_density(1)
+      integer :: i
 
-      point%x = point%w
-      call self%evaluate(point%x, point%log_density, admitted)
-      ! There is none for what has no costly results.
-      admitted = admitted .and. .not. is_fitted(polynomial)
-      point%log_working = point%log_density
+      do i = 1, size(points)
+         points(i)%x = points(i)%w
+         call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
+         points(i)%log_density = log_density(1)
+         points(i)%log_working = log_density(1)
+      end do
    end subroutine evaluate_working
 
-   !> The costly results at a point, if it is in the support, and coordinates in which they are smooth; there are none by default.
-   pure subroutine evaluate_outputs(self, w, arguments, outputs, admitted)
+   !> The costly results at points and coordinates in which they are smooth; there are none by default.
+   pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
       class(target_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: w(:)
-      !> (dimension), (n_outputs).
-      real(wp), intent(out) :: arguments(:), outputs(:)
-      !> Whether the point is in the support.
-      logical, intent(out) :: admitted
+      !> (dimension, point).
+      real(wp), intent(in) :: w(:, :)
+      !> (dimension, point), (n_outputs, point); of the points in the support.
+      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
+      !> Whether each point is in the support.
+      logical, intent(out) :: inside(:)
 
       arguments = w
       outputs = 0.0_wp
-      admitted = self%n_outputs > 0
+      inside = self%n_outputs > 0
    end subroutine evaluate_outputs
 end module sampling_target

@@ -5,7 +5,7 @@ module scmh_sampler
    use kinds, only: wp
    use random, only: random_stream_type
    use abstract_sampler, only: draw_starts, sampler_type
-   use sampling_target, only: target_type
+   use sampling_target, only: outside, target_type
    implicit none
    private
    public :: scmh_sampler_type
@@ -32,8 +32,8 @@ contains
       !> Whether a point of the support was found.
       logical, intent(out) :: started
       real(wp) :: starts(target%dimension, 100), start_density(100), x(target%dimension)
-      real(wp) :: step(target%dimension), total(target%dimension), reach(target%dimension)
-      real(wp) :: proposed, current, kept, u, z
+      real(wp) :: step(target%dimension), total(target%dimension), range(target%dimension)
+      real(wp) :: proposed(1), current, previous, u, z
       integer :: sweep, j, found, accepted, best, pick, samples
       logical :: accept
 
@@ -50,31 +50,31 @@ contains
       end do
       x = starts(:, best)
       current = start_density(best)
-      reach = maxval(starts(:, :found), 2) - minval(starts(:, :found), 2)
-      where (.not. reach > 0.0_wp) reach = abs(x)
-      step = 0.1_wp*reach
+      range = maxval(starts(:, :found), 2) - minval(starts(:, :found), 2)
+      where (.not. range > 0.0_wp) range = abs(x)
+      step = 0.1_wp*range
       total = 0.0_wp
       accepted = 0
       do sweep = 1 - self%burn_in, samples
          if (stop_requested()) return
          do j = 1, target%dimension
-            kept = x(j)
+            previous = x(j)
             call stream%normal(z)
             call stream%uniform(u)
-            x(j) = kept + step(j)*z
-            call target%evaluate(x, proposed, accept)
-            if (accept) accept = log(u) < proposed - current
+            x(j) = previous + step(j)*z
+            call target%evaluate(reshape(x, [size(x), 1]), proposed)
+            accept = proposed(1) > outside .and. log(u) < proposed(1) - current
             if (accept) then
-               current = proposed
+               current = proposed(1)
                if (sweep > 0) accepted = accepted + 1
             else
-               x(j) = kept
+               x(j) = previous
             end if
             if (sweep <= 0) then
                ! Robbins-Monro on the logarithm of the step; it becomes finer as the burn-in goes on.
                u = 2.0_wp*(sweep + self%burn_in + 25)**(-0.5_wp)
                step(j) = step(j)*exp(u*(merge(1.0_wp, 0.0_wp, accept) - wanted_acceptance))
-               step(j) = min(step(j), 10.0_wp*reach(j))
+               step(j) = min(step(j), 10.0_wp*range(j))
                if (2*sweep > -self%burn_in) total(j) = total(j) + log(step(j))
             end if
          end do

@@ -15,10 +15,10 @@ module simplex_search
 contains
 
    !> From a point `x` of the support to a maximum of the density nearby.
-   subroutine climb(target, spread, x)
+   subroutine climb(target, steps, x)
       class(target_type), intent(in) :: target
       !> Steps from the first corner of the simplex to the others, (parameter).
-      real(wp), intent(in) :: spread(:)
+      real(wp), intent(in) :: steps(:)
       real(wp), intent(inout) :: x(:)
       real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), tried(size(x)), further(size(x))
       real(wp) :: tried_depth, further_depth
@@ -28,7 +28,7 @@ contains
       evaluations = 0
       do j = 1, n + 1
          corner(:, j) = x
-         if (j > 1) corner(j - 1, j) = x(j - 1) + spread(j - 1)
+         if (j > 1) corner(j - 1, j) = x(j - 1) + steps(j - 1)
          depth(j) = depth_at(corner(:, j))
       end do
       do
@@ -36,7 +36,7 @@ contains
          depth = depth(order)
          corner = corner(:, order)
          if (evaluations >= most_evaluations) exit
-         if (maxval(abs(corner(:, 2:) - spread_of(corner(:, 1)))) <= near .and. depth(n + 1) - depth(1) <= level) exit
+         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= near .and. depth(n + 1) - depth(1) <= level) exit
          centre = sum(corner(:, :n), 2)/n
          tried = 2.0_wp*centre - corner(:, n + 1)
          tried_depth = depth_at(tried)
@@ -72,24 +72,11 @@ contains
       !> Minus the log density; very large outside the support.
       real(wp) function depth_at(point)
          real(wp), intent(in) :: point(:)
-         real(wp) :: log_density
-         logical :: admitted
+         real(wp) :: log_density(1)
 
          evaluations = evaluations + 1
-         call target%evaluate(point, log_density, admitted)
-         depth_at = 1.0e300_wp
-         if (admitted) depth_at = min(depth_at, -log_density)
+         call target%evaluate(reshape(point, [size(point), 1]), log_density)
+         depth_at = min(1.0e300_wp, -log_density(1))
       end function depth_at
-
-      !> The first corner beside each of the others.
-      pure function spread_of(first) result(copies)
-         real(wp), intent(in) :: first(:)
-         real(wp) :: copies(size(first), size(first))
-         integer :: k
-
-         do k = 1, size(first)
-            copies(:, k) = first
-         end do
-      end function spread_of
    end subroutine climb
 end module simplex_search

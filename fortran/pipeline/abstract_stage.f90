@@ -8,7 +8,8 @@
 !>     end do
 !>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%leave
 !>
-!> What became of a simulation is stored by `take`; a modulus that is none is a failure. What the machine could not do (memory) is no result: it is wanted once more, alone, and
+!> What became of a simulation is stored by `take`; a modulus that is none is a failure. What the machine could not do (memory) is no
+!> result: it is wanted once more, alone, and
 !> is an error if that fails too.
 module abstract_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite

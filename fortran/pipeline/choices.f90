@@ -5,7 +5,7 @@ module choices
    use crystal_class, only: crystal_class_names
    use error_models, only: likelihood_names
    use indenters, only: indenter_names
-   use modulus_kinds, only: modulus_kind_names
+   use observables, only: observable_names
    use paper_basis, only: truncation_names
    use samplers, only: sampler_names
    use specimens, only: geometry_names
@@ -22,7 +22,7 @@ contains
 
       allocate (lists(9))
       lists(1) = choice_list_type('geometry', geometry_names)
-      lists(2) = choice_list_type('modulus_kind', modulus_kind_names)
+      lists(2) = choice_list_type('modulus_kind', observable_names)
       lists(3) = choice_list_type('likelihood', likelihood_names)
       lists(4) = choice_list_type('sampler', sampler_names)
       lists(5) = choice_list_type('basis', basis_names)

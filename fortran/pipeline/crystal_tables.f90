@@ -4,10 +4,11 @@ module crystal_tables
    use errors, only: error_type
    use files, only: new_file_type
    use abstract_indenter, only: indenter_type
+   use abstract_observable, only: observable_type
    use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
-   use modulus_kinds, only: modulus_kind_names, modulus_map_type, new_modulus_map
+   use observables, only: new_observable, observable_names
    use numbers, only: short_text
    use point_tables, only: points_type
    use problem, only: problem_type
@@ -30,21 +31,20 @@ contains
       real(wp), intent(in) :: modulus(:)
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: kinds(:), names
-      type(modulus_map_type) :: map
+      class(observable_type), allocatable :: observable
       real(wp) :: moduli(size(modulus), 3), slope(size(modulus))
       integer :: j
 
-      allocate (kinds, source=split_list(modulus_kind_names))
+      allocate (kinds, source=split_list(observable_names))
       names = ''
       associate (measured => problem%settings%measurements)
          do j = 1, size(kinds)
-            call new_modulus_map(trim(kinds(j)), measured%indenter_modulus_gpa, measured%indenter_nu, measured%sample_nu, &
-               & map, error)
+            call new_observable(trim(kinds(j)), measured, observable, error)
             if (allocated(error)) return
             names = names//','//trim(kinds(j))//'_gpa'
             moduli(:, j) = modulus
             slope = 1.0_wp
-            call map%apply(moduli(:, j), slope)
+            call observable%from_simulation(moduli(:, j), slope)
          end do
       end associate
       call write_table(problem%crystals%table, path, names, moduli, error)
@@ -75,7 +75,7 @@ contains
       call file%finish(error)
    end subroutine write_curves
 
-   !> Begin the object of a crystal: its constants by name, GPa, and its angles, degrees.
+   !> Begin the object of the crystal of a `row`: its constants by name, GPa, and its angles, degrees.
    subroutine begin_crystal(page, points, row)
       type(json_type), intent(inout) :: page
       type(points_type), intent(in) :: points

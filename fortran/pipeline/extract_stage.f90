@@ -4,13 +4,14 @@ module extract_stage
    use constants_posterior, only: posterior_type
    use errors, only: error_type
    use extraction, only: extract, extraction_type
-   use extraction_document, only: judge_extraction, write_extraction
+   use extraction_document, only: write_extraction
    use files, only: new_file_type
-   use kept_chains, only: chain_prefix
+   use chain_checkpoints, only: chain_prefix
    use namelist_file, only: place
    use numbers, only: number_text
    use posterior_file, only: save_posterior
-   use prior_words, only: describe_prior
+   use prior_text, only: describe_prior
+   use posterior_diagnostics, only: check_extraction
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of
@@ -67,7 +68,7 @@ contains
       call extract(self%problem, self%surrogate, found, error)
       if (allocated(error)) return
       document = write_extraction(self%problem, found)
-      call judge_extraction(self%problem, found, self%warnings)
+      call check_extraction(self%problem, found, self%warnings)
       call save_posterior(self%problem, found, document, self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
       if (allocated(error)) return

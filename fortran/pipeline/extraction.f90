@@ -5,23 +5,26 @@ module extraction
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
    use kinds, only: i8, wp
-   use knowledge_conflict, only: conflict_type, find_conflict
+   use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
-   use posterior_summary, only: combination_type, compare_quantities, correlate, decided_by_prior, find_combinations, &
+   use posterior_summary, only: combination_type, compare_quantities, correlate, determined_by_prior, find_combinations, &
       & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
    use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
-   use problem_posterior, only: new_problem_posterior, sample_beside, sample_pilot, sample_posterior, sample_prior, &
-      & sample_without_knowledge
-   use quantities, only: evaluate_quantities, quantity_type, reported_quantities
+   use problem_posterior, only: free_run, new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
+   use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
-   use size_verdicts, only: mean_addition
+   use statistics, only: flattened, moments, thinned
+   use size_diagnostics, only: mean_correction
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
    implicit none
    private
    public :: extraction_type, extract
+
+   !> Of harmonics, where the last digits of the theory do not matter.
+   integer, parameter :: rough_degree = 12
 
    type :: extraction_type
       type(posterior_type) :: posterior
@@ -32,7 +35,7 @@ module extraction
       type(parameter_type), allocatable :: parameters(:)
       !> The point of largest density, (parameter), and whether the data say enough of a parameter for it to mean anything.
       real(wp), allocatable :: most_probable(:)
-      logical, allocatable :: decided(:)
+      logical, allocatable :: determined(:)
       !> (constant, constant).
       real(wp), allocatable :: correlation(:, :)
       type(combination_type), allocatable :: combinations(:)
@@ -60,7 +63,7 @@ module extraction
       character(len=16) :: checksum = ''
       real(wp) :: surrogate_sd = 0.0_wp
       !> See `surrogate_model`, um; and how far its simulations are from the theory on average, relative.
-      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_addition = 0.0_wp
+      real(wp) :: surrogate_contact_radius = 0.0_wp, surrogate_correction = 0.0_wp
       !> Of the constants by the theory of the half-space alone, GPa, where a correction was learnt: mean and sd; else of size 0.
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
@@ -85,8 +88,8 @@ contains
       call sample_exactly(problem, self, error)
       call system_clock(end)
       self%seconds = real(end - start, wp)/rate
-      if (.not. allocated(error)) call sample_prior(problem, prior, self%prior_chains, error)
-      if (.not. allocated(error)) call judge_knowledge(problem, self, error)
+      if (.not. allocated(error)) call sample_aside(problem, prior, prior_run, self%prior_chains, error)
+      if (.not. allocated(error)) call compare_knowledge(problem, self, error)
       if (problem%settings%sampler%evidence .and. .not. allocated(error)) then
          allocate (self%evidence)
          call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
@@ -98,15 +101,20 @@ contains
    end subroutine extract
 
    !> Compare what is known with what the measurements say without it.
-   subroutine judge_knowledge(problem, self, error)
+   subroutine compare_knowledge(problem, self, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(chains_type) :: free
+      type(posterior_type) :: free
+      type(chains_type) :: chains
 
-      if (size(self%posterior%prior%knowledge%mean) > 0) call sample_without_knowledge(problem, self%posterior, free, error)
-      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, free, self%conflict, error)
-   end subroutine judge_knowledge
+      if (size(self%posterior%prior%knowledge%mean) > 0) then
+         call without_knowledge(self%posterior, free, error)
+         if (.not. allocated(error) .and. free%grains%has_theory) call free%set_field_degree(rough_degree, error)
+         if (.not. allocated(error)) call sample_aside(problem, free, free_run, chains, error)
+      end if
+      if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, chains, self%conflict, error)
+   end subroutine compare_knowledge
 
    subroutine describe_surrogate(surrogate, self)
       type(surrogate_type), intent(in) :: surrogate
@@ -117,7 +125,7 @@ contains
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
-      if (surrogate%contact_radius > 0.0_wp) self%surrogate_addition = mean_addition(surrogate)
+      if (surrogate%contact_radius > 0.0_wp) self%surrogate_correction = mean_correction(surrogate)
       if (self%simulations == 0) return
       k = self%posterior%n_constants
       do i = 1, self%posterior%n_grains
@@ -132,23 +140,23 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: rough_degree = 12
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
       type(chains_type) :: chains
-      integer :: j, n
+      real(wp), dimension(self%posterior%dimension) :: mean, sd
+      integer :: n
 
       allocate (self%theory_mean(0), self%theory_sd(0))
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
       if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_beside(problem, posterior, chains, error)
+      if (.not. allocated(error)) call sample_aside(problem, posterior, theory_run, chains, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
-      self%theory_mean = [(sum(chains%draws(j, :, :))/size(chains%draws(j, :, :)), j=1, n)]
-      self%theory_sd = spreads(chains)
-      self%theory_sd = self%theory_sd(:n)
+      call moments(flattened(chains%draws), mean, sd)
+      self%theory_mean = mean(:n)
+      self%theory_sd = sd(:n)
    end subroutine compare_theory
 
    !> Chains of the posterior, with theory read so finely that what is left does not matter: a short run chooses the degree, and the
@@ -159,23 +167,21 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: checked_draws = 1000, most_attempts = 3
       real(wp), allocatable :: some(:, :)
-      integer :: attempt, stride
+      integer :: attempt
 
       if (.not. self%posterior%grains%has_theory) then
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
       end if
-      call self%posterior%set_field_degree(12, error)
-      if (.not. allocated(error)) call sample_pilot(problem, self%posterior, self%chains, error)
+      call self%posterior%set_field_degree(rough_degree, error)
+      if (.not. allocated(error)) call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
       some = self%chains%draws(:, :, 1)
       do attempt = 1, most_attempts
          call choose_field_degree(self%posterior, some, error)
          if (.not. allocated(error)) call sample_posterior(problem, self%posterior, self%chains, error)
          if (allocated(error)) return
-         stride = max(1, size(self%chains%draws, 2)*size(self%chains%draws, 3)/checked_draws)
-         some = reshape(self%chains%draws(:, ::stride, :), [size(some, 1), (1 + (size(self%chains%draws, 2) - 1)/stride) &
-                                                           & *size(self%chains%draws, 3)])
+         some = flattened(thinned(self%chains%draws, checked_draws))
          call find_field_error(self%posterior, some, self%field_error, error)
          if (allocated(error)) return
          if (self%field_error < allowed_error) exit
@@ -187,8 +193,8 @@ contains
       integer, intent(in) :: threads
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: prior_values(:, :, :), spread(:)
-      integer :: k, i, c
+      real(wp), allocatable :: prior_values(:, :)
+      integer :: k, i
 
       k = self%posterior%n_constants
       allocate (self%names(self%posterior%dimension))
@@ -200,8 +206,7 @@ contains
       if (allocated(error)) return
       call average_predictions(self)
       call check_model(self%posterior, self%chains, threads, self%checks)
-      spread = spreads(self%chains)
-      call most_probable_point(self%posterior, self%chains, spread, self%most_probable)
+      call most_probable_point(self%posterior, self%chains, self%most_probable)
       if (size(self%names) > k) then
          self%chains%draws(k + 1, :, :) = exp(self%chains%draws(k + 1, :, :))
          self%most_probable(k + 1) = exp(self%most_probable(k + 1))
@@ -212,56 +217,36 @@ contains
       call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
       if (.not. allocated(error)) call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)
       if (allocated(error)) return
-      allocate (prior_values(size(self%quantities), size(self%prior_chains%draws, 2), size(self%prior_chains%draws, 3)))
-      do c = 1, size(prior_values, 3)
-         do i = 1, size(prior_values, 2)
-            call evaluate_quantities(self%quantities, self%posterior%stiffness(self%prior_chains%draws(:, i, c)), &
-               & prior_values(:, i, c))
-         end do
-      end do
-      call compare_quantities(self%predictions%quantities, prior_values, self%known)
+      call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
+      call compare_quantities(flattened(self%predictions%quantities), prior_values, self%known)
       ! Of the constants, which come first, all draws are there.
-      allocate (self%decided(size(self%names)), source=.true.)
+      allocate (self%determined(size(self%names)), source=.true.)
       do i = 1, k
          associate (known => self%known(i), parameter => self%parameters(i))
             known%mean = parameter%mean
             known%sd = parameter%sd
             known%contraction = 1.0_wp - (known%sd/known%prior_sd)**2
-            self%decided(i) = known%contraction >= decided_by_prior
+            self%determined(i) = known%contraction >= determined_by_prior
          end associate
       end do
    end subroutine summarise
 
    subroutine average_predictions(self)
       type(extraction_type), intent(inout) :: self
-      integer :: n, c, i
+      integer :: c, i, n
 
-      n = size(self%predictions%moduli, 2)*size(self%predictions%moduli, 3)
-      allocate (self%predicted_sd(self%posterior%n_grains), source=0.0_wp)
-      self%expected = self%predicted_sd
-      self%predicted_mean = sum(sum(self%predictions%moduli, 3), 2)/n
-      do c = 1, size(self%predictions%moduli, 3)
-         do i = 1, size(self%predictions%moduli, 2)
-            associate (moduli => self%predictions%moduli(:, i, c))
-               self%predicted_sd = self%predicted_sd + (moduli - self%predicted_mean)**2
-               self%expected = self%expected + moduli*self%predictions%factor(self%posterior%group, i, c)/n
-            end associate
+      n = self%posterior%n_grains
+      allocate (self%predicted_mean(n), self%predicted_sd(n))
+      allocate (self%expected(n), source=0.0_wp)
+      associate (moduli => self%predictions%moduli)
+         call moments(flattened(moduli), self%predicted_mean, self%predicted_sd)
+         do c = 1, size(moduli, 3)
+            do i = 1, size(moduli, 2)
+               self%expected = self%expected + moduli(:, i, c)*self%predictions%factor(self%posterior%group, i, c)
+            end do
          end do
-      end do
-      self%predicted_sd = sqrt(self%predicted_sd/max(1, n - 1))
+         self%expected = self%expected/(size(moduli, 2)*size(moduli, 3))
+      end associate
    end subroutine average_predictions
 
-   !> Rough sds of the parameters.
-   pure function spreads(chains) result(sd)
-      type(chains_type), intent(in) :: chains
-      real(wp), allocatable :: sd(:)
-      real(wp) :: mean
-      integer :: j
-
-      allocate (sd(size(chains%draws, 1)))
-      do j = 1, size(sd)
-         mean = sum(chains%draws(j, :, :))/(size(chains%draws, 2)*real(size(chains%draws, 3), wp))
-         sd(j) = sqrt(sum((chains%draws(j, :, :) - mean)**2)/(size(chains%draws, 2)*real(size(chains%draws, 3), wp)))
-      end do
-   end function spreads
 end module extraction

@@ -2,21 +2,15 @@
 module extraction_document
    use constants_prior, only: prior_type
    use extraction, only: extraction_type
-   use further_knowledge, only: gain_type
    use json, only: json_type
-   use model_checks, only: checks_type
    use kinds, only: wp
-   use posterior_summary, only: combination_type
-   use prior_sensitivity, only: change_type
-   use prior_words, only: describe_prior
+   use posterior_diagnostics, only: check_extraction, powers_text
+   use prior_text, only: describe_prior
    use problem, only: problem_type
-   use size_verdicts, only: judge_sizes
-   use verdicts, only: judge_bound, judge_checks, judge_coverage, judge_grains, judge_knowledge, judge_mixing, judge_open, &
-      & judge_ridges, judge_sensitivity, judge_theory, powers_text
    use warning_lists, only: warning_type
    implicit none
    private
-   public :: write_extraction, judge_extraction
+   public :: write_extraction
 
 contains
 
@@ -26,91 +20,40 @@ contains
       type(extraction_type), intent(in) :: found
       character(len=:), allocatable :: text
       type(json_type) :: document
-      type(warning_type), allocatable :: warnings(:)
+      type(warning_type), allocatable :: warnings(:), lines(:)
       integer :: i
 
       call document%begin_object()
-      call document%begin_object('parameters')
-      do i = 1, size(found%names)
-         associate (parameter => found%parameters(i))
-            call document%begin_object(trim(found%names(i)))
-            call document%put('mean', parameter%mean)
-            call document%put('sd', parameter%sd)
-            if (found%decided(i)) then
-               call document%put('map', found%most_probable(i))
-            else
-               call document%put_null('map')
-            end if
-            call document%put('hdi_95', parameter%hdi_95)
-            call document%put('ess_bulk', parameter%diagnostics%ess_bulk)
-            call document%put('ess_tail', parameter%diagnostics%ess_tail)
-            call document%put('r_hat', parameter%diagnostics%r_hat)
-            call document%end_object()
-         end associate
-      end do
-      call document%end_object()
+      call write_parameters(document, found)
       call document%put('correlation', found%correlation)
       if (size(found%theory_mean) > 0) then
          call document%begin_object('theory_alone')
          do i = 1, size(found%theory_mean)
-            call document%begin_object(trim(found%names(i)))
-            call document%put('mean', found%theory_mean(i))
-            call document%put('sd', found%theory_sd(i))
-            call document%end_object()
+            call put_numbers(document, ['mean', 'sd  '], [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
          end do
          call document%end_object()
       end if
-      call document%begin_array('predicted')
-      do i = 1, found%posterior%n_grains
-         call document%begin_object()
-         call document%put('mean', found%predicted_mean(i))
-         call document%put('sd', found%predicted_sd(i))
-         call document%put('measured', found%posterior%measured(i))
-         call document%put('measured_sd', found%posterior%sd(i))
-         call document%put('euler_deg', problem%measurements%euler_deg(:, i))
-         if (problem%measurements%named_by > 0) call document%put('grain', problem%measurements%name(i))
-         if (allocated(problem%measurements%tests)) then
-            call document%put('tests', problem%measurements%tests(i))
-            call document%put('chi_square_of_tests', problem%measurements%chi_square(i))
-         end if
+      call write_predicted(document, problem, found)
+      call write_identifiability(document, found)
+      call document%begin_object('prior')
+      call write_limits(document, found%posterior%prior)
+      call write_knowledge(document, found)
+      call describe_prior(found, lines)
+      call document%put('words', lines)
+      call document%end_object()
+      call document%begin_object('checks')
+      associate (checks => found%checks)
+         call document%put('draws', size(checks%log_prior))
+         call put_numbers(document, ['mean', 'p   '], [checks%chi_square, checks%chi_square_p], 'chi_square')
+         call document%begin_object('extreme_grain')
+         call document%put('grain', checks%extreme_grain)
+         call put_numbers(document, ['residual_sd', 'p          '], [checks%extreme_residual, checks%extreme_p])
          call document%end_object()
-      end do
-      call document%end_array()
-      call document%begin_array('identifiability')
-      do i = 1, size(found%combinations)
-         call write_combination(document, found%names(:size(found%combinations)), found%combinations(i))
-      end do
-      do i = 1, size(found%quantities)
-         associate (quantity => found%quantities(i), known => found%known(i))
-            call document%begin_object()
-            call document%put('kind', 'quantity')
-            call document%put('name', quantity%name)
-            call document%put('unit', quantity%unit)
-            call document%put('mean', known%mean)
-            call document%put('sd', known%sd)
-            call document%put('prior_mean', known%prior_mean)
-            call document%put('prior_sd', known%prior_sd)
-            call document%put('contraction', known%contraction)
-            call document%end_object()
-         end associate
-      end do
-      do i = 1, size(found%gains)
-         call write_gain(document, found%names, found%gains(i))
-      end do
-      call document%end_array()
-      call write_prior(document, found)
-      call write_checks(document, found%checks)
-      if (allocated(found%evidence)) then
-         call document%begin_object('evidence')
-         call document%put('log_z', found%evidence%log_z)
-         call document%put('sd', found%evidence%sd)
-         call document%end_object()
-      end if
-      call document%begin_array('sensitivity')
-      do i = 1, size(found%changes)
-         call write_change(document, found%names, found%changes(i))
-      end do
-      call document%end_array()
+      end associate
+      call document%end_object()
+      if (allocated(found%evidence)) call put_numbers(document, ['log_z', 'sd   '], &
+         & [found%evidence%log_z, found%evidence%sd], 'evidence')
+      call write_changes(document, found)
       if (found%field_degree > 0) then
          call document%begin_object('theory')
          call document%put('degree', found%field_degree)
@@ -123,120 +66,145 @@ contains
       call document%put('method', problem%settings%sampler%method)
       call document%put('seconds', found%seconds)
       warnings = problem%warnings
-      call judge_extraction(problem, found, warnings)
+      call check_extraction(problem, found, warnings)
       call document%put('warnings', warnings)
       call document%end_object()
       text = document%text()
    end function write_extraction
 
-   subroutine write_combination(document, names, combination)
+   !> A number for each name, in the object that is open or in one of their own.
+   subroutine put_numbers(document, names, values, key)
       type(json_type), intent(inout) :: document
-      !> Of the constants.
       character(len=*), intent(in) :: names(:)
-      type(combination_type), intent(in) :: combination
-      integer :: j
+      real(wp), intent(in) :: values(:)
+      character(len=*), intent(in), optional :: key
+      integer :: i
 
-      call document%begin_object()
-      call document%put('kind', 'combination')
-      call document%put('name', powers_text(names, combination%exponents))
-      call document%begin_object('exponents')
-      do j = 1, size(names)
-         call document%put(trim(names(j)), combination%exponents(j))
+      if (present(key)) call document%begin_object(key)
+      do i = 1, size(values)
+         call document%put(trim(names(i)), values(i))
       end do
-      call document%end_object()
-      call document%begin_object('correlations')
-      do j = 1, size(names)
-         call document%put(trim(names(j)), combination%correlations(j))
-      end do
-      call document%end_object()
-      call document%put('sd', combination%sd)
-      call document%put('prior_sd', combination%prior_sd)
-      call document%put('contraction', combination%contraction)
-      call document%end_object()
-   end subroutine write_combination
+      if (present(key)) call document%end_object()
+   end subroutine put_numbers
 
-   !> What the constants would be known to.
-   subroutine write_gain(document, names, gain)
-      type(json_type), intent(inout) :: document
-      !> Of the parameters, constants first.
-      character(len=*), intent(in) :: names(:)
-      type(gain_type), intent(in) :: gain
-      integer :: j
-
-      call document%begin_object()
-      call document%put('kind', 'knowledge')
-      call document%put('name', trim(gain%name))
-      call document%put('relative_sd', gain%relative_sd)
-      call document%begin_object('sd_then')
-      do j = 1, size(gain%sd_then)
-         call document%put(trim(names(j)), gain%sd_then(j))
-      end do
-      call document%end_object()
-      call document%end_object()
-   end subroutine write_gain
-
-   !> The prior that was in effect, what was not stated too; null where there is no limit.
-   subroutine write_prior(document, found)
+   subroutine write_parameters(document, found)
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable :: lines(:)
+      integer :: i
 
-      call document%begin_object('prior')
-      call write_limits(document, found%posterior%prior)
-      call write_knowledge(document, found)
-      call describe_prior(found, lines)
-      call document%put('words', lines)
-      call document%end_object()
-   end subroutine write_prior
-
-   !> Whether the model could have given the measurements.
-   subroutine write_checks(document, checks)
-      type(json_type), intent(inout) :: document
-      type(checks_type), intent(in) :: checks
-
-      call document%begin_object('checks')
-      call document%put('draws', size(checks%log_prior))
-      call document%begin_object('chi_square')
-      call document%put('mean', checks%chi_square)
-      call document%put('p', checks%chi_square_p)
-      call document%end_object()
-      call document%begin_object('extreme_grain')
-      call document%put('grain', checks%extreme_grain)
-      call document%put('residual_sd', checks%extreme_residual)
-      call document%put('p', checks%extreme_p)
-      call document%end_object()
-      call document%end_object()
-   end subroutine write_checks
-
-   !> What another prior would have said; null where too few draws tell.
-   subroutine write_change(document, names, change)
-      type(json_type), intent(inout) :: document
-      !> Of the parameters.
-      character(len=*), intent(in) :: names(:)
-      type(change_type), intent(in) :: change
-      integer :: j
-
-      call document%begin_object()
-      call document%put('name', trim(change%name))
-      if (change%name /= 'measure') then
-         call document%put('side', merge('upper', 'lower', change%is_upper))
-         call document%put('from', change%from)
-         call document%put('to', change%to)
-      end if
-      call document%put('exact', change%exact)
-      call document%put('effective_draws', change%effective)
-      call document%begin_object('shift_sd')
-      do j = 1, size(names)
-         call document%put(trim(names(j)), change%shift(j))
+      call document%begin_object('parameters')
+      do i = 1, size(found%names)
+         associate (parameter => found%parameters(i))
+            call document%begin_object(trim(found%names(i)))
+            call put_numbers(document, ['mean', 'sd  '], [parameter%mean, parameter%sd])
+            if (found%determined(i)) then
+               call document%put('map', found%most_probable(i))
+            else
+               call document%put_null('map')
+            end if
+            call document%put('hdi_95', parameter%hdi_95)
+            associate (d => parameter%diagnostics)
+               call put_numbers(document, ['ess_bulk', 'ess_tail', 'r_hat   '], [d%ess_bulk, d%ess_tail, d%r_hat])
+            end associate
+            call document%end_object()
+         end associate
       end do
       call document%end_object()
-      call document%begin_object('sd_ratio')
-      do j = 1, size(names)
-         call document%put(trim(names(j)), change%sd_ratio(j))
+   end subroutine write_parameters
+
+   subroutine write_predicted(document, problem, found)
+      type(json_type), intent(inout) :: document
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      integer :: i
+
+      call document%begin_array('predicted')
+      associate (table => problem%measurements)
+         do i = 1, found%posterior%n_grains
+            call document%begin_object()
+            call put_numbers(document, ['mean       ', 'sd         ', 'measured   ', 'measured_sd'], [found%predicted_mean(i), &
+               & found%predicted_sd(i), found%posterior%measured(i), found%posterior%sd(i)])
+            call document%put('euler_deg', table%euler_deg(:, i))
+            if (table%named_by > 0) call document%put('grain', table%name(i))
+            if (allocated(table%tests)) then
+               call document%put('tests', table%tests(i))
+               call document%put('chi_square_of_tests', table%chi_square(i))
+            end if
+            call document%end_object()
+         end do
+      end associate
+      call document%end_array()
+   end subroutine write_predicted
+
+   !> Combinations of the constants, quantities in the posterior and in the prior, and what further knowledge would bring.
+   subroutine write_identifiability(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      !> Of a quantity, and some of a combination.
+      character(len=11), parameter :: in_both(*) = [character(len=11) :: 'mean', 'sd', 'prior_mean', 'prior_sd', 'contraction']
+      integer :: i
+
+      call document%begin_array('identifiability')
+      do i = 1, size(found%combinations)
+         associate (combination => found%combinations(i), names => found%names(:size(found%combinations)))
+            call begin('combination', powers_text(names, combination%exponents))
+            call put_numbers(document, names, combination%exponents, 'exponents')
+            call put_numbers(document, names, combination%correlations, 'correlations')
+            call put_numbers(document, in_both([2, 4, 5]), [combination%sd, combination%prior_sd, combination%contraction])
+            call document%end_object()
+         end associate
       end do
-      call document%end_object()
-      call document%end_object()
-   end subroutine write_change
+      do i = 1, size(found%quantities)
+         associate (known => found%known(i))
+            call begin('quantity', found%quantities(i)%name)
+            call document%put('unit', found%quantities(i)%unit)
+            call put_numbers(document, in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd, known%contraction])
+            call document%end_object()
+         end associate
+      end do
+      do i = 1, size(found%gains)
+         call begin('knowledge', trim(found%gains(i)%name))
+         call document%put('relative_sd', found%gains(i)%relative_sd)
+         call put_numbers(document, found%names, found%gains(i)%sd_then, 'sd_then')
+         call document%end_object()
+      end do
+      call document%end_array()
+
+   contains
+
+      subroutine begin(kind, name)
+         character(len=*), intent(in) :: kind, name
+
+         call document%begin_object()
+         call document%put('kind', kind)
+         call document%put('name', name)
+      end subroutine begin
+   end subroutine write_identifiability
+
+   !> What other priors would have said; null where too few draws tell.
+   subroutine write_changes(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      integer :: i
+
+      call document%begin_array('sensitivity')
+      do i = 1, size(found%changes)
+         associate (change => found%changes(i))
+            call document%begin_object()
+            call document%put('name', trim(change%name))
+            if (change%name /= 'measure') then
+               call document%put('side', merge('upper', 'lower', change%is_upper))
+               call put_numbers(document, ['from', 'to  '], [change%from, change%to])
+            end if
+            call document%put('exact', change%exact)
+            call document%put('effective_draws', change%effective)
+            call put_numbers(document, found%names, change%shift, 'shift_sd')
+            call put_numbers(document, found%names, change%sd_ratio, 'sd_ratio')
+            call document%end_object()
+         end associate
+      end do
+      call document%end_array()
+   end subroutine write_changes
 
    !> What is known, and by how many sds it is away from what all else says.
    subroutine write_knowledge(document, found)
@@ -252,9 +220,8 @@ contains
             call document%begin_object()
             call document%put('name', known%quantities(j)%name)
             call document%put('unit', known%quantities(j)%unit)
-            call document%put('mean', known%mean(j))
-            call document%put('sd', sd(j))
-            call document%put('conflict_sd', found%conflict%of_quantity(j))
+            call put_numbers(document, ['mean       ', 'sd         ', 'conflict_sd'], &
+               & [known%mean(j), sd(j), found%conflict%of_quantity(j)])
             call document%end_object()
          end do
          call document%end_array()
@@ -262,6 +229,7 @@ contains
       end associate
    end subroutine write_knowledge
 
+   !> The prior that was in effect, what was not stated too; null where there is no limit.
    subroutine write_limits(document, prior)
       type(json_type), intent(inout) :: document
       type(prior_type), intent(in) :: prior
@@ -273,61 +241,26 @@ contains
          if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
       end do
       call document%end_object()
-      call put_limit('anisotropy_cap', prior%anisotropy_cap)
-      call put_limit('log_anisotropy_max', prior%log_anisotropy_max)
-      if (prior%has_box) then
-         call document%put_null('poisson')
-         call document%put_null('young_gpa')
-      else
-         call document%put('poisson', prior%poisson)
-         call document%put('young_gpa', prior%young)
-      end if
+      call put_limit('anisotropy_cap', [prior%anisotropy_cap], prior%anisotropy_cap < huge(1.0_wp))
+      call put_limit('log_anisotropy_max', [prior%log_anisotropy_max], prior%log_anisotropy_max < huge(1.0_wp))
+      call put_limit('poisson', prior%poisson, .not. prior%has_box)
+      call put_limit('young_gpa', prior%young, .not. prior%has_box)
       call document%put('share_covered', prior%share_inside)
 
    contains
 
-      subroutine put_limit(key, limit)
+      subroutine put_limit(key, limits, there)
          character(len=*), intent(in) :: key
-         real(wp), intent(in) :: limit
+         real(wp), intent(in) :: limits(:)
+         logical, intent(in) :: there
 
-         if (limit < huge(limit)) then
-            call document%put(key, limit)
-         else
+         if (.not. there) then
             call document%put_null(key)
+         else if (size(limits) == 1) then
+            call document%put(key, limits(1))
+         else
+            call document%put(key, limits)
          end if
       end subroutine put_limit
    end subroutine write_limits
-
-   !> What a person should know, added to `warnings`.
-   subroutine judge_extraction(problem, found, warnings)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp) :: factor
-      integer :: i, k
-
-      k = found%posterior%n_constants
-      call judge_coverage(found%posterior%prior%share_inside, found%posterior%prior%known_scale, warnings)
-      call judge_theory(found%field_error, warnings)
-      call judge_sizes(problem, found%surrogate_contact_radius, found%surrogate_addition, warnings)
-      call judge_knowledge(found%posterior%prior%knowledge, found%conflict, warnings)
-      do i = 1, size(found%names)
-         call judge_mixing(trim(found%names(i)), found%parameters(i)%diagnostics, size(found%chains%draws, 3), &
-            & problem%settings%sampler%method, warnings)
-      end do
-      call judge_ridges(found%names(:k), found%correlation, found%combinations, warnings)
-      call judge_open(found%names(:k), found%combinations, found%gains, warnings)
-      associate (prior => found%posterior%prior)
-         do i = 1, k
-            if (prior%is_stated(i)) call judge_bound(trim(found%names(i)), found%chains%draws(i, :, :), prior%lower(i), &
-               & prior%upper(i), warnings)
-         end do
-      end associate
-      call judge_sensitivity(found%names, found%changes, warnings)
-      factor = 1.0_wp
-      if (size(found%names) > k) factor = found%parameters(k + 1)%mean
-      call judge_grains(problem%measurements, found%posterior%measured, found%expected, factor*found%posterior%sd, &
-         & problem%settings%measurements%likelihood, warnings)
-      call judge_checks(found%checks, problem%measurements, warnings)
-   end subroutine judge_extraction
 end module extraction_document

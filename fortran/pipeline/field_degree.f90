@@ -83,19 +83,30 @@ contains
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: draws(:, :), exact(:, :)
       real(wp) :: errors(size(draws, 2))
-      real(wp), allocatable :: moduli(:), slopes(:), e(:)
+      real(wp), allocatable :: moduli(:), e(:)
       integer :: checked(size(exact, 1)), i
 
       checked = checked_grains(posterior%n_grains)
-      allocate (moduli(size(posterior%euler, 2)), slopes(size(posterior%euler, 2)))
+      allocate (moduli(size(posterior%euler, 2)))
       do i = 1, size(draws, 2)
-         call posterior%grains%evaluate_moduli(posterior%stiffness(draws(:, i)), moduli, slopes)
-         slopes = 1.0_wp
-         call posterior%kind%apply(moduli, slopes)
+         call observe(posterior, posterior%grains, draws(:, i), moduli)
          e = (moduli(checked) - exact(:, i))/posterior%sd(checked)
          errors(i) = max(maxval(abs(e)), allowed_error/allowed_together*sqrt(sum(e**2)/size(e)*posterior%n_grains))
       end do
    end function field_errors
+
+   !> What would be measured in grains at a point.
+   subroutine observe(posterior, grains, x, values)
+      type(posterior_type), intent(in) :: posterior
+      class(grain_model_type), intent(in) :: grains
+      real(wp), intent(in) :: x(:)
+      !> In the unit of the observable, (grain).
+      real(wp), intent(out), contiguous :: values(:)
+      real(wp) :: slopes(size(values))
+
+      call grains%evaluate_moduli(posterior%stiffness(x), values, slopes)
+      call posterior%observable%from_simulation(values, slopes)
+   end subroutine observe
 
    !> Some of n grains, evenly over the table.
    pure function checked_grains(n) result(checked)
@@ -113,20 +124,17 @@ contains
       real(wp), allocatable, intent(out) :: exact(:, :)
       type(error_type), allocatable, intent(out) :: error
       class(grain_model_type), allocatable :: in_full
-      real(wp), allocatable :: slopes(:)
       integer :: i
 
       associate (checked => checked_grains(posterior%n_grains))
-         allocate (exact(size(checked), size(draws, 2)), slopes(size(checked)))
+         allocate (exact(size(checked), size(draws, 2)))
          call posterior%new_grains(posterior%euler(:, checked), in_full, error)
       end associate
       if (allocated(error)) return
       ! No anisotropy is below.
       in_full%full_above = -1.0_wp
       do i = 1, size(draws, 2)
-         call in_full%evaluate_moduli(posterior%stiffness(draws(:, i)), exact(:, i), slopes)
-         slopes = 1.0_wp
-         call posterior%kind%apply(exact(:, i), slopes)
+         call observe(posterior, in_full, draws(:, i), exact(:, i))
       end do
    end subroutine exact_moduli
 end module field_degree

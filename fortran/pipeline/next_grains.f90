@@ -15,9 +15,10 @@ module next_grains
    use orientation_columns, only: angles_of_direction
    use problem, only: problem_type
    use problem_posterior, only: check_target
-   use quantities, only: evaluate_quantities, new_quantity, quantity_type
+   use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use sorting, only: sort_order
+   use small_matrices, only: solve_lower
+   use statistics, only: median, moments
    use text, only: fixed, to_text
    use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
@@ -56,7 +57,7 @@ contains
       associate (wanted => problem%settings%next)
          sd = wanted%sd_gpa
          if (.not. sd > 0.0_wp) then
-            sd = median(posterior%sd)
+            sd = median(posterior%n_grains, posterior%sd)
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
@@ -148,15 +149,13 @@ contains
       type(candidates_type), intent(inout) :: candidates
       type(error_type), allocatable, intent(out) :: error
       type(quantity_type) :: quantity(1)
-      integer :: i
+      real(wp), allocatable :: values(:, :)
 
       if (target == 'all') return
       call new_quantity(target, quantity(1), error)
       if (allocated(error)) return
-      candidates%target = spread(0.0_wp, 1, size(draws, 2))
-      do i = 1, size(draws, 2)
-         call evaluate_quantities(quantity, posterior%stiffness(draws(:, i)), candidates%target(i:i))
-      end do
+      call evaluate_draws(quantity, posterior%prior%class, draws, values)
+      candidates%target = values(1, :)
       if (quantity(1)%is_product()) candidates%target = log(candidates%target)
    end subroutine set_target
 
@@ -177,15 +176,6 @@ contains
       call new_lattice(problem%class, parameters, lattice, unknown)
       if (.not. allocated(unknown)) call document%put('uvw', lattice%nearest(g(:, 3)))
    end subroutine put_direction
-
-   pure real(wp) function median(values)
-      real(wp), intent(in) :: values(:)
-      integer :: order(size(values)), n
-
-      n = size(values)
-      call sort_order(values, order)
-      median = 0.5_wp*(values(order((n + 1)/2)) + values(order(n/2 + 1)))
-   end function median
 
    function written(problem, candidates, suggestions, euler_deg, sd, warnings) result(text)
       type(problem_type), intent(in) :: problem
@@ -284,16 +274,17 @@ contains
       real(wp) :: b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared)
       real(wp) :: columns(size(values), posterior%n_shared)
       real(wp) :: factor(posterior%n_groups), mean(size(values)), mean_slope(size(values))
-      integer :: i, j
+      integer :: i
 
       c = posterior%stiffness(x)
       call posterior%infer_shared(x, b, precision)
       call grains%evaluate_moduli(c, values, slope)
       mean = values
       mean_slope = slope
-      call posterior%kind%apply(mean, mean_slope)
+      call posterior%observable%from_simulation(mean, mean_slope)
       columns = 0.0_wp
-      if (posterior%likelihood%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = posterior%likelihood%calibration_sd*mean
+      if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = &
+         & posterior%settings%calibration_sd*posterior%observable%calibration_slope(mean)
       call posterior%place_shared(z, b, precision, factor)
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
@@ -302,17 +293,12 @@ contains
             columns(:, i) = mean_slope*influence(:, i)
          end do
       end if
-      call posterior%kind%apply(values, slope)
+      call posterior%observable%from_simulation(values, slope)
       values = factor(1)*values
-      shared_variance = 0.0_wp
-      do j = 1, posterior%n_shared
-         ! The next entry of L^-1 times the columns.
-         do i = 1, j - 1
-            columns(:, j) = columns(:, j) - precision(j, i)*columns(:, i)
-         end do
-         columns(:, j) = columns(:, j)/precision(j, j)
-         shared_variance = shared_variance + columns(:, j)**2
+      do i = 1, size(values)
+         call solve_lower(precision, columns(i, :))
       end do
-      own_variance = posterior%scatter*mean_slope**2 + (posterior%likelihood%scatter_sd*mean)**2
+      shared_variance = sum(columns**2, 2)
+      own_variance = posterior%scatter*mean_slope**2 + (posterior%settings%scatter_sd*mean)**2
    end subroutine draw_measurements
 end module next_grains

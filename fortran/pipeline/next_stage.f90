@@ -5,7 +5,7 @@ module next_stage
    use errors, only: error_type
    use extract_stage, only: load_stage_surrogate
    use extraction, only: extract, extraction_type
-   use kept_chains, only: chain_prefix
+   use chain_checkpoints, only: chain_prefix
    use kinds, only: wp
    use next_grains, only: next_document
    use posterior_file, only: stored_draws

@@ -18,7 +18,7 @@ module posterior_file
 
 contains
 
-   !> Write the numbers into a folder, with the inputs that they follow from.
+   !> Write the numbers into a `folder`, with the `inputs` that they follow from.
    subroutine save_posterior(problem, found, document, folder, inputs, error)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -33,7 +33,7 @@ contains
       end associate
    end subroutine save_posterior
 
-   !> The named values of a folder, as bytes; refused if they were changed.
+   !> The named values of a folder, as bytes (`content`); refused if they were changed.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
       character(len=:), allocatable, intent(out) :: content

@@ -3,15 +3,14 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
-   use error_models, only: likelihood_type
+   use abstract_observable, only: observable_type
    use errors, only: error_type, exit_bad_input, raise
-   use kept_chains, only: chain_shelf_type, new_chain_shelf
+   use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: degree, wp
-   use knowledge_conflict, only: without_knowledge
    use measured_grains, only: measured_type
    use memory, only: check_memory
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
    use namelist_file, only: place
+   use observables, only: new_observable
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
@@ -22,7 +21,15 @@ module problem_posterior
    implicit none
    private
    public :: check_step_2, check_target, new_problem_posterior
-   public :: sample_beside, sample_pilot, sample_posterior, sample_prior, sample_without_knowledge
+   public :: sample_aside, sample_posterior
+
+   !> Burn-in, samples, chains, and from where on their random streams are.
+   type, public :: run_type
+      integer :: burn_in, samples, chains, first_stream
+   end type run_type
+   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; and by the theory alone.
+   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 1000000), prior_run = run_type(5000, 2500, 4, 0), &
+      & free_run = run_type(2000, 500, 2, 2000000), theory_run = run_type(5000, 1500, 4, 3000000)
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
@@ -105,7 +112,6 @@ contains
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
       type(prior_type) :: prior
-      type(likelihood_type) :: likelihood
       type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
@@ -113,19 +119,6 @@ contains
             & exit_bad_input)
          return
       end if
-      associate (m => problem%settings%measurements)
-         likelihood%modulus_kind = m%modulus_kind
-         likelihood%indenter_modulus = m%indenter_modulus_gpa
-         likelihood%indenter_nu = m%indenter_nu
-         likelihood%sample_nu = m%sample_nu
-         likelihood%calibration_sd = m%calibration_sd
-         likelihood%scatter_sd = m%scatter_sd
-         likelihood%errors = m%likelihood
-         likelihood%student_dof = m%student_dof
-         likelihood%infer_scale = m%scale == 'inferred'
-      end associate
-      likelihood%surrogate_uncertainty = problem%settings%sampler%surrogate_variance == 'full'
-      likelihood%prior_only = prior_only
       associate (table => problem%measurements)
          measured%euler = table%euler_deg*degree
          measured%modulus = table%modulus_gpa
@@ -136,32 +129,32 @@ contains
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
       end associate
-      call new_problem_prior(problem, surrogate, likelihood, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
+      call new_problem_prior(problem, surrogate, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
       if (allocated(error)) return
-      call new_posterior(surrogate, prior, likelihood, measured, posterior, error)
+      call new_posterior(surrogate, prior, problem%settings%measurements, &
+         & problem%settings%sampler%surrogate_variance == 'full', prior_only, measured, posterior, error)
       if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
    end subroutine new_problem_posterior
 
    !> &prior and &knowledge, cut to what the surrogate covers.
-   subroutine new_problem_prior(problem, surrogate, likelihood, mean_measured, prior, error)
+   subroutine new_problem_prior(problem, surrogate, mean_measured, prior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
-      type(likelihood_type), intent(in) :: likelihood
-      !> GPa, of the kind that was measured.
+      !> In the unit of the observable.
       real(wp), intent(in) :: mean_measured
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
       real(wp), parameter :: typical_poisson = 0.3_wp
       type(knowledge_type) :: knowledge
-      type(modulus_map_type) :: kind
+      class(observable_type), allocatable :: observable
 
       call read_knowledge(problem, knowledge, error)
-      if (.not. allocated(error)) call new_modulus_map(likelihood%modulus_kind, likelihood%indenter_modulus, &
-         & likelihood%indenter_nu, likelihood%sample_nu, kind, error)
+      if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
+         & observable, error)
       if (allocated(error)) return
       call new_prior(surrogate%basis, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*kind%indentation_modulus(mean_measured), knowledge, prior, error)
+         & (1.0_wp - typical_poisson**2)*observable%isotropic_modulus(mean_measured), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior
 
@@ -171,99 +164,52 @@ contains
       type(posterior_type), intent(in) :: posterior
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      class(sampler_type), allocatable :: sampler
-      type(chain_shelf_type) :: shelf
 
       call check_step_2(problem, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
-         call new_sampler(s%method, s%burn_in, sampler, error)
-         call find_shelf(problem, posterior, s%method//' '//to_text(s%burn_in)//' '//to_text(s%samples), shelf)
-         if (.not. allocated(error)) call sample_chains(posterior, sampler, run_settings_type(samples=s%samples, &
-            & chains=s%chains, threads=thread_count(problem%settings%execution%workers), seed=problem%settings%problem%seed), &
-            & chains, error, shelf)
+         call run_chains(problem, posterior, s%method, s%burn_in, s%method//' '//to_text(s%burn_in)//' '//to_text(s%samples), &
+            & run_settings_type(s%samples, s%chains), chains, error)
       end associate
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine sample_posterior
 
-   !> A few draws of where the posterior is, to see how it must be computed.
-   subroutine sample_pilot(problem, posterior, chains, error)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(out) :: chains
-      type(error_type), allocatable, intent(out) :: error
-
-      call sample_aside(problem, posterior, 5000, run_settings_type(400, 1, 1, first_stream=far_stream + 1000000), chains, error)
-   end subroutine sample_pilot
-
-   !> Draws of another posterior of the same problem, to set beside its own.
-   subroutine sample_beside(problem, posterior, chains, error)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(out) :: chains
-      type(error_type), allocatable, intent(out) :: error
-
-      call sample_aside(problem, posterior, 5000, run_settings_type(1500, 4, thread_count(problem%settings%execution%workers), &
-         & first_stream=far_stream + 3000000), chains, error)
-   end subroutine sample_beside
-
-   !> A few draws of what the measurements and the limits of the prior say without any knowledge.
-   subroutine sample_without_knowledge(problem, posterior, chains, error)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(out) :: chains
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: rough_degree = 12
-      type(posterior_type) :: free
-
-      call without_knowledge(posterior, free, error)
-      if (.not. allocated(error) .and. free%grains%has_theory) call free%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_aside(problem, free, 2000, run_settings_type(500, 2, &
-         & thread_count(problem%settings%execution%workers), first_stream=far_stream + 2000000), chains, error)
-   end subroutine sample_without_knowledge
-
-   !> The prior by the sampler that mixes best.
-   subroutine sample_prior(problem, prior, chains, error)
-      type(problem_type), intent(in) :: problem
-      !> A density without the data.
-      type(posterior_type), intent(in) :: prior
-      type(chains_type), intent(out) :: chains
-      type(error_type), allocatable, intent(out) :: error
-
-      call sample_aside(problem, prior, 5000, run_settings_type(2500, 4, thread_count(problem%settings%execution%workers), &
-         & first_stream=far_stream), chains, error)
-   end subroutine sample_prior
-
-   !> Chains that &sampler does not ask for, from random streams of their own.
-   subroutine sample_aside(problem, density, burn_in, settings, chains, error)
+   !> Chains that &sampler does not ask for, by the sampler that mixes best, from random streams of their own.
+   subroutine sample_aside(problem, density, run, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: density
+      !> One of those above.
+      type(run_type), intent(in) :: run
+      type(chains_type), intent(out) :: chains
+      type(error_type), allocatable, intent(out) :: error
+
+      call run_chains(problem, density, 'ensemble', run%burn_in, 'aside '//to_text(run%burn_in)//' '//to_text(run%samples), &
+         & run_settings_type(run%samples, run%chains, first_stream=far_stream + run%first_stream), chains, error)
+   end subroutine sample_aside
+
+   !> Chains of a density, those that are kept from the disk.
+   subroutine run_chains(problem, density, method, burn_in, label, settings, chains, error)
+      type(problem_type), intent(in) :: problem
+      type(posterior_type), intent(in) :: density
+      character(len=*), intent(in) :: method
       integer, intent(in) :: burn_in
-      !> Without the seed.
+      !> Tells these settings of the sampler from others.
+      character(len=*), intent(in) :: label
+      !> Without threads and seed.
       type(run_settings_type), intent(in) :: settings
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
-      class(sampler_type), allocatable :: sampler
-      type(run_settings_type) :: seeded
-      type(chain_shelf_type) :: shelf
-
-      seeded = settings
-      seeded%seed = problem%settings%problem%seed
-      call new_sampler('ensemble', burn_in, sampler, error)
-      call find_shelf(problem, density, 'aside '//to_text(burn_in)//' '//to_text(settings%samples), shelf)
-      if (.not. allocated(error)) call sample_chains(density, sampler, seeded, chains, error, shelf)
-      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
-   end subroutine sample_aside
-
-   !> Where chains of a density with these settings of the sampler are kept.
-   subroutine find_shelf(problem, density, sampler, shelf)
-      type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: density
-      character(len=*), intent(in) :: sampler
-      type(chain_shelf_type), intent(out) :: shelf
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
+      class(sampler_type), allocatable :: sampler
+      type(run_settings_type) :: complete
+      type(checkpoint_type) :: checkpoint
 
-      if (allocated(problem%kept_in)) call new_chain_shelf(problem%kept_in, sampler//settings_namelist(problem%settings, groups), &
-         & density, shelf)
-   end subroutine find_shelf
+      complete = settings
+      complete%seed = problem%settings%problem%seed
+      complete%threads = thread_count(problem%settings%execution%workers)
+      call new_sampler(method, burn_in, sampler, error)
+      if (allocated(problem%kept_in)) call new_checkpoint(problem%kept_in, label//settings_namelist(problem%settings, groups), &
+         & density, checkpoint)
+      if (.not. allocated(error)) call sample_chains(density, sampler, complete, chains, error, checkpoint)
+      if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
+   end subroutine run_chains
 end module problem_posterior

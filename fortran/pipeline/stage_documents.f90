@@ -59,7 +59,7 @@ contains
       if (.not. allocated(error)) call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
 
-   !> The resolved namelist of a folder, '' where there is none; refused if the manifest is about another.
+   !> The namelist of a folder `output`, `resolved`, '' where there is none; refused if the manifest is about another.
    subroutine read_resolved(output, resolved, error)
       character(len=*), intent(in) :: output
       character(len=:), allocatable, intent(out) :: resolved
@@ -157,6 +157,8 @@ contains
             call add_table(problem%grains)
          case ('knowledge')
             if (allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
+         case default
+            ! There is no table.
          end select
          call add(group, content)
       end do

@@ -111,7 +111,8 @@ contains
       groups = adjustl(groups)
    end function groups_of
 
-   !> Refuse what the stages of a problem would refuse before their first simulation or sample, as far as no stage before makes what it is about.
+   !> Refuse what the stages of a problem would refuse before their first simulation or sample, as far as no stage before makes what it
+   !> is about.
    subroutine check_stages(problem, places, error)
       type(problem_type), intent(in), target :: problem
       type(places_type), intent(in) :: places

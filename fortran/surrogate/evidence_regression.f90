@@ -31,7 +31,7 @@ module evidence_regression
       real(wp), allocatable :: mean(:), covariance(:, :), moment(:)
    end type regression_type
 
-   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta elsewhere.
+   !> The covariance of y is 1/beta + values/alpha along directions where y has the given squares, and 1/beta else where.
    type :: spectrum_type
       integer :: n_data = 0
       real(wp), allocatable :: values(:), squares(:)
@@ -143,7 +143,7 @@ contains
       projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
       where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
          projection = projection/spectrum%values
-      elsewhere
+      else where
          projection = 0.0_wp
          spectrum%values = 0.0_wp
       end where

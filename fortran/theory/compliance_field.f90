@@ -4,7 +4,8 @@
 !> of a crystal is one even field of symmetric matrices over the directions, with the crystal's symmetry, and every grain reads it
 !> along its own great circle: h(theta) = n.F(t(theta)).n, n its surface normal. The field is expanded in surface harmonics of even
 !> degree up to a limit by least squares over nodes: all images, under the crystal's group, of some directions of its region. Of h
-!> its mean and the harmonics 2 and 4 of theta are n_retained, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e weighs
+!> its mean and the harmonics 2 and 4 of theta are n_retained, from degree 24 on 6, from 32 on 8 too: a contact of small eccentricity e
+!> weighs
 !> the harmonic 2 m with e^m.
 !> Everything that depends on the grains alone is computed once; a crystal then costs its nodes, one matrix product, and a minimum
 !> over the shape of the contact ellipse for each grain (Willis, J. Mech. Phys. Solids 14, 163, 1966).

@@ -96,9 +96,10 @@ def encode(values: Mapping) -> bytes:
 
 def decode(content: np.ndarray) -> dict:
     """Named values of the core; arrays are views of `content`, bytes, with the axes reversed."""
-    found, at = {}, 0
+    found: dict = {}
+    at = 0
     while at < len(content):
-        kind, rank, length, size, *shape = HEADER.unpack_from(content, at)
+        kind, rank, length, size, *shape = HEADER.unpack_from(content.data, at)
         start = at + HEADER.size + length + -length % 8
         name = content[at + HEADER.size : at + HEADER.size + length].tobytes().decode()
         value, axes = content[start : start + size], shape[:rank][::-1]

@@ -3,7 +3,7 @@ module known_targets
    use kinds, only: wp
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: point_type, target_type
+   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
    public :: banana_type, wavy_type
@@ -40,15 +40,20 @@ contains
       x = self%lower + x*(self%upper - self%lower)
    end subroutine draw_start
 
-   pure subroutine evaluate(self, x, log_density, admitted)
+   pure subroutine evaluate(self, points, log_density)
       class(banana_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: log_density
-      logical, intent(out) :: admitted
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(out) :: log_density(:)
+      integer :: i
 
-      admitted = all(x >= self%lower .and. x <= self%upper)
-      log_density = -0.5_wp*x(1)**2 - 0.5_wp*((x(2) - x(1)**2)/0.1_wp)**2
-      if (self%dimension > 2) log_density = log_density - 0.5_wp*sum(x(3:)**2)
+      log_density = outside
+      do i = 1, size(log_density)
+         associate (x => points(:, i))
+            if (.not. all(x >= self%lower .and. x <= self%upper)) cycle
+            log_density(i) = -0.5_wp*x(1)**2 - 0.5_wp*((x(2) - x(1)**2)/0.1_wp)**2
+            if (self%dimension > 2) log_density(i) = log_density(i) - 0.5_wp*sum(x(3:)**2)
+         end associate
+      end do
    end subroutine evaluate
 
    subroutine draw_wavy_start(self, stream, x)
@@ -63,46 +68,48 @@ contains
       x = 8.0_wp*x - 4.0_wp
    end subroutine draw_wavy_start
 
-   pure subroutine evaluate_wavy(self, x, log_density, admitted)
+   pure subroutine evaluate_wavy(self, points, log_density)
       class(wavy_type), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-      real(wp), intent(out) :: log_density
-      logical, intent(out) :: admitted
-      real(wp) :: arguments(size(x)), outputs(size(x))
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(out) :: log_density(:)
+      real(wp), dimension(size(points, 1), size(points, 2)) :: arguments, outputs
+      logical :: inside(size(log_density))
 
-      log_density = -huge(1.0_wp)
-      call self%evaluate_outputs(x, arguments, outputs, admitted)
-      if (admitted) log_density = -0.5_wp*sum(outputs**2)
+      call self%evaluate_outputs(points, arguments, outputs, inside)
+      log_density = outside
+      where (inside) log_density = -0.5_wp*sum(outputs**2, 1)
    end subroutine evaluate_wavy
 
-   pure subroutine evaluate_wavy_working(self, point, admitted, polynomial)
+   pure subroutine evaluate_wavy_working(self, points, polynomial)
       class(wavy_type), intent(in) :: self
-      type(point_type), intent(inout) :: point
-      logical, intent(out) :: admitted
+      type(point_type), intent(inout) :: points(:)
       type(output_polynomial_type), intent(in), optional :: polynomial
-      real(wp) :: outputs(self%n_outputs)
+      real(wp) :: outputs(self%n_outputs), log_density(1)
+      logical :: inside
+      integer :: i
 
-      point%x = point%w
-      call self%evaluate(point%x, point%log_density, admitted)
-      if (.not. admitted) return
-      if (is_fitted(polynomial)) then
-         call polynomial%evaluate(point%w, outputs, admitted)
-         if (.not. admitted) return
-         point%log_density = -0.5_wp*sum(outputs**2)
-      end if
-      point%log_working = point%log_density
+      do i = 1, size(points)
+         points(i)%x = points(i)%w
+         call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
+         if (is_fitted(polynomial) .and. log_density(1) > outside) then
+            call polynomial%evaluate(points(i)%w, outputs, inside)
+            log_density = merge(-0.5_wp*sum(outputs**2), outside, inside)
+         end if
+         points(i)%log_density = log_density(1)
+         points(i)%log_working = log_density(1)
+      end do
    end subroutine evaluate_wavy_working
 
-   pure subroutine evaluate_wavy_outputs(self, w, arguments, outputs, admitted)
+   pure subroutine evaluate_wavy_outputs(self, w, arguments, outputs, inside)
       class(wavy_type), intent(in) :: self
-      real(wp), intent(in) :: w(:)
-      real(wp), intent(out) :: arguments(:), outputs(:)
-      logical, intent(out) :: admitted
+      real(wp), intent(in) :: w(:, :)
+      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
+      logical, intent(out) :: inside(:)
 
-      admitted = w(1) > -1.0_wp .and. self%n_outputs > 0
+      inside = w(1, :) > -1.0_wp .and. self%n_outputs > 0
       arguments = w
       outputs = w
-      outputs(2) = w(2) + 0.8_wp*sin(2.0_wp*w(1))
-      outputs(3) = w(3) + 0.3_wp*w(1)**2
+      outputs(2, :) = w(2, :) + 0.8_wp*sin(2.0_wp*w(1, :))
+      outputs(3, :) = w(3, :) + 0.3_wp*w(1, :)**2
    end subroutine evaluate_wavy_outputs
 end module known_targets

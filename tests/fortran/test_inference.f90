@@ -1,16 +1,18 @@
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, error models.
 program test_inference
    use abstract_error_model, only: error_model_type
+   use abstract_observable, only: observable_type
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use error_models, only: likelihood_type, new_error_model
+   use error_models, only: new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type, wavy_type
-   use modulus_kinds, only: modulus_map_type, new_modulus_map
+   use observables, only: new_observable
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
+   use settings_groups, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
@@ -55,7 +57,8 @@ contains
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()
       class(error_model_type), allocatable :: model
-      type(modulus_map_type) :: map
+      class(observable_type), allocatable :: observable
+      type(measurements_settings_type) :: settings
       type(error_type), allocatable :: error
       real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
       integer :: k
@@ -87,13 +90,14 @@ contains
       call new_error_model(likelihood_of('laplace', 1.0_wp), model, error)
       call check_refused('another likelihood', error, 'normal, student')
 
-      call new_modulus_map('effective_modulus', 1140.0_wp, 0.07_wp, 0.3_wp, map, error)
+      settings = measurements_settings_type(indenter_modulus_gpa=1140.0_wp, indenter_nu=0.07_wp, sample_nu=0.3_wp)
+      call new_observable('effective_modulus', settings, observable, error)
       modulus = 200.0_wp
       slope = 1.0_wp
-      call map%apply(modulus, slope)
+      call observable%from_simulation(modulus, slope)
       call check_close('effective modulus', modulus(1), 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
       call check_close('and its slope', slope(1), (modulus(1)/200.0_wp)**2, 1.0e-15_wp)
-      call new_modulus_map('modulus', 1140.0_wp, 0.07_wp, 0.3_wp, map, error)
+      call new_observable('modulus', settings, observable, error)
       call check_refused('another kind', error, 'sample_modulus')
    end subroutine test_error_models
 
@@ -137,9 +141,9 @@ contains
    pure function likelihood_of(errors, student_dof) result(likelihood)
       character(len=*), intent(in) :: errors
       real(wp), intent(in) :: student_dof
-      type(likelihood_type) :: likelihood
+      type(measurements_settings_type) :: likelihood
 
-      likelihood%errors = errors
+      likelihood%likelihood = errors
       likelihood%student_dof = student_dof
    end function likelihood_of
 

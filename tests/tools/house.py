@@ -9,8 +9,8 @@ from lines import statements
 
 #: Each folder uses only those before it.
 LAYERS = (
-    "common", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "inference", "campaign", "pipeline",
-    "report", "facade", "program",
+    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "observables", "inference",
+    "campaign", "pipeline", "report", "facade", "program",
 )  # fmt: skip
 WIDTH, STEP, BOX = 300, 66, (170, 34)
 

@@ -1,7 +1,7 @@
 """The indentation problem as an input deck that Abaqus and CalculiX both read. Units: um, mN, GPa."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +14,8 @@ __all__ = ["write_deck"]
 #: Voigt index (order 11,22,33,23,13,12) of the pairs in the order 11,22,33,12,13,23 of *ELASTIC, TYPE=ANISO.
 ABAQUS_ORDER = (0, 1, 2, 5, 4, 3)
 
-#: What bricks are made of, and what that is where a specimen has two parts.
+#: What bricks are made of.
 MATERIALS = ("CRYSTAL", "SURROUNDINGS")
-PARTS = {"film": ("the film", "the substrate"), "grain": ("the grain", "the matrix around it")}
 
 #: Stiffness of a closed gap (mN/um) and the force of an open one far away (mN): CalculiX' penalties. Closed gaps then give way by
 #: less than 1e-8 um.
@@ -24,18 +23,18 @@ GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
 def write_deck(
-    mesh: "MeshArrays", stiffness: np.ndarray, infinite: np.ndarray, depths: Iterable[float], element: str, title: str, geometry: str
+    mesh: "MeshArrays", stiffness: np.ndarray, infinite: np.ndarray, depths: Iterable[float], element: str, title: str, parts: Sequence[str]
 ) -> str:
     """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
 
-    The header says what each material is, which depends on the geometry of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
+    The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
     are networks of springs with the same stiffness matrix; hanging nodes are equations.
     """
     nodes = len(mesh.x)
     indenter = nodes + 1
     used = MATERIALS[: 1 + mesh.material.max()]
     lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
-    for name, part, matrix in zip(used, PARTS.get(geometry, ("the specimen",)), stiffness, strict=False):
+    for name, part, matrix in zip(used, parts, stiffness, strict=False):
         lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]

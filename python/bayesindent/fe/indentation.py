@@ -12,6 +12,7 @@ from ..core import BayesindentError, InputError, NativeObject, call
 from ..crystal.elasticity import oriented_crystals
 from ..engines import LocalEngine
 from ..settings.problem import Problem, schema
+from .deck import write_deck
 
 __all__ = ["Indentation", "IndentationResult"]
 
@@ -84,6 +85,26 @@ class Indentation(NativeObject):
     """
 
     kind = "indentation"
+    #: Name of the brick element; all elements of all solves; points of the curve; meshes; and of the finest mesh how much there is.
+    element: str
+    #: What its materials are, separated by ', '.
+    parts: str
+    elements: int
+    depths: int
+    meshes: int
+    nodes: int
+    bricks: int
+    infinite_elements: int
+    contact_nodes: int
+    unknowns: int
+    materials: int
+    #: Entries of the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
+    factor_entries: float
+    factor_operations: float
+    workspace_bytes: float
+    #: The last point: depth, and contact radius on an isotropic half-space.
+    depth_max_um: float
+    contact_radius_max_um: float
 
     def __init__(self, **settings):
         for name in NOT_OURS:
@@ -104,8 +125,6 @@ class Indentation(NativeObject):
         self._hold(call("indentation.new_model", problem=problem.handle)["handle"], frozen=False)
         #: The variables of all groups: `settings.indenter.shape`.
         self._problem, self.settings = problem, problem.settings
-        # Of the core: element, elements, depths, meshes, nodes, .., the last point (depth, and contact radius on an isotropic half-space), entries of
-        # the factor, floating point operations of one factorisation, bytes of workspace of one simulation.
         self.__dict__.update(self._call("describe"))
         self._frozen = True
 
@@ -126,7 +145,13 @@ class Indentation(NativeObject):
         return IndentationResult(**self._call("run", **crystal), warning=resolution(self._problem, crystal["stiffness"])[1])
 
     def run_many(
-        self, stiffness: ArrayLike, euler_deg: ArrayLike, workers: int = 0, *, errors: str = "raise", done: Callable[[int], None] | None = None
+        self,
+        stiffness: ArrayLike,
+        euler_deg: ArrayLike,
+        workers: int = 0,
+        *,
+        errors: str = "raise",
+        done: Callable[[int], None] | None = None,
     ) -> list[IndentationResult | BayesindentError]:
         """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores).
 
@@ -194,12 +219,10 @@ class Indentation(NativeObject):
 
         `depth_um`: the depths (n,) of a curve that is known; without them the simulation finds those that fit this crystal.
         """
-        from ..fe.deck import write_deck
-
         found = self._call("stiffness", **one_crystal(stiffness, euler_deg))
-        depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else depth_um
+        depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else np.asarray(depth_um, dtype=float)
         return write_deck(
-            self.mesh_arrays(), found["materials"], found["infinite"], depths, self.element.upper(), title, self.settings.specimen.geometry
+            self.mesh_arrays(), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
         )  # fmt: skip
 
 

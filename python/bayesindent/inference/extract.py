@@ -82,10 +82,16 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     }
     bounds = zip(found["lower"].tolist(), found["upper"].tolist())
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
-    facts |= {"summary": found["document"], "settings": found["resolved"], "map": found["most_probable"], "bounds": json.dumps(dict(zip(names, bounds)))}
+    facts |= {
+        "summary": found["document"],
+        "settings": found["resolved"],
+        "map": found["most_probable"],
+        "bounds": json.dumps(dict(zip(names, bounds))),
+    }
     return {
         "posterior": (
-            counted(draws) | {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
+            counted(draws)
+            | {name: (each, draws[..., j], {"units": units.get(name, "1")}) for j, name in enumerate(document["parameters"])},
             facts,
         ),
         "prior": (counted(before) | {name: (each, before[..., j], gpa) for j, name in enumerate(names)}, {}),

@@ -31,7 +31,9 @@ class Posterior(NativeObject):
         self.symmetry = class_name(problem.settings.problem.symmetry)
         self.names = constant_names(self.symmetry)
         found = call(f"posterior.{what}", problem=problem.handle, surrogate=surrogate.handle)
-        self.dimension, self.grains, self.groups, self.share_inside = (found[name] for name in ("dimension", "grains", "groups", "share_inside"))
+        self.dimension, self.grains, self.groups, self.share_inside = (
+            found[name] for name in ("dimension", "grains", "groups", "share_inside")
+        )
         self.values, self.document = found, json.loads(found.get("document", "{}"))
         self._hold(found["handle"])
 

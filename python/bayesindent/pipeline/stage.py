@@ -47,12 +47,14 @@ class Simulations:
     """Simulations by the simulators that jobs ask for, each made once. Threads share them; processes make their own."""
 
     def __init__(self, origin: str):
-        self.origin, self._made, self._lock = origin, {}, Lock()
+        self.origin, self._lock = origin, Lock()
+        self._made: dict[str, Simulator] = {}
 
     def __reduce__(self):
         return Simulations, (self.origin,)
 
     def __call__(self, job: Job) -> dict:
+        """What became of a job, see `Simulator`."""
         with self._lock:
             if job.physics not in self._made:
                 # Of many specimens each is simulated a few times.

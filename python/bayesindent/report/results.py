@@ -61,7 +61,9 @@ class Results:
         if not self._settings.get(f"{name}.given"):
             return {}
         start = f"{name}."
-        return {label[len(start) :]: value for label, value in self._settings.items() if label.startswith(start) and label != f"{start}given"}
+        return {
+            label[len(start) :]: value for label, value in self._settings.items() if label.startswith(start) and label != f"{start}given"
+        }
 
     @property
     def warnings(self) -> list[str]:
@@ -97,7 +99,9 @@ class Results:
         if not found or json.loads(f"{{{found['inputs']}}}") != self.documents["extract"]["inputs"]:
             return {}
         groups = groups_of(found)
-        return {name: ({label: values for label, (_, values, *_) in variables.items()}, facts) for name, (variables, facts) in groups.items()}
+        return {
+            name: ({label: values for label, (_, values, *_) in variables.items()}, facts) for name, (variables, facts) in groups.items()
+        }
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:

@@ -93,7 +93,11 @@ class Surrogate(NativeObject):
             return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
-        known = f"{len(self._facts['simulated_modulus_gpa'])} simulations, {self.basis.n_terms} terms" if self.basis.n_terms else "the exact theory"
+        known = (
+            f"{len(self._facts['simulated_modulus_gpa'])} simulations, {self.basis.n_terms} terms"
+            if self.basis.n_terms
+            else "the exact theory"
+        )
         title = self.provenance.get("title") or ""
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
 
@@ -147,5 +151,3 @@ def _from_text(text: str) -> Surrogate:
     with TemporaryDirectory() as folder:
         (Path(folder) / "surrogate.txt").write_text(text)
         return Surrogate.load(Path(folder) / "surrogate.txt")
-
-

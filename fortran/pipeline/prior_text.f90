@@ -1,10 +1,10 @@
 !> The prior that was in effect, and the surrogate, in a few lines for people.
-module prior_words
+module prior_text
    use constants_prior, only: prior_type
    use extraction, only: extraction_type
    use kinds, only: wp
    use text, only: fixed, to_text
-   use verdicts, only: known_text
+   use posterior_diagnostics, only: known_text
    use warning_lists, only: warn, warning_type
    implicit none
    private
@@ -42,24 +42,24 @@ contains
          end do
          if (len(line) > 0) call warn(lines, 'known: '//line(3:))
       end associate
-      call warn(lines, 'surrogate: '//surrogate_words(found))
+      call warn(lines, 'surrogate: '//surrogate_text(found))
       if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
          & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
          & //'where the data decide, a prior twice as wide has a log Z that is lower by 0.69')
    end subroutine describe_prior
 
-   function surrogate_words(found) result(words)
+   function surrogate_text(found) result(text)
       type(extraction_type), intent(in) :: found
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: text
 
-      words = ''
-      if (found%field_degree > 0) words = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+      text = ''
+      if (found%field_degree > 0) text = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
          & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
       if (found%simulations == 0) return
-      if (len(words) > 0) words = words//'; times what was learnt from '
-      words = words//to_text(found%simulations)//' simulations'
-      if (len_trim(found%checksum) > 0) words = words//', checksum '//found%checksum
-      words = words//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+      if (len(text) > 0) text = text//'; times what was learnt from '
+      text = text//to_text(found%simulations)//' simulations'
+      if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
+      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
-   end function surrogate_words
-end module prior_words
+   end function surrogate_text
+end module prior_text

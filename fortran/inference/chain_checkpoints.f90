@@ -3,7 +3,7 @@
 !> A chain follows from the target, the sampler's settings and its random stream. Its file is named by a hash of the settings and of the
 !> densities of some points, whose bits tell other measurements, another surrogate and another prior. The file has the bits of acceptance,
 !> densities and draws, and their checksum. A chain that cannot be kept, or whose file is damaged, is drawn again.
-module kept_chains
+module chain_checkpoints
    use abstract_sampler, only: draw_starts
    use checksums, only: checksum
    use errors, only: error_type
@@ -14,49 +14,49 @@ module kept_chains
    use text, only: to_text
    implicit none
    private
-   public :: chain_shelf_type, new_chain_shelf
+   public :: checkpoint_type, new_checkpoint
 
    !> How the names of the files begin.
    character(len=*), parameter, public :: chain_prefix = '.chain-'
    integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
 
-   type :: chain_shelf_type
+   type :: checkpoint_type
       private
       !> Path of a chain's file but for its stream; unallocated: nothing is kept.
       character(len=:), allocatable :: stem
    contains
       procedure :: path => path_of
-      procedure :: fetch
-      procedure :: keep
-   end type chain_shelf_type
+      procedure :: restore
+      procedure :: store
+   end type checkpoint_type
 
 contains
 
    !> Where chains of a target are kept: in a folder without its last slash, for settings that `inputs` tells apart.
-   subroutine new_chain_shelf(folder, inputs, target, self)
+   subroutine new_checkpoint(folder, inputs, target, self)
       character(len=*), intent(in) :: folder, inputs
       class(target_type), intent(in) :: target
-      type(chain_shelf_type), intent(out) :: self
+      type(checkpoint_type), intent(out) :: self
       integer, parameter :: probes = 20
       type(random_stream_type) :: stream
       real(wp) :: points(target%dimension, probes), density(probes)
-      character(len=:), allocatable :: told
+      character(len=:), allocatable :: identity
       character(len=16) :: digits
       integer :: found, i
 
       stream = new_random_stream(0, 0)
       call draw_starts(target, stream, points, density, found)
-      told = inputs
+      identity = inputs
       do i = 1, found
          write (digits, '(z16.16)') transfer(density(i), 1_i8)
-         told = told//digits
+         identity = identity//digits
       end do
-      self%stem = folder//'/'//chain_prefix//checksum(told)//'-'
-   end subroutine new_chain_shelf
+      self%stem = folder//'/'//chain_prefix//checksum(identity)//'-'
+   end subroutine new_checkpoint
 
    !> The file of the chain of a random stream, `number`.
    function path_of(self, number) result(path)
-      class(chain_shelf_type), intent(in) :: self
+      class(checkpoint_type), intent(in) :: self
       integer, intent(in) :: number
       character(len=:), allocatable :: path
 
@@ -64,8 +64,8 @@ contains
    end function path_of
 
    !> The chain of a random stream, if it is there.
-   subroutine fetch(self, number, draws, log_density, acceptance, found)
-      class(chain_shelf_type), intent(in) :: self
+   subroutine restore(self, number, draws, log_density, acceptance, found)
+      class(checkpoint_type), intent(in) :: self
       !> Of the stream.
       integer, intent(in) :: number
       !> (parameter, sample), (sample).
@@ -95,11 +95,11 @@ contains
       log_density = values(2:n + 1)
       draws = reshape(values(n + 2:), shape(draws))
       found = .true.
-   end subroutine fetch
+   end subroutine restore
 
    !> Keep the chain of a random stream.
-   subroutine keep(self, number, draws, log_density, acceptance)
-      class(chain_shelf_type), intent(in) :: self
+   subroutine store(self, number, draws, log_density, acceptance)
+      class(checkpoint_type), intent(in) :: self
       !> Of the stream.
       integer, intent(in) :: number
       !> (parameter, sample), (sample).
@@ -115,5 +115,5 @@ contains
       allocate (character(len=size(values)*bytes_of_real) :: content)
       content = transfer(values, content)
       call replace_file(self%path(number), content//checksum(content), error)
-   end subroutine keep
-end module kept_chains
+   end subroutine store
+end module chain_checkpoints

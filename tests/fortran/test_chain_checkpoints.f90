@@ -1,9 +1,9 @@
 !> Chains that a stopped run has kept: they come back to the bit, and only for what they were drawn from.
-program test_kept_chains
+program test_chain_checkpoints
    use abstract_sampler, only: sampler_type
    use errors, only: error_type
    use files, only: file_exists, make_folder, read_bytes, replace_file
-   use kept_chains, only: chain_shelf_type, new_chain_shelf
+   use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: wp
    use known_targets, only: banana_type
    use running_command, only: remove_files
@@ -12,10 +12,10 @@ program test_kept_chains
    use text, only: to_text
    implicit none
 
-   character(len=*), parameter :: folder = 'test_kept_chains', inputs = '&sampler /'
+   character(len=*), parameter :: folder = 'test_chain_checkpoints', inputs = '&sampler /'
    type(run_settings_type), parameter :: settings = run_settings_type(200, 3, 2, 7, 11)
    type(banana_type) :: banana, other_banana
-   type(chain_shelf_type) :: shelf, other
+   type(checkpoint_type) :: checkpoint, other
    type(chains_type) :: whole, kept, again
    class(sampler_type), allocatable :: sampler
    type(error_type), allocatable :: error
@@ -33,46 +33,46 @@ program test_kept_chains
    call make_folder(folder, error)
    call remove_files(folder, '.chain-')
    call new_sampler('scmh', 100, sampler, error)
-   call new_chain_shelf(folder, inputs, banana, shelf)
+   call new_checkpoint(folder, inputs, banana, checkpoint)
    call sample_chains(banana, sampler, settings, whole, error)
-   call sample_chains(banana, sampler, settings, kept, error, shelf)
+   call sample_chains(banana, sampler, settings, kept, error, checkpoint)
    call check_success('chains are drawn and kept', error)
    call check('keeping changes nothing', all(whole%draws == kept%draws) .and. all(whole%log_density == kept%log_density) &
       & .and. all(whole%acceptance == kept%acceptance))
-   call sample_chains(banana, sampler, settings, again, error, shelf)
+   call sample_chains(banana, sampler, settings, again, error, checkpoint)
    call check('they come back to the bit', all(whole%draws == again%draws) .and. all(whole%log_density == again%log_density) &
       & .and. all(whole%acceptance == again%acceptance))
 
    draws = whole%draws(:, :, 1)
    density = whole%log_density(:, 1)
    do k = 11, 13
-      call shelf%fetch(k, draws, density, share, found)
+      call checkpoint%restore(k, draws, density, share, found)
       call check('chain of stream '//to_text(k), found .and. all(draws == whole%draws(:, :, k - 10)) .and. &
          & share == whole%acceptance(k - 10))
    end do
-   call shelf%fetch(14, draws, density, share, found)
+   call checkpoint%restore(14, draws, density, share, found)
    call check('there are no others', .not. found)
-   call shelf%fetch(11, draws(:, :100), density(:100), share, found)
+   call checkpoint%restore(11, draws(:, :100), density(:100), share, found)
    call check('nor any of another length', .not. found)
-   call new_chain_shelf(folder, inputs//' ', banana, other)
-   call other%fetch(11, draws, density, share, found)
+   call new_checkpoint(folder, inputs//' ', banana, other)
+   call other%restore(11, draws, density, share, found)
    call check('nor any of other settings', .not. found)
-   call new_chain_shelf(folder, inputs, other_banana, other)
-   call other%fetch(11, draws, density, share, found)
+   call new_checkpoint(folder, inputs, other_banana, other)
+   call other%restore(11, draws, density, share, found)
    call check('nor any of another density', .not. found)
 
    ! What is kept is what is used: a chain in the place of another.
    draws = 0.25_wp
-   call shelf%keep(12, draws, density, 0.5_wp)
-   call sample_chains(banana, sampler, settings, again, error, shelf)
+   call checkpoint%store(12, draws, density, 0.5_wp)
+   call sample_chains(banana, sampler, settings, again, error, checkpoint)
    call check('a kept chain is not drawn', all(again%draws(:, :, 2) == 0.25_wp) .and. again%acceptance(2) == 0.5_wp)
    call check('beside it all is as before', all(again%draws(:, :, ::2) == whole%draws(:, :, ::2)))
 
    call damage()
-   call sample_chains(banana, sampler, settings, again, error, shelf)
+   call sample_chains(banana, sampler, settings, again, error, checkpoint)
    call check('a damaged one is drawn again', .not. allocated(error) .and. all(again%draws == whole%draws))
    call remove_files(folder, '.chain-')
-   call shelf%fetch(11, draws, density, share, found)
+   call checkpoint%restore(11, draws, density, share, found)
    call check('removed ones are gone', .not. found)
    deallocate (draws, density, content)
    call finish()
@@ -83,10 +83,10 @@ contains
    subroutine damage()
       character(len=:), allocatable :: path
 
-      path = shelf%path(12)
+      path = checkpoint%path(12)
       call check('the file of a chain', file_exists(path))
       call read_bytes(path, content, error)
       content(100:100) = achar(ieor(iachar(content(100:100)), 1))
       call replace_file(path, content, error)
    end subroutine damage
-end program test_kept_chains
+end program test_chain_checkpoints

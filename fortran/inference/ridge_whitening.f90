@@ -1,12 +1,13 @@
 !> Coordinates in which a curved ridge is straight: principal axes, the longest first, then each coordinate less
 !> a polynomial of the earlier ones. The map keeps volumes up to a constant.
-module ridge_straightening
+module ridge_whitening
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, symmetric_eigen
+   use small_matrices, only: solve_lower, solve_upper
    implicit none
    private
-   public :: straightening_type, no_straightening, fit_straightening
+   public :: whitening_type, identity_whitening, fit_whitening
 
    !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
    integer, parameter :: richest = 5
@@ -15,7 +16,7 @@ module ridge_straightening
    !> Points for each term.
    integer, parameter :: points_a_term = 10
 
-   type :: straightening_type
+   type :: whitening_type
       private
       integer :: n = 0, richness = 0
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
@@ -24,9 +25,9 @@ module ridge_straightening
       !> Range of each z in which the polynomial was fitted; beyond it goes on as at the end.
       real(wp), allocatable :: least(:), greatest(:)
    contains
-      procedure :: to_straight
-      procedure :: from_straight
-   end type straightening_type
+      procedure :: to_white
+      procedure :: from_white
+   end type whitening_type
 
 contains
 
@@ -82,29 +83,29 @@ contains
    end subroutine evaluate_features
 
    !> The map that changes nothing, in n dimensions.
-   pure function no_straightening(n) result(straight)
+   pure function identity_whitening(n) result(whitening)
       integer, intent(in) :: n
-      type(straightening_type) :: straight
+      type(whitening_type) :: whitening
       integer :: j
 
-      straight%n = n
-      allocate (straight%centre(n), straight%forward(n, n), straight%bend(feature_count(n - 1, 0), n), source=0.0_wp)
-      allocate (straight%width(n), source=1.0_wp)
+      whitening%n = n
+      allocate (whitening%centre(n), whitening%forward(n, n), whitening%bend(feature_count(n - 1, 0), n), source=0.0_wp)
+      allocate (whitening%width(n), source=1.0_wp)
       do j = 1, n
-         straight%forward(j, j) = 1.0_wp
+         whitening%forward(j, j) = 1.0_wp
       end do
-      straight%backward = straight%forward
-      straight%least = spread(-huge(1.0_wp), 1, n)
-      straight%greatest = -straight%least
-   end function no_straightening
+      whitening%backward = whitening%forward
+      whitening%least = spread(-huge(1.0_wp), 1, n)
+      whitening%greatest = -whitening%least
+   end function identity_whitening
 
-   !> Fit the straightening to points.
-   subroutine fit_straightening(points, distinct, straight)
+   !> Fit the whitening to points.
+   subroutine fit_whitening(points, distinct, whitening)
       !> (dimension, point).
       real(wp), intent(in) :: points(:, :)
       !> How many of the points are not copies.
       integer, intent(in) :: distinct
-      type(straightening_type), intent(out) :: straight
+      type(whitening_type), intent(out) :: whitening
       type(error_type), allocatable :: error
       real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:)
       real(wp) :: axes(size(points, 1), size(points, 1)), values(size(points, 1))
@@ -112,17 +113,18 @@ contains
 
       n = size(points, 1)
       many = size(points, 2)
-      straight = no_straightening(n)
-      do while (straight%richness < richest)
-         if (points_a_term*feature_count(n - 1, straight%richness + 1) > distinct) exit
-         straight%richness = straight%richness + 1
+      whitening = identity_whitening(n)
+      do while (whitening%richness < richest)
+         if (points_a_term*feature_count(n - 1, whitening%richness + 1) > distinct) exit
+         whitening%richness = whitening%richness + 1
       end do
-      m = feature_count(n - 1, straight%richness)
-      straight%bend = reshape([(0.0_wp, i=1, m*n)], [m, n])
-      straight%centre = sum(points, 2)/many
+      m = feature_count(n - 1, whitening%richness)
+      deallocate (whitening%bend)
+      allocate (whitening%bend(m, n), source=0.0_wp)
+      whitening%centre = sum(points, 2)/many
       allocate (z(n, many))
       do i = 1, many
-         z(:, i) = points(:, i) - straight%centre
+         z(:, i) = points(:, i) - whitening%centre
       end do
       axes = matmul(z, transpose(z))/many
       call symmetric_eigen(axes, values, error)
@@ -130,15 +132,15 @@ contains
       ! The longest axis first, of unit variance.
       values = sqrt(max(values, 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
       do j = 1, n
-         straight%forward(j, :) = axes(:, n + 1 - j)/values(n + 1 - j)
-         straight%backward(:, j) = axes(:, n + 1 - j)*values(n + 1 - j)
+         whitening%forward(j, :) = axes(:, n + 1 - j)/values(n + 1 - j)
+         whitening%backward(:, j) = axes(:, n + 1 - j)*values(n + 1 - j)
       end do
-      z = matmul(straight%forward, z)
-      straight%least = minval(z, 2)
-      straight%greatest = maxval(z, 2)
+      z = matmul(whitening%forward, z)
+      whitening%least = minval(z, 2)
+      whitening%greatest = maxval(z, 2)
       allocate (f(m, many), gram(m, m))
       do i = 1, many
-         call evaluate_features(z(:n - 1, i), straight%richness, f(:, i))
+         call evaluate_features(z(:n - 1, i), whitening%richness, f(:, i))
       end do
       gram = 0.0_wp
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
@@ -148,35 +150,20 @@ contains
       ! The features of coordinate j are the first ones, and so is their part of the factor.
       call cholesky_factor(gram, error)
       do j = 1, n
-         m = feature_count(j - 1, straight%richness)
+         m = feature_count(j - 1, whitening%richness)
          if (.not. allocated(error)) then
             rhs = matmul(f(:m, :), z(j, :))
-            call solve_leading(gram, rhs)
-            straight%bend(:m, j) = rhs
+            call solve_lower(gram, rhs)
+            call solve_upper(gram, rhs)
+            whitening%bend(:m, j) = rhs
          end if
-         straight%width(j) = max(1.0e-8_wp, sqrt(sum((z(j, :) - matmul(straight%bend(:m, j), f(:m, :)))**2)/many))
+         whitening%width(j) = max(1.0e-8_wp, sqrt(sum((z(j, :) - matmul(whitening%bend(:m, j), f(:m, :)))**2)/many))
       end do
-   end subroutine fit_straightening
+   end subroutine fit_whitening
 
-   !> x of (L Lᵀ) x = b with the leading part of a lower factor L, in place.
-   pure subroutine solve_leading(factor, b)
-      real(wp), intent(in) :: factor(:, :)
-      real(wp), intent(inout) :: b(:)
-      integer :: i, m
-
-      m = size(b)
-      do i = 1, m
-         b(i) = b(i)/factor(i, i)
-         b(i + 1:) = b(i + 1:) - factor(i + 1:m, i)*b(i)
-      end do
-      do i = m, 1, -1
-         b(i) = (b(i) - sum(factor(i + 1:m, i)*b(i + 1:)))/factor(i, i)
-      end do
-   end subroutine solve_leading
-
-   !> From working coordinates `w` to straight ones `u`.
-   pure subroutine to_straight(self, w, u)
-      class(straightening_type), intent(in) :: self
+   !> From working coordinates `w` to whitened ones `u`.
+   pure subroutine to_white(self, w, u)
+      class(whitening_type), intent(in) :: self
       !> (dimension).
       real(wp), intent(in) :: w(:)
       real(wp), intent(out) :: u(:)
@@ -189,11 +176,11 @@ contains
          m = feature_count(j - 1, self%richness)
          u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
       end do
-   end subroutine to_straight
+   end subroutine to_white
 
-   !> From straight coordinates `u` to working ones `w`.
-   pure subroutine from_straight(self, u, w)
-      class(straightening_type), intent(in) :: self
+   !> From whitened coordinates `u` to working ones `w`.
+   pure subroutine from_white(self, u, w)
+      class(whitening_type), intent(in) :: self
       !> (dimension).
       real(wp), intent(in) :: u(:)
       real(wp), intent(out) :: w(:)
@@ -212,5 +199,5 @@ contains
          if (j < self%n) call add_features(within, j, self%richness, f)
       end do
       w = self%centre + matmul(self%backward, z)
-   end subroutine from_straight
-end module ridge_straightening
+   end subroutine from_white
+end module ridge_whitening

@@ -1,5 +1,5 @@
 !> What a person should know of measurements whose depths, or whose grains' sizes, are given: by how much moduli are expected to be off.
-module size_verdicts
+module size_diagnostics
    use abstract_indenter, only: indenter_type
    use errors, only: error_type
    use files, only: printable
@@ -13,7 +13,7 @@ module size_verdicts
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: judge_sizes, mean_addition
+   public :: check_sizes, mean_correction
 
    !> A bias is small, and two contact radii are alike, below these.
    real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
@@ -24,10 +24,10 @@ module size_verdicts
 contains
 
    !> Warnings of the columns depth_um and grain_radius_um.
-   subroutine judge_sizes(problem, taught_radius, addition, warnings)
+   subroutine check_sizes(problem, trained_radius, addition, warnings)
       type(problem_type), intent(in) :: problem
       !> Contact radius of the surrogate's simulations, um, 0 of a half-space; how far they are from the theory on average, relative.
-      real(wp), intent(in) :: taught_radius, addition
+      real(wp), intent(in) :: trained_radius, addition
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
@@ -38,50 +38,50 @@ contains
       associate (measured => problem%measurements)
          allocate (contact_radius(measured%n), source=indenter%contact_radius)
          where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
-         if (taught_radius > 0.0_wp) then
-            if (any(measured%depth_um > 0.0_wp)) call judge_depths(contact_radius, taught_radius, addition, warnings)
+         if (trained_radius > 0.0_wp) then
+            if (any(measured%depth_um > 0.0_wp)) call check_depths(contact_radius, trained_radius, addition, warnings)
          else if (any(measured%grain_radius_um > 0.0_wp)) then
-            call judge_grain_radii(measured, contact_radius, warnings)
+            call check_grain_radii(measured, contact_radius, warnings)
          end if
       end associate
-   end subroutine judge_sizes
+   end subroutine check_sizes
 
    !> What a film, say, adds to the theory grows with the contact radius.
-   subroutine judge_depths(contact_radius, taught_radius, addition, warnings)
-      !> Of each grain, um, and as in `judge_sizes`.
-      real(wp), intent(in) :: contact_radius(:), taught_radius, addition
+   subroutine check_depths(contact_radius, trained_radius, addition, warnings)
+      !> Of each grain, um, and as in `check_sizes`.
+      real(wp), intent(in) :: contact_radius(:), trained_radius, addition
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       real(wp) :: ratio
 
-      ratio = maxval(abs(contact_radius/taught_radius - 1.0_wp))
+      ratio = maxval(abs(contact_radius/trained_radius - 1.0_wp))
       if (ratio <= alike) return
       call warn(warnings, 'the measurements have contact radii of '//to_text(minval(contact_radius), 3)//' to ' &
-         & //to_text(maxval(contact_radius), 3)//' um, the surrogate is of '//to_text(taught_radius, 3)//' um: what its ' &
+         & //to_text(maxval(contact_radius), 3)//' um, the surrogate is of '//to_text(trained_radius, 3)//' um: what its ' &
          & //'specimen adds to the theory, '//fixed(100.0_wp*addition, 1)//' % on average, grows about as the contact radius, ' &
          & //'so that moduli are expected to be off by up to '//fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
-   end subroutine judge_depths
+   end subroutine check_depths
 
    !> How far the simulations of a surrogate are from the theory on average, relative.
-   real(wp) function mean_addition(surrogate)
+   real(wp) function mean_correction(surrogate)
       type(surrogate_type), intent(in) :: surrogate
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       integer :: i, n
 
-      mean_addition = 0.0_wp
+      mean_correction = 0.0_wp
       n = size(surrogate%simulations%modulus)
       do i = 1, n
          associate (simulations => surrogate%simulations)
             call halfspace_modulus(surrogate%basis%domain%class%stiffness(simulations%constants(:, i)), &
                & simulations%euler_deg(:, i)*degree, theory, error)
             if (allocated(error)) cycle
-            mean_addition = mean_addition + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
+            mean_correction = mean_correction + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
          end associate
       end do
-   end function mean_addition
+   end function mean_correction
 
    !> Neighbours are taken to be as stiff as the mean measurement.
-   subroutine judge_grain_radii(measured, contact_radius, warnings)
+   subroutine check_grain_radii(measured, contact_radius, warnings)
       type(points_type), intent(in) :: measured
       !> Of each grain, um.
       real(wp), intent(in) :: contact_radius(:)
@@ -98,5 +98,5 @@ contains
       call warn(warnings, to_text(count(abs(bias) > small_bias))//' of '//to_text(size(bias))//' grains are so small that their ' &
          & //'neighbours are expected to change the modulus by more than 1 % (grain '//printable(measured%name(worst))//': ' &
          & //fixed(100.0_wp*bias(worst), 1)//' %): see the command size, or build a correction with geometry = ''grain''')
-   end subroutine judge_grain_radii
-end module size_verdicts
+   end subroutine check_grain_radii
+end module size_diagnostics

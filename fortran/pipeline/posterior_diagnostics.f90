@@ -1,0 +1,379 @@
+!> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
+module posterior_diagnostics
+   use constants_prior, only: knowledge_type
+   use extraction, only: extraction_type
+   use field_degree, only: allowed_error
+   use files, only: printable
+   use kinds, only: wp
+   use posterior_summary, only: determined_by_data, not_determined
+   use prior_sensitivity, only: change_type
+   use problem, only: problem_type
+   use size_diagnostics, only: check_sizes
+   use text, only: fixed, to_text
+   use warning_lists, only: warn, warning_type
+   implicit none
+   private
+   public :: check_extraction, known_text, powers_text
+
+   !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
+   !> al., Bayesian Anal. 16, 667, 2021).
+   real(wp), parameter :: greatest_r_hat = 1.01_wp
+   integer, parameter :: least_size = 100
+
+contains
+
+   !> What a person should know, added to `warnings`.
+   subroutine check_extraction(problem, found, warnings)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      integer :: i
+
+      call check_surrogate(found, warnings)
+      call check_sizes(problem, found%surrogate_contact_radius, found%surrogate_correction, warnings)
+      call check_knowledge(found, warnings)
+      do i = 1, size(found%names)
+         call check_mixing(found, i, problem%settings%sampler%method, warnings)
+      end do
+      call check_ridges(found, warnings)
+      call check_combinations(found, warnings)
+      do i = 1, found%posterior%n_constants
+         if (found%posterior%prior%is_stated(i)) call check_bound(found, i, warnings)
+      end do
+      call check_sensitivity(found, warnings)
+      call check_grains(problem, found, warnings)
+      call check_residuals(problem, found, warnings)
+   end subroutine check_extraction
+
+   !> A surrogate that knows only a part of the prior; theory that was read too roughly, after all attempts.
+   subroutine check_surrogate(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=:), allocatable :: scale
+
+      associate (known => found%posterior%prior%known_scale, share => found%posterior%prior%share_inside)
+         scale = ''
+         if (known(2) < huge(1.0_wp)) scale = ' (a scale, the geometric mean of the stiffness'' eigenvalues, of ' &
+            & //fixed(known(1), 1)//' to '//fixed(known(2), 1)//' GPa)'
+         if (share < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share, 0)//' % of the ' &
+            & //'crystals within the stated bounds'//scale//'; the posterior is cut to these')
+      end associate
+      if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
+         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
+         & //fixed(100.0_wp*allowed_error, 0)//' %')
+   end subroutine check_surrogate
+
+   !> Poor R-hat and effective sample sizes of the parameter i over all chains; NaN has not mixed.
+   subroutine check_mixing(found, i, method, warnings)
+      type(extraction_type), intent(in) :: found
+      integer, intent(in) :: i
+      !> Of the sampler.
+      character(len=*), intent(in) :: method
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=:), allocatable :: reason, remedy
+      real(wp) :: effective
+      integer :: chains
+
+      chains = size(found%chains%draws, 3)
+      associate (diagnostics => found%parameters(i)%diagnostics)
+         effective = min(diagnostics%ess_bulk, diagnostics%ess_tail)
+         if ((diagnostics%r_hat < greatest_r_hat .or. chains == 1) .and. effective > least_size*chains) return
+         reason = 'there is one chain'
+         if (chains > 1) reason = 'R-hat is '//fixed(diagnostics%r_hat, 3)//' (below '//to_text(greatest_r_hat)//' is well)'
+      end associate
+      remedy = 'take more samples'
+      if (method /= 'ensemble') remedy = remedy//', or method ''ensemble'''
+      call warn(warnings, 'the chains of '//trim(found%names(i))//' have not mixed: '//reason//', and they are worth ' &
+         & //fixed(effective, 0)//' independent samples; '//remedy)
+   end subroutine check_mixing
+
+   !> The constants that trade off, with what the data decided and what the prior did.
+   subroutine check_ridges(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: strong = 0.7_wp
+      character(len=:), allocatable :: pairs, known, hidden, powers
+      !> More are not read.
+      integer, parameter :: most = 3
+      integer :: i, j, k, pair_count
+
+      pairs = ''
+      known = ''
+      hidden = ''
+      pair_count = 0
+      k = size(found%combinations)
+      associate (combinations => found%combinations, correlation => found%correlation, names => found%names(:k))
+         do i = 1, k
+            powers = powers_text(names, combinations(i)%exponents)
+            if (combinations(i)%contraction > determined_by_data .and. i <= most) known = listed(known, powers)
+            if (combinations(i)%contraction < not_determined .and. k - i < most) hidden = listed(hidden, powers)
+         end do
+         if (len(hidden) == 0) return
+         do i = 1, k
+            do j = 1, i - 1
+               if (.not. abs(correlation(i, j)) > strong) cycle
+               pair_count = pair_count + 1
+               if (pair_count <= most) pairs = pairs//trim(names(i))//' and '//trim(names(j)) &
+                  & //' trade off (correlation '//fixed(correlation(i, j), 2)//'); '
+            end do
+         end do
+      end associate
+      if (pair_count > most) pairs = pairs//'so do '//to_text(pair_count - most)//' other pairs; '
+      if (len(known) == 0) known = 'no combination by themselves'
+      call warn(warnings, pairs//'the data decided '//known//'; the prior decided '//hidden)
+   end subroutine check_ridges
+
+   !> How many combinations indentation alone leaves open, which constants that is mostly, and what would close them.
+   subroutine check_combinations(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Share of a constant's variance that is the open combinations', and of its sd that knowledge leaves, to be named.
+      real(wp), parameter :: mostly = 0.8_wp, worth_it = 0.7_wp
+      character(len=:), allocatable :: which, advice
+      real(wp) :: share(found%posterior%n_constants)
+      integer :: i, j, open
+
+      open = count(found%combinations%contraction < not_determined)
+      if (open == 0) return
+      share = 0.0_wp
+      do i = 1, size(found%combinations)
+         if (found%combinations(i)%contraction < not_determined) share = share + found%combinations(i)%correlations**2
+      end do
+      which = ''
+      do j = 1, size(share)
+         if (share(j) >= mostly*maxval(share)) which = listed(which, trim(found%names(j)))
+      end do
+      advice = ''
+      do i = 1, size(found%gains)
+         associate (gain => found%gains(i))
+            j = minloc(gain%sd_then/gain%sd_now, dim=1)
+            if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
+            if (len(advice) > 0) advice = advice//'; '
+            advice = advice//trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would bring the sd of ' &
+               & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa'
+         end associate
+      end do
+      if (len(advice) > 0) advice = '. Say in &knowledge what else is known: '//advice
+      call warn(warnings, 'the data leave '//to_text(open)//' of '//to_text(size(share))//' combinations open (' &
+         & //which//', mostly)'//advice)
+   end subroutine check_combinations
+
+   !> What is said in &knowledge and cannot be brought together with all else.
+   subroutine check_knowledge(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: far = 3.0_wp
+      integer :: j
+
+      associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict)
+         do j = 1, size(knowledge%mean)
+            ! Of correlated ones the worst takes the others with it.
+            if (any(abs(knowledge%covariance(:, j)) > 0.0_wp .and. conflict%of_quantity > conflict%of_quantity(j))) cycle
+            if (conflict%of_quantity(j) > far) call warn(warnings, 'what is said of '//known_text(knowledge, j) &
+               & //' contradicts all else that is known or measured by '//fixed(conflict%of_quantity(j), 1)//' sd')
+         end do
+         if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) call warn(warnings, 'what is known contradicts the ' &
+            & //'measurements, or itself, by '//fixed(conflict%sds, 1)//' sd: with it the least misfit grows by ' &
+            & //fixed(conflict%growth, 1)//' for '//to_text(size(knowledge%mean))//' quantities')
+      end associate
+   end subroutine check_knowledge
+
+   !> 'bulk_modulus = 165 ± 3.3 GPa', of the quantity j of what is known.
+   function known_text(knowledge, j) result(text)
+      type(knowledge_type), intent(in) :: knowledge
+      integer, intent(in) :: j
+      character(len=:), allocatable :: text
+
+      text = knowledge%quantities(j)%name//' = '//to_text(knowledge%mean(j), 4)//' ± '//short(sqrt(knowledge%covariance(j, j)))
+      if (knowledge%quantities(j)%unit /= '1') text = text//' '//knowledge%quantities(j)%unit
+   end function known_text
+
+   !> Two digits, or as many as there are before the point.
+   pure function short(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      if (abs(value) < 10.0_wp) then
+         text = to_text(value, 2)
+      else
+         text = fixed(value, 0)
+      end if
+   end function short
+
+   !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count are left out.
+   pure function powers_text(names, exponents) result(text)
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in) :: exponents(:)
+      character(len=:), allocatable :: text
+      real(wp), parameter :: least = 0.05_wp
+      integer :: i
+
+      text = ''
+      do i = 1, size(names)
+         if (abs(exponents(i)) >= least) text = text//' '//trim(names(i))//'^'//fixed(exponents(i), 2)
+      end do
+      text = text(2:)
+   end function powers_text
+
+   pure function listed(list, item) result(longer)
+      character(len=*), intent(in) :: list, item
+      character(len=:), allocatable :: longer
+
+      longer = item
+      if (len(list) > 0) longer = list//', '//item
+   end function listed
+
+   !> Draws of the constant i that crowd at a bound: the last of twenty bins ends there and is not empty.
+   subroutine check_bound(found, i, warnings)
+      type(extraction_type), intent(in) :: found
+      integer, intent(in) :: i
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      integer, parameter :: bins = 20
+      real(wp), parameter :: crowded = 0.35_wp, at_bound = 0.01_wp
+      integer :: counts(bins), j, k, chain
+      real(wp) :: low, high
+
+      associate (draws => found%chains%draws)
+         low = minval(draws(i, :, :))
+         high = maxval(draws(i, :, :))
+         if (.not. high > low) return
+         counts = 0
+         do chain = 1, size(draws, 3)
+            do j = 1, size(draws, 2)
+               k = min(bins, 1 + int(bins*((draws(i, j, chain) - low)/(high - low))))
+               counts(k) = counts(k) + 1
+            end do
+         end do
+      end associate
+      call check_side(low - found%posterior%prior%lower(i), counts(1), found%posterior%prior%lower(i), 'lower')
+      call check_side(found%posterior%prior%upper(i) - high, counts(bins), found%posterior%prior%upper(i), 'upper')
+
+   contains
+
+      subroutine check_side(gap, held, bound, side)
+         real(wp), intent(in) :: gap, bound
+         integer, intent(in) :: held
+         character(len=*), intent(in) :: side
+
+         if (gap < at_bound*(high - low) .and. held > crowded*maxval(counts)) call warn(warnings, trim(found%names(i)) &
+            & //' piles up at its bound of '//to_text(bound)//' GPa: the '//side &
+            & //' bound, not the data, ends its distribution there')
+      end subroutine check_side
+   end subroutine check_bound
+
+   !> Grains whose modulus disagrees with all others; the likelihood may take that into account.
+   subroutine check_grains(problem, found, warnings)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Beyond 3 sd; among very many grains so far that chance leaves fewer there than among the first hundred, and most that are named.
+      real(wp), parameter :: least_far = 3.0_wp, by_chance = 0.27_wp
+      integer, parameter :: most_named = 20
+      character(len=:), allocatable :: advice
+      real(wp) :: residual(found%posterior%n_grains), far
+      integer :: named, i
+
+      residual = (found%posterior%measured - found%expected)/found%posterior%sd
+      if (found%posterior%infers_scale) residual = residual/found%parameters(size(found%names))%mean
+      far = least_far
+      do while (size(residual)*erfc(far/sqrt(2.0_wp)) > by_chance)
+         far = far + 0.01_wp
+      end do
+      named = 0
+      advice = '; likelihood ''student'' gives such grains less weight'
+      if (problem%settings%measurements%likelihood == 'student') advice = ''
+      do i = 1, size(residual)
+         if (.not. abs(residual(i)) > far) cycle
+         named = named + 1
+         if (named > most_named) cycle
+         call warn(warnings, 'grain '//printable(problem%measurements%name(i))//' disagrees with the others: its modulus is ' &
+            & //fixed(abs(residual(i)), 1)//' sd '//trim(merge('above', 'below', residual(i) > 0.0_wp)) &
+            & //' what all grains together predict'//advice)
+      end do
+      if (named > most_named) call warn(warnings, to_text(named - most_named)//' more grains disagree with the others')
+   end subroutine check_grains
+
+   !> Measurements that the model could hardly have given.
+   subroutine check_residuals(problem, found, warnings)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: rare = 0.01_wp
+      character(len=:), allocatable :: chi_square
+
+      associate (checks => found%checks)
+         chi_square = 'chi-square of the residuals is '//to_text(checks%chi_square, 3)//' for ' &
+            & //to_text(found%posterior%n_grains)//' grains; '
+         if (checks%chi_square_p < rare) then
+            call warn(warnings, 'the grains scatter more than their sds say: '//chi_square//share(checks%chi_square_p) &
+               & //' of data sets drawn from the posterior scatter more; the sds are too small, or grains differ in more than ' &
+               & //'their orientation (scatter_sd, scale = ''inferred'', likelihood = ''student'')')
+         else if (checks%chi_square_p > 1.0_wp - rare) then
+            call warn(warnings, 'the grains scatter less than their sds say: '//chi_square//share(1.0_wp - checks%chi_square_p) &
+               & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that ' &
+               & //'all grains share (calibration_sd)')
+         end if
+         if (checks%extreme_p < rare) call warn(warnings, 'the worst grain, ' &
+            & //printable(problem%measurements%name(checks%extreme_grain))//', is '//fixed(abs(checks%extreme_residual), 1) &
+            & //' sd off: the worst grain is further off in '//share(checks%extreme_p)//' of data sets drawn from the posterior')
+      end associate
+
+   contains
+
+      pure function share(p) result(text)
+         real(wp), intent(in) :: p
+         character(len=:), allocatable :: text
+
+         text = fixed(100.0_wp*p, 1)//' %'
+         if (.not. p > 0.0_wp) text = 'none'
+      end function share
+   end subroutine check_residuals
+
+   !> Results that depend on a limit of the prior or on its measure: of each the parameter that moves most.
+   subroutine check_sensitivity(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: matters = 0.1_wp
+      !> More are not read.
+      integer, parameter :: most = 3
+      real(wp) :: largest(size(found%changes))
+      character(len=:), allocatable :: line
+      integer :: i, round
+
+      associate (changes => found%changes)
+         do i = 1, size(changes)
+            ! What is not a number is not larger.
+            largest(i) = maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp)
+         end do
+         line = ''
+         do round = 1, most
+            i = maxloc(largest, dim=1)
+            if (.not. largest(i) > matters) exit
+            if (len(line) > 0) line = line//'; '
+            line = line//change_text(changes(i))
+            ! In or out, the same limit is told of once.
+            where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
+         end do
+      end associate
+      if (len(line) > 0) call warn(warnings, 'the prior has a say: '//line)
+
+   contains
+
+      function change_text(change) result(text)
+         type(change_type), intent(in) :: change
+         character(len=:), allocatable :: text
+         integer :: worst
+
+         worst = maxloc(abs(change%shift), dim=1)
+         text = trim(found%names(worst))//' would be '//fixed(abs(change%shift(worst)), 1)//' sd ' &
+            & //trim(merge('higher', 'lower ', change%shift(worst) > 0.0_wp))
+         if (change%name == 'measure') then
+            text = text//' with the other measure of the prior'
+         else
+            text = text//' with the '//trim(merge('upper', 'lower', change%is_upper))//' limit of '//trim(change%name)//' at ' &
+               & //to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
+            if (.not. change%exact) text = text//' (estimated)'
+         end if
+      end function change_text
+   end subroutine check_sensitivity
+end module posterior_diagnostics
