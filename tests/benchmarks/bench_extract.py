@@ -64,7 +64,7 @@ def compare(name: str, arguments) -> None:
     print(f"{name}, {len(truth)} constants, {len(table.modulus_gpa)} grains")
     start = time.process_time()
     ours = Posterior.of(path, what=EXTRACTION, samples=arguments.samples, chains=4, workers=1, seed=1, **settings)
-    show("extract, 4 chains", time.process_time() - start, ours.values("found_draws").T)
+    show("extract, 4 chains", time.process_time() - start, ours.values["draws"])
     start = time.process_time()
     draws, _, _ = ours.sample(method="ensemble", samples=arguments.samples, burn_in=8000, chains=4, threads=1, seed=1)
     own = show("its chains alone", time.process_time() - start, draws)

@@ -17,14 +17,14 @@ FILES = {
     "bayesindent": (
         "campaign.sqlite",
         "surrogate.txt",
-        "posterior.nc",
+        "posterior.bin",
         "build.json",
         "summary.json",
         "next.json",
         "inputs.json",
         "resolved.nml",
     ),
-    "bayesindent-batch": ("campaign.sqlite", "surrogate.txt"),
+    "bayesindent-batch": ("campaign.sqlite", "surrogate.txt", "posterior.bin"),
 }
 
 

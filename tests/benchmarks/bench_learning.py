@@ -17,11 +17,10 @@ from paper_domains import DOMAINS
 from scipy.linalg import expm
 
 from bayesindent.common.progress import Progress
+from bayesindent.common.result_files import write_csv
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, stiffness_rows
 from bayesindent.pipeline.build import build
-from bayesindent.pipeline.campaign import Campaign
-from bayesindent.pipeline.engines import LocalEngine
-from bayesindent.pipeline.simulator import Simulator, simulate_into
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
@@ -136,16 +135,27 @@ def random_orthorhombic(rng) -> tuple:
     return "orthorhombic", tuple(float(matrix[int(name[1]) - 1, int(name[2]) - 1]) for name in names)
 
 
+def namelist_of(variables: dict) -> str:
+    """Variables as a group of a namelist has them."""
+    return ", ".join(f"{name} = {value!r}" for name, value in variables.items())
+
+
 def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stiffnesses, angles and moduli of the unseen crystals of a kind, from the campaign or simulated now."""
-    problem = Problem.from_keywords("learning", specimen=SPECIMENS[arguments.specimen])
+    folder, specimen = arguments.output / f"unseen_{name}", namelist_of(SPECIMENS[arguments.specimen])
+    names, angles = constant_names("triclinic"), ("phi1_deg", "Phi_deg", "phi2_deg")
+    crystals = [
+        {"symmetry": symmetry} | dict(zip(constant_names(symmetry), constants)) | dict(zip(angles, e)) for symmetry, constants, e in points
+    ]
+    header = ["symmetry", *names, *angles]
+    write_csv(folder / "points.csv", header, [[crystal.get(column, "") for column in header] for crystal in crystals])
+    (folder / "unseen.nml").write_text(
+        f"&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen {specimen} /\n"
+        f"&execution workers = {arguments.workers} /\n"
+    )
+    results = run_stage(Problem(folder / "unseen.nml", "simulate"), "simulate", folder, Progress(True))["results"]
+    moduli = [row["indentation_modulus_gpa"] for row in results]
     matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
-    with Campaign(arguments.output / f"unseen_{name}" / "campaign.sqlite", problem.physics) as campaign:
-        missing = [point for point in points if campaign.find(*point) is None]
-        if missing:
-            with Progress(True).bar(name, len(missing)) as advance:
-                simulate_into(campaign, Simulator(problem), missing, LocalEngine(arguments.workers), lambda success: advance(1))
-        moduli = [campaign.find(*point).modulus_gpa for point in points]
     done = np.array([modulus is not None for modulus in moduli])
     return matrices[done], np.array([point[2] for point in points])[done], np.array([m for m in moduli if m is not None])
 
@@ -154,7 +164,7 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
     """Errors and shares on the unseen crystals, by the number of simulations."""
     rows, folder = [], arguments.output / f"seed_{seed}"
     folder.mkdir(parents=True, exist_ok=True)
-    specimen = ", ".join(f"{name} = {value!r}" for name, value in SPECIMENS[arguments.specimen].items())
+    specimen = namelist_of(SPECIMENS[arguments.specimen])
     for size in map(int, arguments.sizes.split(",")):
         path = folder / f"build_{size}.nml"
         path.write_text(

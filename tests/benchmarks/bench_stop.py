@@ -135,10 +135,11 @@ def damage(output: Path, before: list) -> str:
 
 
 ADD = """import sys, time
-from bayesindent.pipeline.campaign import Campaign
+from bayesindent.pipeline.build import tell
+from bayesindent.settings.problem import Problem, read_crystals
+problem, points = Problem("a.nml", "build"), read_crystals(f"{sys.argv[1]}.csv", "cubic")
 time.sleep(max(0, float(sys.argv[2]) - time.time()))
-with Campaign("out/campaign.sqlite", {"mesh": "same"}) as campaign:
-    campaign.add("cubic", [200.0 + int(sys.argv[1]), 100, 50], [0, 0, 0], modulus_gpa=150.0)
+tell(problem, "out", points)
 """
 IMPORTED = """&problem symmetry = 'cubic' /
 &simulation simulator = 'import' /

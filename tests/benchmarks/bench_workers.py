@@ -19,8 +19,9 @@ from bench_learning import kinds, simulated, unseen_crystals
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus
-from bayesindent.pipeline.build import Build, build
-from bayesindent.pipeline.engines import ENGINES
+from bayesindent.engines import ENGINES
+from bayesindent.pipeline.build import build
+from bayesindent.pipeline.stage import Job, Stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 
@@ -60,9 +61,9 @@ def main(argv=None) -> int:
 class UnequalWorkers:
     """A simulation that takes as long as the worker needs who makes it; its modulus is near that of theory."""
 
-    def __call__(self, stiffness, euler_deg) -> dict:
+    def __call__(self, job: Job) -> dict:
         """What a simulator gives, with the seconds that it took."""
-        theory = float(halfspace_modulus(stiffness, euler_deg))
+        theory = float(halfspace_modulus(job.stiffness, job.euler_deg))
         seconds = SECONDS * (1 + worker_number() / (WORKERS - 1)) * (1 + SPREAD * np.sin(1000 * theory))
         time.sleep(seconds)
         return {"modulus_gpa": theory * (1.1 + 0.05 * np.sin(theory / 50)), "seconds": seconds}
@@ -76,19 +77,6 @@ def worker_number() -> int:
         return int(threading.current_thread().name.rpartition("_")[2])
 
 
-class TimedBuild(Build):
-    """A build that adds up how long its simulations took."""
-
-    def __init__(self, problem, output):
-        self.seconds: list[float] = []
-        super().__init__(problem, output)
-
-    def store(self, number: int, result: dict) -> None:
-        """Keep the result and its time."""
-        self.seconds.append(result["seconds"])
-        super().store(number, result)
-
-
 def utilisation(arguments, engine_name: str, batch: int) -> float:
     """The share of their time that the workers simulate, from the first choice to the last result."""
     folder = arguments.output / f"{engine_name}_{batch}"
@@ -96,12 +84,17 @@ def utilisation(arguments, engine_name: str, batch: int) -> float:
     path = folder / "build.nml"
     path.write_text(f"&problem /\n&specimen geometry = 'block' /\n&design budget = {arguments.budget}, batch = {batch} /\n")
     (folder / "campaign.sqlite").unlink(missing_ok=True)
-    steps = TimedBuild(Problem(path, "build"), folder)
+    stage, seconds = Stage(Problem(path, "build"), "build", folder), []
     with ENGINES[engine_name](WORKERS, "local") as engine:
         start = time.perf_counter()
-        while wanted := steps.advance()[0]:
-            steps.perform(UnequalWorkers(), engine, lambda done: None, wanted)
-        return sum(steps.seconds) / (WORKERS * (time.perf_counter() - start))
+        while (wanted := stage.wanted())[0]:
+
+            def take(k: int, result: dict, numbers=wanted[0]) -> None:
+                seconds.append(result["seconds"])
+                stage.take(numbers[k], result)
+
+            engine.map(UnequalWorkers(), wanted[1], take)
+        return sum(seconds) / (WORKERS * (time.perf_counter() - start))
 
 
 def losses(arguments, batches: list[int], sizes: list[int]) -> list[dict]:

@@ -118,7 +118,7 @@ def numbers_of(folder: Path) -> list:
 
 
 #: The command that reads a file of the results.
-READERS = dict.fromkeys(("posterior.nc", "build.json", "summary.json", "next.json", "resolved.nml"), "report")
+READERS = dict.fromkeys(("posterior.bin", "build.json", "summary.json", "next.json", "resolved.nml"), "report")
 
 
 def damaged(program: str, folder: Path, file: str, seeds: range) -> dict:

@@ -15,6 +15,7 @@ import numpy as np
 from programs import BATCH
 
 from bayesindent.core import InputError
+from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.surrogate.surrogate import Surrogate
 
 SOURCE = Path(os.environ.get("BAYESINDENT_SOURCE", Path(__file__).parents[2]))
@@ -121,8 +122,8 @@ def half_written(folder: Path) -> list[str]:
                 json.loads(file.read_text())
             elif file.name == "surrogate.txt":
                 Surrogate.load(file)
-            elif file.name == "posterior.nc":
-                posterior_of(folder)
+            elif file.name == "posterior.bin":
+                read_posterior(folder)
             elif file.name in ("posterior.csv", "report.html", "resolved.nml") and not file.read_text().endswith(("\n", ">")):
                 bad.append(file.name)
         except (ValueError, InputError, OSError):
@@ -132,14 +133,9 @@ def half_written(folder: Path) -> list[str]:
 
 def posterior_of(folder: Path) -> list:
     """Every draw, of either program; nothing where there is none."""
-    if not (folder / "posterior.csv").exists() and not (folder / "posterior.nc").exists():
+    if not (folder / "posterior.csv").exists():
         return []
-    if (folder / "posterior.csv").exists():
-        return np.loadtxt(folder / "posterior.csv", delimiter=",", skiprows=1).tolist()
-    import xarray
-
-    with xarray.open_dataset(folder / "posterior.nc", group="posterior", engine="h5netcdf") as file:
-        return [file[name].values.tolist() for name in ("C11", "C12", "C44")]
+    return np.loadtxt(folder / "posterior.csv", delimiter=",", skiprows=1).tolist()
 
 
 def results_of(folder: Path) -> dict:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
-import xarray
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.inference.extract import extract, summary
+from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.program.command import perform
 from bayesindent.program.commands.build import COMMAND as BUILD
 from bayesindent.program.commands.extract import COMMAND as EXTRACT
@@ -100,8 +100,7 @@ class Study:
     def sample(self, label: str, namelist: f90nml.Namelist, folder: Path) -> None:
         """A posterior: its document, and its draws (chains, samples, k)."""
         self.documents[label] = perform(EXTRACT, self.problem(namelist, folder, "extract"), folder, Progress(False))
-        with xarray.open_dataset(folder / "posterior.nc", group="posterior", engine="h5netcdf") as file:
-            self.draws[label] = np.stack([file[name].values for name in self.names], axis=-1)
+        self.draws[label] = read_posterior(folder)["draws"][..., : len(self.names)]
 
     def tables(self) -> None:
         """Print what was published beside what is found here."""

@@ -73,6 +73,8 @@ def test_indices_need_a_cell(tmp_path):
         ("phi1,Phi,phi2\n0.5,0.2,1.5\n2.5,0.7,1.5\n5.5,0.2,1.5\n", "ebsd.*: no angle is above 2 pi, so these look like radians"),
         ("u,v,w\n" + 2001 * "1,1,1\n", "2001 grains; allowed up to 2000"),
     ],
+    # Names of folders follow from these, and long ones are cut in messages.
+    ids=["column", "zero", "radians", "many"],
 )
 def test_refusals(tmp_path, text, words):
     with pytest.raises(bi.InputError, match=words):
