@@ -31,7 +31,8 @@ contains
    !> Let another language hold an object of a `kind`, which is freed after an error.
    subroutine give(self, object, kind)
       class(exchange_type), intent(inout) :: self
-      class(*), pointer, intent(in) :: object
+      !> Of the heap.
+      class(*), intent(in), target :: object
       character(len=*), intent(in) :: kind
 
       self%made => object

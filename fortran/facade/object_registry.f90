@@ -8,7 +8,7 @@ module object_registry
    use text, only: to_text
    implicit none
    private
-   public :: keep_object, register_object, find_object, release_object
+   public :: register_object, find_object, release_object
 
    type :: entry_type
       integer(i8) :: handle = 0
@@ -21,26 +21,6 @@ module object_registry
 
 contains
 
-   !> Keep what was made and allocated as a pointer, or free it if there was an error.
-   subroutine keep_object(object, kind, error, handle)
-      class(*), target, intent(inout) :: object
-      !> What it is, for messages: 'surrogate', 'posterior', ..
-      character(len=*), intent(in) :: kind
-      !> Of making it.
-      type(error_type), allocatable, intent(in) :: error
-      !> Its number, 0 after an error.
-      integer(i8), intent(out) :: handle
-      class(*), pointer :: made
-
-      handle = 0
-      made => object
-      if (allocated(error)) then
-         deallocate (made)
-      else
-         call register_object(made, kind, handle)
-      end if
-   end subroutine keep_object
-
    !> Keep an object of the heap; `release_object` frees it.
    subroutine register_object(object, kind, handle)
       class(*), pointer, intent(in) :: object
@@ -49,17 +29,15 @@ contains
       !> Its number, above 0.
       integer(i8), intent(out) :: handle
       type(entry_type), allocatable :: larger(:)
-      integer :: i, n
+      integer :: i
 
       !$omp critical (object_registry)
       if (.not. allocated(entries)) allocate (entries(16))
-      n = size(entries)
-      do i = 1, n
-         if (entries(i)%handle == 0) exit
-      end do
-      if (i > n) then
-         allocate (larger(2*n))
-         larger(:n) = entries
+      i = place_of(0_i8)
+      if (i == 0) then
+         i = size(entries) + 1
+         allocate (larger(2*size(entries)))
+         larger(:i - 1) = entries
          call move_alloc(larger, entries)
       end if
       last_handle = last_handle + 1
@@ -69,6 +47,14 @@ contains
       entries(i)%object => object
       !$omp end critical (object_registry)
    end subroutine register_object
+
+   !> Where a handle stands, 0: nowhere.
+   integer function place_of(handle)
+      integer(i8), intent(in) :: handle
+
+      place_of = 0
+      if (allocated(entries)) place_of = findloc(entries%handle, handle, 1)
+   end function place_of
 
    !> The object of a handle, if it is of this kind.
    subroutine find_object(handle, kind, object, error)
@@ -81,15 +67,11 @@ contains
 
       object => null()
       found = ''
+      i = 0
       !$omp critical (object_registry)
-      if (allocated(entries) .and. handle > 0) then
-         do i = 1, size(entries)
-            if (entries(i)%handle /= handle) cycle
-            found = entries(i)%kind
-            if (found == kind) object => entries(i)%object
-            exit
-         end do
-      end if
+      if (handle > 0) i = place_of(handle)
+      if (i > 0) found = entries(i)%kind
+      if (found == kind) object => entries(i)%object
       !$omp end critical (object_registry)
       if (associated(object)) return
       if (len(found) > 0) then
@@ -107,15 +89,13 @@ contains
       integer :: i
 
       object => null()
+      i = 0
       !$omp critical (object_registry)
-      if (allocated(entries) .and. handle > 0) then
-         do i = 1, size(entries)
-            if (entries(i)%handle /= handle) cycle
-            object => entries(i)%object
-            entries(i)%handle = 0
-            entries(i)%object => null()
-            exit
-         end do
+      if (handle > 0) i = place_of(handle)
+      if (i > 0) then
+         object => entries(i)%object
+         entries(i)%handle = 0
+         entries(i)%object => null()
       end if
       !$omp end critical (object_registry)
       if (associated(object)) deallocate (object)

@@ -46,13 +46,15 @@ contains
          if (.not. allocated(error)) surrogate => x%surrogate(error)
          if (.not. allocated(error)) then
             allocate (density)
-            made => density
-            call x%give(made, 'posterior')
-            if (verb == 'extract') then
+            call x%give(density, 'posterior')
+            select case (verb)
+            case ('extract')
                call infer(problem, surrogate, density, x, error)
-            else
+            case ('density', 'prior')
                call new_problem_posterior(problem, surrogate, verb == 'prior', density, error)
-            end if
+            case default
+               call x%refuse(verb, error)
+            end select
             if (.not. allocated(error)) call describe(density, x)
          end if
       end if
@@ -138,7 +140,7 @@ contains
       real(wp) :: values(size(points, 2), 2)
 
       call density%evaluate_parts(points, values(:, 1), values(:, 2))
-      where (.not. values > -huge(values)) values = ieee_value(1.0_wp, ieee_negative_inf)
+      where (spread(.not. values(:, 1) > -huge(values), 2, 2)) values = ieee_value(1.0_wp, ieee_negative_inf)
       call x%out%put_array('values', values, shape(values))
    end subroutine evaluate
 

@@ -53,8 +53,7 @@ contains
          return
       end if
       allocate (self)
-      made => self
-      call x%give(made, 'problem')
+      call x%give(self, 'problem')
       select case (verb)
       case ('read')
          call read_problem(x%in%text('path'), x%in%text('command'), self, error)

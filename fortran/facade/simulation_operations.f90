@@ -44,13 +44,11 @@ contains
       if (allocated(error)) return
       if (verb == 'new_model') then
          allocate (model)
-         made => model
-         call x%give(made, 'indentation')
+         call x%give(model, 'indentation')
          call new_indentation_model(problem%settings, model, error)
       else
          allocate (held)
-         made => held
-         call x%give(made, 'simulator')
+         call x%give(held, 'simulator')
          call new_simulator(problem%settings, held%simulator, error)
       end if
       if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message

@@ -32,7 +32,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(held_stage_type), pointer :: held
       type(problem_type), pointer :: problem, points
-      class(*), pointer :: made
       character(len=:), allocatable :: document
 
       if (associated(object)) then
@@ -46,8 +45,7 @@ contains
       if (allocated(error)) return
       if (verb == 'open') then
          allocate (held)
-         made => held
-         call x%give(made, 'stage')
+         call x%give(held, 'stage')
          call new_stage(x%in%text('name'), held%stage, error)
          if (.not. allocated(error)) call held%stage%open(problem, places_of(x), error)
          if (allocated(error)) return

@@ -46,8 +46,7 @@ contains
          end select
       else if (verb == 'load') then
          allocate (surrogate)
-         made => surrogate
-         call x%give(made, 'surrogate')
+         call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), places_of(x), surrogate, error)
       else
          problem => x%problem(error)
@@ -71,10 +70,10 @@ contains
    subroutine give_basis(basis, x)
       class(basis_type), intent(in) :: basis
       type(exchange_type), intent(inout) :: x
-      class(*), pointer :: made
+      class(basis_type), pointer :: held
 
-      allocate (made, source=basis)
-      call x%give(made, 'basis')
+      allocate (held, source=basis)
+      call x%give(held, 'basis')
    end subroutine give_basis
 
    subroutine use_basis(verb, basis, x, error)
@@ -84,7 +83,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type), pointer :: surrogate
       type(learner_type), pointer :: learner
-      class(*), pointer :: made
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: crystals(:, :), angles(:, :), scale(:)
       integer :: i, n
@@ -113,8 +111,7 @@ contains
          call give_validity(basis, x)
       case ('surrogate')
          allocate (surrogate)
-         made => surrogate
-         call x%give(made, 'surrogate')
+         call x%give(surrogate, 'surrogate')
          allocate (surrogate%basis, source=basis)
          surrogate%coefficients = x%in%reals('coefficients')
          surrogate%covariance = x%in%columns('covariance', max(1, basis%n_terms))
@@ -129,8 +126,7 @@ contains
          end if
       case ('learner')
          allocate (learner)
-         made => learner
-         call x%give(made, 'learner')
+         call x%give(learner, 'learner')
          call new_learner(basis, learner, error)
       case default
          call x%refuse(verb, error)
@@ -218,7 +214,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type), pointer :: surrogate
       type(design_settings_type) :: settings
-      class(*), pointer :: made
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: values(:), others(:), evidence(:)
       integer, allocatable :: numbers(:)
@@ -273,8 +268,7 @@ contains
          call x%out%put_array('z', others, shape(others))
       case ('surrogate')
          allocate (surrogate)
-         made => surrogate
-         call x%give(made, 'surrogate')
+         call x%give(surrogate, 'surrogate')
          call surrogate_of(learner, x%in%text('provenance'), surrogate, error)
       case default
          call x%refuse(verb, error)

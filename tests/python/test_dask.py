@@ -15,6 +15,7 @@ import pytest
 import bayesindent as bi
 from bayesindent.engines import DaskEngine
 from bayesindent.pipeline.build import build
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from conftest import HANGS_S
 
@@ -134,3 +135,32 @@ def test_no_scheduler_is_told(monkeypatch):
     monkeypatch.setattr("bayesindent.engines.dask.PATIENCE_S", 0.5)
     with pytest.raises(bi.core.MachineError, match="no scheduler answers at tcp://127.0.0.1:1"):
         DaskEngine(0, "tcp://127.0.0.1:1")
+
+
+def test_every_engine_serves_many_crystals(cluster):
+    address, _ = cluster
+    model = bi.Indentation(refine=0.6, depths=1)
+    copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+    crystals, angles = [copper, 1.1 * copper, 1e-9 * copper - copper], [[0, 0, 0], [0, 45, 0], [0, 0, 0]]
+    here = model.run_many(crystals, angles, errors="return")
+    there = model.run_many(crystals, angles, errors="return", engine="dask", scheduler=address)
+    assert [getattr(result, "indentation_modulus_gpa", str(result)) for result in there] == [
+        getattr(result, "indentation_modulus_gpa", str(result)) for result in here
+    ]
+
+
+@pytest.mark.long
+def test_every_engine_serves_sizes(cluster, tmp_path):
+    address, _ = cluster
+    (tmp_path / "copper.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n168.4,121.4,75.4,0,0,0\n")
+    documents = []
+    for engine in ("local", "dask"):
+        file = tmp_path / f"{engine}.nml"
+        file.write_text(
+            "&problem symmetry = 'cubic' /\n&crystals points = 'copper.csv' /\n&simulation refine = 0.6, depths = 1 /\n"
+            "&specimen geometry = 'film', thickness_um = 1.0, substrate = 'rigid' /\n"
+            f"&execution engine = '{engine}', scheduler = '{address}' /\n"
+        )
+        documents.append(run_stage(Problem(file, "size"), "size", tmp_path / engine)["results"])
+    assert documents[0] == documents[1]
+    assert len(documents[0][0]["bias"]) >= 5

@@ -9,7 +9,7 @@ from step_2_cases import KIND, columns, reference, table_of
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
-from bayesindent.inference.posterior import PRIOR, Posterior
+from bayesindent.inference.posterior import DENSITY, PRIOR, Posterior
 
 NAMES = ("C11", "C12", "C44")
 
@@ -103,7 +103,7 @@ def test_evidence(model, case):
     result = bi.extract(table, samples=4000, evidence=True, **asked)
     found = bi.summary(result)["evidence"]
     assert 0 < found["sd"] < 0.03
-    posterior, prior = (Posterior.of(table, what=what, **asked) for what in (0, PRIOR))
+    posterior, prior = (Posterior.of(table, what=what, **asked) for what in (DENSITY, PRIOR))
     low, high = (np.array(ends) for ends in zip(*bounds.values(), strict=True))
     unit = np.random.default_rng(4).random((400_000, 3))
     alone = prior.evaluate(low + (high - low) * unit)[0]

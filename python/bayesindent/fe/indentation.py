@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..core import BayesindentError, InputError, NativeObject, call
 from ..crystal.elasticity import oriented_crystals
-from ..engines import LocalEngine
+from ..engines import ENGINES
 from ..settings.problem import Problem, schema
 from .deck import write_deck
 
@@ -150,15 +150,19 @@ class Indentation(NativeObject):
         euler_deg: ArrayLike,
         workers: int = 0,
         *,
+        engine: str = "local",
+        scheduler: str = "local",
         errors: str = "raise",
         done: Callable[[int], None] | None = None,
     ) -> list[IndentationResult | BayesindentError]:
-        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores).
+        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or as &execution has `engine` and
+        `scheduler`.
 
-        The numbers do not depend on `workers`. errors: 'raise' the first, or 'return' each in the place of its result.
-        done(1) is called, from any thread, after each simulation.
+        The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result. done(1) is called after
+        each simulation.
         """
-        execution = Problem.from_keywords("Indentation.run_many", execution={"workers": workers}).settings.execution
+        asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
+        execution = Problem.from_keywords("Indentation.run_many", execution=asked).settings.execution
         if errors not in ("raise", "return"):
             raise InputError(f"Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
         matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
@@ -180,7 +184,8 @@ class Indentation(NativeObject):
             if done is not None:
                 done(1)
 
-        LocalEngine(execution.workers).map(attempt, list(zip(matrices, angles, strict=True)), collect)
+        with ENGINES[execution.engine](execution.workers, execution.scheduler) as queue:
+            queue.map(attempt, list(zip(matrices, angles, strict=True)), collect)
         return [results[number] for number in range(len(matrices))]
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
