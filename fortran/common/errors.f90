@@ -5,7 +5,7 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, error_to_status, exit_status, exit_failure, exit_bad_input, machine_failure
+   public :: error_type, raise, exit_status, exit_failure, exit_bad_input, machine_failure
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -39,18 +39,4 @@ contains
 
       exit_status = merge(exit_bad_input, exit_failure, error%status == exit_bad_input)
    end function exit_status
-
-   !> The error for callers that know no Fortran types: its status and message, or 0 and blanks.
-   pure subroutine error_to_status(error, status, message)
-      type(error_type), allocatable, intent(in) :: error
-      integer, intent(out) :: status
-      ! allow(C072)
-      character(len=*), intent(out) :: message
-
-      status = 0
-      message = ''
-      if (.not. allocated(error)) return
-      status = error%status
-      message = error%message
-   end subroutine error_to_status
 end module errors

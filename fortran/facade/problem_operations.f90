@@ -4,10 +4,7 @@ module problem_operations
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use exchange, only: exchange_type
-   use abstract_indenter, only: indenter_type
-   use indenters, only: new_indenter
    use kinds, only: wp
-   use observables, only: observable_names
    use named_values, only: named_values_type
    use namelist_file, only: namelist_file_type, parse_namelist
    use physics_identity, only: identity_text
@@ -97,7 +94,6 @@ contains
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
-      class(indenter_type), allocatable :: indenter
       real(wp), pointer :: c(:, :, :)
       real(wp), allocatable :: values(:)
       character(len=:), allocatable :: warning
@@ -112,8 +108,6 @@ contains
       case ('set_table')
          ! A table that is no file: a page of CSV.
          call self%set_table(x%in%text('table'), x%in%text('page'), error)
-      case ('keep_chains')
-         self%kept_in = x%in%text('folder')
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
@@ -126,12 +120,6 @@ contains
          call simulation_error(self%settings, c, values, warning)
          call x%out%put_array('largest', values, shape(values))
          call x%out%put('warning', warning)
-      case ('unit_force')
-         ! Force over modulus (um2) of the isotropic half-space at each depth (um).
-         call new_indenter(self%settings%indenter, indenter, error)
-         if (allocated(error)) return
-         values = indenter%unit_force(x%in%reals('depth_um'))
-         call x%out%put_array('values', values, shape(values))
       case default
          call x%refuse(verb, error)
       end select
@@ -269,7 +257,7 @@ contains
    end subroutine put_cells
 
    !> `schema`, the variables: group, its meaning, name, type, number of values, unit, default, allowed, meaning of each; `stages`: name,
-   !> groups, file of its document, summary, description of each; and the kinds of modulus.
+   !> groups, file of its document, summary, description of each.
    subroutine list_settings(out)
       type(named_values_type), intent(inout) :: out
       character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
@@ -305,6 +293,5 @@ contains
          call warn(list, trim(stage%description))
       end do
       call out%put('stages', list)
-      call out%put('modulus_kinds', observable_names)
    end subroutine list_settings
 end module problem_operations
