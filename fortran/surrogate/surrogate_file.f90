@@ -129,7 +129,7 @@ contains
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance(surrogate, file)
-      call exchange_simulations(surrogate, file)
+      call exchange_simulations(surrogate%simulations, surrogate%basis%domain%class%n_constants, file)
       call file%lines('provenance', surrogate%provenance)
       if (file%reading .and. .not. allocated(file%error)) call check_values(surrogate, file%error)
    end subroutine exchange_surrogate
@@ -166,32 +166,32 @@ contains
       end do
    end subroutine exchange_covariance
 
-   subroutine exchange_simulations(surrogate, file)
-      type(surrogate_type), intent(inout) :: surrogate
+   subroutine exchange_simulations(simulations, n_constants, file)
+      type(simulations_type), intent(inout) :: simulations
+      integer, intent(in) :: n_constants
       class(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: constants(:), euler_deg(:)
       integer :: k, n
 
-      k = surrogate%basis%domain%class%n_constants
-      associate (simulations => surrogate%simulations)
-         if (.not. allocated(simulations%modulus)) simulations = simulations_type(reshape([real(wp) ::], [k, 0]), &
-            & reshape([real(wp) ::], [3, 0]), [real(wp) ::])
-         constants = reshape(simulations%constants, [size(simulations%constants)])
-         euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
-         call file%reals('simulated_constants', constants)
-         call file%reals('simulated_euler_deg', euler_deg)
-         call file%reals('simulated_modulus_gpa', simulations%modulus)
-         if (allocated(file%error) .or. .not. file%reading) return
-         n = size(simulations%modulus)
-         if (size(constants) /= k*n .or. size(euler_deg) /= 3*n) then
-            call file%fail('the simulations have '//to_text(size(constants))//' constants, '//to_text(size(euler_deg)) &
-               & //' angles and '//to_text(n)//' moduli')
-            return
-         end if
-         simulations%constants = reshape(constants, [k, n])
-         simulations%euler_deg = reshape(euler_deg, [3, n])
-         if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
-      end associate
+      if (.not. allocated(simulations%modulus)) then
+         allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), simulations%modulus(0))
+      end if
+      k = size(simulations%constants, 1)
+      constants = reshape(simulations%constants, [size(simulations%constants)])
+      euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
+      call file%reals('simulated_constants', constants)
+      call file%reals('simulated_euler_deg', euler_deg)
+      call file%reals('simulated_modulus_gpa', simulations%modulus)
+      if (allocated(file%error) .or. .not. file%reading) return
+      n = size(simulations%modulus)
+      if (size(constants) /= k*n .or. size(euler_deg) /= 3*n) then
+         call file%fail('the simulations have '//to_text(size(constants))//' constants, '//to_text(size(euler_deg)) &
+            & //' angles and '//to_text(n)//' moduli')
+         return
+      end if
+      simulations%constants = reshape(constants, [k, n])
+      simulations%euler_deg = reshape(euler_deg, [3, n])
+      if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
    end subroutine exchange_simulations
 
    !> Refuse precisions that are not positive and a covariance that is none.
