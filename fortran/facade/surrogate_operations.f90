@@ -11,7 +11,6 @@ module surrogate_operations
    use parallelism, only: thread_count
    use problem, only: problem_type
    use sequential_design, only: update_posterior_mean
-   use settings_groups, only: design_settings_type
    use surrogate_domain, only: spread_crystals
    use surrogate_file, only: check_values, exchange_surrogate, save_surrogate
    use surrogate_learner, only: add_simulations, choose_next, describe_learner, evaluate_evidence, exclude_candidates, &
@@ -85,7 +84,6 @@ contains
       type(learner_type), pointer :: learner
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: crystals(:, :), angles(:, :), scale(:)
-      integer :: i, n
 
       select case (verb)
       case ('describe')
@@ -99,14 +97,9 @@ contains
       case ('terms')
          constants => x%in%columns('constants', basis%domain%class%n_constants)
          euler_deg => x%in%columns('euler_deg', 3)
-         n = size(constants, 2)
-         allocate (crystals(basis%n_terms, n), scale(n))
-         do i = 1, n
-            call basis%evaluate_terms(basis%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), crystals(:, i), &
-               & scale(i))
-         end do
+         call basis%evaluate_crystals(constants, euler_deg, crystals, scale)
          call x%out%put_array('terms', crystals, shape(crystals))
-         call x%out%put_array('scale', scale, [n])
+         call x%out%put_array('scale', scale, shape(scale))
       case ('validity')
          call give_validity(basis, x)
       case ('surrogate')
@@ -213,7 +206,6 @@ contains
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type), pointer :: surrogate
-      type(design_settings_type) :: settings
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
       real(wp), allocatable :: values(:), others(:), evidence(:)
       integer, allocatable :: numbers(:)
@@ -234,8 +226,7 @@ contains
          call learner_values(learner, x%in%text('name'), values)
          call x%out%put_array('values', values, shape(values))
       case ('set_candidates')
-         settings%variance_of = x%in%text('rule')
-         call set_learner_candidates(learner, constants, euler_deg, settings, error)
+         call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), error)
       case ('exclude')
          call exclude_candidates(learner, numbers + 1, error)
       case ('add')

@@ -10,7 +10,6 @@ module prior_sensitivity
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
-   use logarithmic_coordinates, only: log_frame_type
    use posterior_summary, only: thinning
    use samplers, only: chains_type
    use statistics, only: flattened, moments
@@ -48,10 +47,9 @@ contains
       type(change_type), allocatable, intent(out) :: changes(:)
       !> A lower limit that is none.
       real(wp), parameter :: none = -1.0e6_wp
-      type(log_frame_type) :: frame
       type(averages_type) :: averages
       real(wp), allocatable :: draws(:, :), limited(:, :), log_weights(:)
-      real(wp) :: c(6, 6), again(6, 6)
+      real(wp) :: c(6, 6)
       integer :: i, j, n
 
       draws = flattened(chains%draws(:, ::thinning(chains, 1), :))
@@ -64,8 +62,7 @@ contains
             call hill_young_poisson(averages, limited(i, 1), limited(i, 2))
             limited(i, 3) = anisotropy_of_averages(averages)
             limited(i, 4) = log_anisotropy(c)
-            call prior%logarithms%from_logarithms(prior%logarithms%to_logarithms(c), again, frame)
-            log_weights(i) = prior%logarithms%log_volume(frame)
+            log_weights(i) = prior%logarithms%log_volume_at(prior%logarithms%to_logarithms(c))
          end do
          do j = 1, posterior%n_constants
             if (prior%is_stated(j)) call move_limits(draws, prior%class%constants(j), draws(j, :), prior%lower(j), prior%upper(j), &
@@ -94,7 +91,6 @@ contains
       !> GPa; what is not within is no limit.
       real(wp), parameter :: no_limit = 1.0e5_wp
       real(wp) :: limit, inwards, step, distance(size(values))
-      type(change_type) :: change
       integer :: side
 
       do side = 1, 2
@@ -104,11 +100,10 @@ contains
          step = min(relative_step*abs(limit), greatest_step*(upper - lower))
          if (.not. step > 0.0_wp) cycle
          distance = inwards*(values - limit)
-         change = change_type(name, side == 2, limit, limit + inwards*step)
-         call add_change(draws, change, merge(1.0_wp, 0.0_wp, distance >= step), changes)
+         call add_change(draws, change_type(name, side == 2, limit, limit + inwards*step), &
+            & merge(1.0_wp, 0.0_wp, distance >= step), changes)
          if (side == 2) step = min(step, greatest - limit)
-         change = change_type(name, side == 2, limit, limit - inwards*step, exact=.false.)
-         call add_beyond(draws, change, distance, step, changes)
+         call add_beyond(draws, change_type(name, side == 2, limit, limit - inwards*step, exact=.false.), distance, step, changes)
       end do
    end subroutine move_limits
 
@@ -120,15 +115,11 @@ contains
       !> (draw).
       real(wp), intent(in) :: weights(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
-      type(change_type) :: change
       real(wp), dimension(size(draws, 1)) :: mean, sd, new_mean, new_sd
 
-      change = about
-      change%effective = sum(weights)**2/max(tiny(1.0_wp), sum(weights**2))
       call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       call moments(draws, new_mean, new_sd, weights)
-      call compare(mean, sd, new_mean, new_sd, change)
-      changes = [changes, change]
+      call compare(about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, new_mean, new_sd, changes)
    end subroutine add_change
 
    !> The draws and those that a limit which moves by `step` lets in.
@@ -141,7 +132,6 @@ contains
       !> The most that is let in, in what the strip next to it has, and draws of a strip that say something.
       real(wp), parameter :: greatest_growth = 1.5_wp
       integer, parameter :: least_in_strip = 20
-      type(change_type) :: change
       real(wp), dimension(size(draws, 1)) :: mean, sd, near_mean, near_sd, far_mean, far_sd
       real(wp) :: near(size(distance)), far(size(distance)), beyond
 
@@ -150,18 +140,15 @@ contains
       call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       call moments(draws, near_mean, near_sd, near)
       call moments(draws, far_mean, far_sd, far)
-      change = about
-      change%effective = size(distance)
       if (sum(near) < least_in_strip) then
-         call compare(mean, sd, mean, sd, change)
+         call compare(about, real(size(distance), wp), mean, sd, mean, sd, changes)
       else
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
          far_mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
          far_sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
-         call compare(mean, sd, far_mean, far_sd, change)
+         call compare(about, real(size(distance), wp), mean, sd, far_mean, far_sd, changes)
       end if
-      changes = [changes, change]
    end subroutine add_beyond
 
    !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
@@ -210,14 +197,21 @@ contains
       end function powers
    end function continued
 
-   pure subroutine compare(mean, sd, new_mean, new_sd, change)
-      real(wp), intent(in) :: mean(:), sd(:), new_mean(:), new_sd(:)
-      type(change_type), intent(inout) :: change
+   !> Add a change from the moments without and with it.
+   pure subroutine compare(about, effective, mean, sd, new_mean, new_sd, changes)
+      type(change_type), intent(in) :: about
+      real(wp), intent(in) :: effective, mean(:), sd(:), new_mean(:), new_sd(:)
+      type(change_type), allocatable, intent(inout) :: changes(:)
+      type(change_type) :: change
 
+      change = about
+      change%effective = effective
       change%shift = (new_mean - mean)/max(tiny(1.0_wp), sd)
       change%sd_ratio = new_sd/max(tiny(1.0_wp), sd)
-      if (change%effective >= least_draws) return
-      change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
-      change%sd_ratio = change%shift
+      if (effective < least_draws) then
+         change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
+         change%sd_ratio = change%shift
+      end if
+      changes = [changes, change]
    end subroutine compare
 end module prior_sensitivity

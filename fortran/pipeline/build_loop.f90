@@ -87,7 +87,7 @@ contains
       associate (design => problem%settings%design)
          call new_learning(basis, design, build%learning, error)
          if (.not. allocated(error)) call set_learner_candidates(build%learning%learner, build%candidates%constants, &
-            & build%candidates%euler_deg, design, error)
+            & build%candidates%euler_deg, design%variance_of, error)
          if (allocated(error)) return
          call initial_set(build%candidates, basis, design, build%initial)
       end associate

@@ -215,8 +215,8 @@ contains
       call measure_sensitivity(self%posterior, self%chains, self%changes)
       self%correlation = correlate(self%chains, k)
       call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
-      if (.not. allocated(error)) call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)
       if (allocated(error)) return
+      call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
       call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
       call compare_quantities(flattened(self%predictions%quantities), prior_values, self%known)
       ! Of the constants, which come first, all draws are there.

@@ -65,7 +65,7 @@ contains
          call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
          if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
-            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions, error)
+            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions)
       end associate
       if (allocated(error)) then
          error%message = place(problem%path, 'next', '')//error%message

@@ -8,7 +8,6 @@ module bases
    use paper_basis, only: paper_basis_type
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, exchange_domain
-   use theory_basis, only: theory_basis_type
    implicit none
    private
    public :: basis_names, new_basis, allocate_basis, describe_basis
@@ -39,12 +38,10 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (model)
-      case ('correction')
+      case ('correction', 'halfspace')
          allocate (correction_basis_type :: basis)
       case ('paper')
          allocate (paper_basis_type :: basis)
-      case ('halfspace')
-         allocate (theory_basis_type :: basis)
       case default
          call raise(error, 'the model '''//model//''' is unknown; allowed: '//basis_names//', halfspace', exit_bad_input)
          return

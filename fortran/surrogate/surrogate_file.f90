@@ -171,12 +171,10 @@ contains
       integer, intent(in) :: n_constants
       class(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: constants(:), euler_deg(:)
-      integer :: k, n
+      integer :: n
 
-      if (.not. allocated(simulations%modulus)) then
-         allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), simulations%modulus(0))
-      end if
-      k = size(simulations%constants, 1)
+      if (.not. allocated(simulations%modulus)) allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), &
+         & simulations%modulus(0))
       constants = reshape(simulations%constants, [size(simulations%constants)])
       euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
       call file%reals('simulated_constants', constants)
@@ -184,12 +182,12 @@ contains
       call file%reals('simulated_modulus_gpa', simulations%modulus)
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
-      if (size(constants) /= k*n .or. size(euler_deg) /= 3*n) then
+      if (size(constants) /= size(simulations%constants, 1)*n .or. size(euler_deg) /= 3*n) then
          call file%fail('the simulations have '//to_text(size(constants))//' constants, '//to_text(size(euler_deg)) &
             & //' angles and '//to_text(n)//' moduli')
          return
       end if
-      simulations%constants = reshape(constants, [k, n])
+      simulations%constants = reshape(constants, [n_constants, n])
       simulations%euler_deg = reshape(euler_deg, [3, n])
       if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
    end subroutine exchange_simulations

@@ -98,13 +98,13 @@ contains
                row(3) = row(4)
             end if
             if (way == directions .or. way == four_directions) then
-               v = lattice%direction(row(:3))
+               v = matmul(lattice%edges, row(:3))
             else
-               v = lattice%normal(row(:3))
+               v = matmul(lattice%normals, row(:3))
             end if
          end if
          if (allocated(error)) return
-         euler_deg(:, i) = angles_of_direction(v)
+         euler_deg(:, i) = angles_of_direction(v/norm2(v))
       end do
    end subroutine read_directions
 

@@ -377,7 +377,7 @@ contains
       call check_damage(whole, 'coefficients 20', 'coefficients 999999', 'cannot have 999999 values', '')
       call check_damage(whole, 'covariance 210', 'covariance 7', 'too short or too long', '')
       call check_damage(whole, 'covariance 210'//newline, 'covariance 210'//newline//'-', 'variance of coefficient 1', '')
-      call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', 'are not those of a hexagonal crystal', '')
+      call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', 'cubic crystals are no hexagonal ones', '')
       call check_damage(whole, 'symmetry cubic', 'symmetry wood', 'wood', '')
       call check_damage(whole, 'bandlimit 4', 'bandlimit 6', '20 coefficients and 210 covariances', '')
       call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')
