@@ -9,7 +9,6 @@ module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
-   use labelled_values, only: labelled_values_type
    use warning_lists, only: warning_type
    implicit none
    private
@@ -18,16 +17,11 @@ module named_values
    integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
 
    !> Values that are written one after the other.
-   type, extends(labelled_values_type) :: named_values_type
+   type :: named_values_type
       !> What was written, in its first `filled` bytes.
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
-      procedure :: text => visit_text
-      procedure :: lines => visit_text
-      procedure :: integer => visit_integer
-      procedure :: real => visit_real
-      procedure :: reals => visit_reals
       procedure, private :: put_text
       procedure, private :: put_texts
       procedure, private :: put_integer
@@ -98,6 +92,7 @@ contains
       padded = unit_bytes*((n + unit_bytes - 1)/unit_bytes)
    end function padded
 
+   !> The text `value`.
    subroutine put_text(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -106,7 +101,7 @@ contains
       call append(self, name, 't', [integer ::], len(value, i8), c_loc(value))
    end subroutine put_text
 
-   !> Texts of a list.
+   !> Texts of a list, `value`.
    subroutine put_texts(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -123,6 +118,7 @@ contains
       call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
    end subroutine put_texts
 
+   !> The integer `value`.
    subroutine put_integer(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -131,7 +127,7 @@ contains
       call put_bits(self, name, 'i', int(value, i8))
    end subroutine put_integer
 
-   !> Integers of an array of any shape.
+   !> Integers, `values`, of an array of any shape.
    subroutine put_integers(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -142,6 +138,7 @@ contains
       call append(self, name, 'i', shape, size(bits)*8_i8, c_loc(bits))
    end subroutine put_integers
 
+   !> The logical `value`.
    subroutine put_logical(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -159,6 +156,7 @@ contains
       call append(self, name, kind, [integer ::], 8_i8, c_loc(bits))
    end subroutine put_bits
 
+   !> The real `value`.
    subroutine put_real(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -167,7 +165,7 @@ contains
       call append(self, name, 'r', [integer ::], 8_i8, c_loc(value))
    end subroutine put_real
 
-   !> Reals of an array of any shape.
+   !> Reals, `values`, of an array of any shape.
    subroutine put_array(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -176,38 +174,6 @@ contains
 
       call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
-
-   subroutine visit_text(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      character(len=:), allocatable, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_text
-
-   subroutine visit_integer(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      integer, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_integer
-
-   subroutine visit_real(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_real
-
-   subroutine visit_reals(self, label, values)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), allocatable, intent(inout) :: values(:)
-
-      call self%put_array(label, values, shape(values))
-   end subroutine visit_reals
 
    !> Read from the bytes of `content`, which stays where it is.
    subroutine look_at(self, content)

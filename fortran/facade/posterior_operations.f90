@@ -8,7 +8,7 @@ module posterior_operations
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: write_extraction
-   use extraction_values, only: put_extraction
+   use posterior_file, only: put_extraction
    use interruption, only: listen, stop_listening
    use kinds, only: degree, wp
    use next_grains, only: next_document

@@ -12,13 +12,14 @@ module problem_operations
    use problem, only: problem_type
    use problem_input, only: problem_of_text, read_problem
    use settings_groups, only: settings_type
-   use settings_lists, only: new_schema, schema_type
+   use settings_output, only: put_settings
    use settings_reader, only: read_settings
-   use settings_values, only: put_settings
-   use settings_visitor, only: allowed_in_words, kind_names
+   use settings_schema, only: listed_settings => list_settings
+   use settings_list, only: allowed_in_words, kind_names, settings_list_type
    use simulate, only: simulation_error
    use stages, only: all_stages, run_command, stage_row_type
    use tables, only: table_type, write_table
+   use text, only: join
    use truncation_scan, only: read_scan
    use warning_lists, only: warn, warning_type
    implicit none
@@ -140,7 +141,7 @@ contains
          call out%put('resolved', self%resolved_text())
          call out%put('warnings', self%warnings)
          call out%put('groups', self%groups)
-         call out%put('stages', self%stages)
+         call out%put('stages', join(self%stages, ' '))
          call read_scan(self%settings%surrogate%scan, pairs, error)
          call out%put_integers('scan', pairs, shape(pairs))
          call out%put('physics', identity_text(self%settings))
@@ -261,17 +262,18 @@ contains
    subroutine list_settings(out)
       type(named_values_type), intent(inout) :: out
       character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
-      type(schema_type) :: schema
+      type(settings_list_type) :: schema
+      type(settings_type) :: unset
       type(stage_row_type) :: stage
       type(warning_type), allocatable :: list(:)
       integer :: i
 
-      schema = new_schema(all_choices())
+      schema = listed_settings(unset, all_choices())
       allocate (list(9*size(schema%variables)))
       do i = 1, size(schema%variables)
          associate (v => schema%variables(i), row => list(9*i - 8:9*i))
             row(1)%text = v%group
-            row(2)%text = schema%groups(schema%find_group(v%group))%meaning
+            row(2)%text = schema%groups(v%group_number)%meaning
             row(3)%text = v%name
             row(4)%text = trim(kind_names(v%kind))
             row(5)%text = trim(shapes(v%shape))

@@ -8,7 +8,7 @@ module stage_operations
    use interruption, only: listen, stop_listening
    use kinds, only: wp
    use problem, only: problem_type
-   use settings_lists, only: settings_namelist
+   use settings_output, only: settings_namelist
    use simulate, only: outcome_done, outcome_failed, outcome_type
    use stages, only: new_stage
    use surrogate_operations, only: places_of
@@ -153,7 +153,7 @@ contains
 
       call stage%look_ahead(int(x%in%integer('count')), numbers, error)
       if (allocated(error)) return
-      associate (class => stage%build%learning%learner%basis%domain%class, candidates => stage%build%candidates)
+      associate (class => stage%learning%learner%basis%domain%class, candidates => stage%candidates)
          allocate (names(class%n_constants), rows(class%n_constants + 3, size(numbers)))
          do i = 1, size(names)
             names(i)%text = trim(class%constants(i))
@@ -163,6 +163,6 @@ contains
       end associate
       call x%out%put('constants', names)
       call x%out%put_array('rows', rows, shape(rows))
-      call x%out%put('warnings', stage%build%warnings)
+      call x%out%put('warnings', stage%warnings)
    end subroutine look_ahead
 end module stage_operations

@@ -7,6 +7,7 @@ module surrogate_operations
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_bad_input, raise
    use exchange, only: exchange_type
+   use labelled_values, only: labelled_values_type
    use kinds, only: degree, wp
    use parallelism, only: thread_count
    use problem, only: problem_type
@@ -152,12 +153,15 @@ contains
       type(exchange_type), intent(inout) :: x
       type(error_type), allocatable, intent(out) :: error
       type(problem_type), pointer :: problem
+      type(labelled_values_type) :: list
       real(wp), pointer :: c(:, :, :)
       real(wp), allocatable :: found(:, :)
 
       select case (verb)
       case ('describe')
-         call exchange_surrogate(surrogate, x%out)
+         allocate (list%named, source=x%out)
+         call exchange_surrogate(surrogate, list)
+         x%out = list%named
       case ('basis')
          call give_basis(surrogate%basis, x)
       case ('save')

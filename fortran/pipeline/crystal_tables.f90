@@ -14,12 +14,10 @@ module crystal_tables
    use problem, only: problem_type
    use simulate, only: outcome_done
    use tables, only: write_table
-   use text, only: split_list, to_text
+   use text, only: newline, split_list, to_text
    implicit none
    private
    public :: write_moduli, write_curves, begin_crystal, put_outcome
-
-   character, parameter :: newline = achar(10)
 
 contains
 

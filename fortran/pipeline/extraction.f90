@@ -4,7 +4,8 @@ module extraction
    use errors, only: error_type
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
-   use kinds, only: i8, wp
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: degree, i8, wp
    use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
@@ -16,7 +17,6 @@ module extraction
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use size_diagnostics, only: mean_correction
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
    implicit none
@@ -134,6 +134,25 @@ contains
          self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_grains
       end do
    end subroutine describe_surrogate
+
+   !> How far the simulations of a surrogate are from the theory on average, relative.
+   real(wp) function mean_correction(surrogate)
+      type(surrogate_type), intent(in) :: surrogate
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      integer :: i, n
+
+      mean_correction = 0.0_wp
+      n = size(surrogate%simulations%modulus)
+      do i = 1, n
+         associate (simulations => surrogate%simulations)
+            call halfspace_modulus(surrogate%basis%domain%class%stiffness(simulations%constants(:, i)), &
+               & simulations%euler_deg(:, i)*degree, theory, error)
+            if (allocated(error)) cycle
+            mean_correction = mean_correction + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
+         end associate
+      end do
+   end function mean_correction
 
    !> What theory alone would say, without the correction of the specimen.
    subroutine compare_theory(problem, self, error)

@@ -4,13 +4,13 @@ module extraction_document
    use extraction, only: extraction_type
    use json, only: json_type
    use kinds, only: wp
-   use posterior_diagnostics, only: check_extraction, powers_text
-   use prior_text, only: describe_prior
+   use posterior_diagnostics, only: check_extraction, known_text, powers_text
    use problem, only: problem_type
-   use warning_lists, only: warning_type
+   use text, only: fixed, join, to_text
+   use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: write_extraction
+   public :: write_extraction, describe_prior
 
 contains
 
@@ -29,7 +29,7 @@ contains
       if (size(found%theory_mean) > 0) then
          call document%begin_object('theory_alone')
          do i = 1, size(found%theory_mean)
-            call put_numbers(document, ['mean', 'sd  '], [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
+            call document%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
          end do
          call document%end_object()
       end if
@@ -44,15 +44,14 @@ contains
       call document%begin_object('checks')
       associate (checks => found%checks)
          call document%put('draws', size(checks%log_prior))
-         call put_numbers(document, ['mean', 'p   '], [checks%chi_square, checks%chi_square_p], 'chi_square')
+         call document%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
          call document%begin_object('extreme_grain')
          call document%put('grain', checks%extreme_grain)
-         call put_numbers(document, ['residual_sd', 'p          '], [checks%extreme_residual, checks%extreme_p])
+         call document%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
          call document%end_object()
       end associate
       call document%end_object()
-      if (allocated(found%evidence)) call put_numbers(document, ['log_z', 'sd   '], &
-         & [found%evidence%log_z, found%evidence%sd], 'evidence')
+      if (allocated(found%evidence)) call document%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
       call write_changes(document, found)
       if (found%field_degree > 0) then
          call document%begin_object('theory')
@@ -72,21 +71,6 @@ contains
       text = document%text()
    end function write_extraction
 
-   !> A number for each name, in the object that is open or in one of their own.
-   subroutine put_numbers(document, names, values, key)
-      type(json_type), intent(inout) :: document
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: values(:)
-      character(len=*), intent(in), optional :: key
-      integer :: i
-
-      if (present(key)) call document%begin_object(key)
-      do i = 1, size(values)
-         call document%put(trim(names(i)), values(i))
-      end do
-      if (present(key)) call document%end_object()
-   end subroutine put_numbers
-
    subroutine write_parameters(document, found)
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
@@ -94,18 +78,12 @@ contains
 
       call document%begin_object('parameters')
       do i = 1, size(found%names)
-         associate (parameter => found%parameters(i))
+         associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
             call document%begin_object(trim(found%names(i)))
-            call put_numbers(document, ['mean', 'sd  '], [parameter%mean, parameter%sd])
-            if (found%determined(i)) then
-               call document%put('map', found%most_probable(i))
-            else
-               call document%put_null('map')
-            end if
+            call document%put_numbers('mean, sd', [parameter%mean, parameter%sd])
+            call document%put_if(found%determined(i), 'map', found%most_probable(i))
             call document%put('hdi_95', parameter%hdi_95)
-            associate (d => parameter%diagnostics)
-               call put_numbers(document, ['ess_bulk', 'ess_tail', 'r_hat   '], [d%ess_bulk, d%ess_tail, d%r_hat])
-            end associate
+            call document%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
             call document%end_object()
          end associate
       end do
@@ -122,8 +100,8 @@ contains
       associate (table => problem%measurements)
          do i = 1, found%posterior%n_grains
             call document%begin_object()
-            call put_numbers(document, ['mean       ', 'sd         ', 'measured   ', 'measured_sd'], [found%predicted_mean(i), &
-               & found%predicted_sd(i), found%posterior%measured(i), found%posterior%sd(i)])
+            call document%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
+               & found%posterior%measured(i), found%posterior%sd(i)])
             call document%put('euler_deg', table%euler_deg(:, i))
             if (table%named_by > 0) call document%put('grain', table%name(i))
             if (allocated(table%tests)) then
@@ -141,16 +119,18 @@ contains
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
       !> Of a quantity, and some of a combination.
-      character(len=11), parameter :: in_both(*) = [character(len=11) :: 'mean', 'sd', 'prior_mean', 'prior_sd', 'contraction']
+      character(len=*), parameter :: in_both = 'mean, sd, prior_mean, prior_sd, contraction'
+      character(len=:), allocatable :: names
       integer :: i
 
+      names = join(found%names, ', ')
       call document%begin_array('identifiability')
       do i = 1, size(found%combinations)
-         associate (combination => found%combinations(i), names => found%names(:size(found%combinations)))
-            call begin('combination', powers_text(names, combination%exponents))
-            call put_numbers(document, names, combination%exponents, 'exponents')
-            call put_numbers(document, names, combination%correlations, 'correlations')
-            call put_numbers(document, in_both([2, 4, 5]), [combination%sd, combination%prior_sd, combination%contraction])
+         associate (combination => found%combinations(i))
+            call begin('combination', powers_text(found%names(:size(found%combinations)), combination%exponents))
+            call document%put_numbers(names, combination%exponents, 'exponents')
+            call document%put_numbers(names, combination%correlations, 'correlations')
+            call document%put_numbers('sd, prior_sd, contraction', [combination%sd, combination%prior_sd, combination%contraction])
             call document%end_object()
          end associate
       end do
@@ -158,14 +138,14 @@ contains
          associate (known => found%known(i))
             call begin('quantity', found%quantities(i)%name)
             call document%put('unit', found%quantities(i)%unit)
-            call put_numbers(document, in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd, known%contraction])
+            call document%put_numbers(in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd, known%contraction])
             call document%end_object()
          end associate
       end do
       do i = 1, size(found%gains)
          call begin('knowledge', trim(found%gains(i)%name))
          call document%put('relative_sd', found%gains(i)%relative_sd)
-         call put_numbers(document, found%names, found%gains(i)%sd_then, 'sd_then')
+         call document%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
          call document%end_object()
       end do
       call document%end_array()
@@ -194,12 +174,12 @@ contains
             call document%put('name', trim(change%name))
             if (change%name /= 'measure') then
                call document%put('side', merge('upper', 'lower', change%is_upper))
-               call put_numbers(document, ['from', 'to  '], [change%from, change%to])
+               call document%put_numbers('from, to', [change%from, change%to])
             end if
             call document%put('exact', change%exact)
             call document%put('effective_draws', change%effective)
-            call put_numbers(document, found%names, change%shift, 'shift_sd')
-            call put_numbers(document, found%names, change%sd_ratio, 'sd_ratio')
+            call document%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
+            call document%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
             call document%end_object()
          end associate
       end do
@@ -220,8 +200,7 @@ contains
             call document%begin_object()
             call document%put('name', known%quantities(j)%name)
             call document%put('unit', known%quantities(j)%unit)
-            call put_numbers(document, ['mean       ', 'sd         ', 'conflict_sd'], &
-               & [known%mean(j), sd(j), found%conflict%of_quantity(j)])
+            call document%put_numbers('mean, sd, conflict_sd', [known%mean(j), sd(j), found%conflict%of_quantity(j)])
             call document%end_object()
          end do
          call document%end_array()
@@ -241,26 +220,67 @@ contains
          if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
       end do
       call document%end_object()
-      call put_limit('anisotropy_cap', [prior%anisotropy_cap], prior%anisotropy_cap < huge(1.0_wp))
-      call put_limit('log_anisotropy_max', [prior%log_anisotropy_max], prior%log_anisotropy_max < huge(1.0_wp))
-      call put_limit('poisson', prior%poisson, .not. prior%has_box)
-      call put_limit('young_gpa', prior%young, .not. prior%has_box)
+      call document%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
+      call document%put_if(prior%log_anisotropy_max < huge(1.0_wp), 'log_anisotropy_max', prior%log_anisotropy_max)
+      if (prior%has_box) then
+         call document%put_null('poisson')
+         call document%put_null('young_gpa')
+      else
+         call document%put('poisson', prior%poisson)
+         call document%put('young_gpa', prior%young)
+      end if
       call document%put('share_covered', prior%share_inside)
-
-   contains
-
-      subroutine put_limit(key, limits, there)
-         character(len=*), intent(in) :: key
-         real(wp), intent(in) :: limits(:)
-         logical, intent(in) :: there
-
-         if (.not. there) then
-            call document%put_null(key)
-         else if (size(limits) == 1) then
-            call document%put(key, limits(1))
-         else
-            call document%put(key, limits)
-         end if
-      end subroutine put_limit
    end subroutine write_limits
+
+   !> The prior that was in effect, and the surrogate, in a few lines for people: measure and limits; bounds; what is known; the surrogate;
+   !> the evidence, which depends on all of these.
+   subroutine describe_prior(found, lines)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(out) :: lines(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      allocate (lines(0))
+      associate (prior => found%posterior%prior)
+         line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+         if (.not. prior%has_box) line = line//', Poisson''s ratio (Hill) '//to_text(prior%poisson(1))//' .. ' &
+            & //to_text(prior%poisson(2))//', Young''s modulus (Hill) '//fixed(prior%young(1), 0)//' .. ' &
+            & //fixed(prior%young(2), 0)//' GPa'
+         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
+            & //to_text(prior%anisotropy_cap)
+         if (prior%log_anisotropy_max < huge(prior%log_anisotropy_max)) line = line//', log-anisotropy up to ' &
+            & //to_text(prior%log_anisotropy_max)
+         call warn(lines, line)
+         line = ''
+         do j = 1, prior%n_constants
+            if (prior%is_stated(j)) line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
+               & //to_text(prior%upper(j))
+         end do
+         if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+         line = ''
+         do j = 1, size(prior%knowledge%mean)
+            line = line//', '//known_text(prior%knowledge, j)
+         end do
+         if (len(line) > 0) call warn(lines, 'known: '//line(3:))
+      end associate
+      call warn(lines, 'surrogate: '//surrogate_text(found))
+      if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
+         & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
+         & //'where the data decide, a prior twice as wide has a log Z that is lower by 0.69')
+   end subroutine describe_prior
+
+   function surrogate_text(found) result(text)
+      type(extraction_type), intent(in) :: found
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (found%field_degree > 0) text = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      if (found%simulations == 0) return
+      if (len(text) > 0) text = text//'; times what was learnt from '
+      text = text//to_text(found%simulations)//' simulations'
+      if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
+      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+         & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
+   end function surrogate_text
 end module extraction_document

@@ -2,6 +2,7 @@
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
+   use labelled_values, only: labelled_values_type
    use named_values, only: named_values_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
@@ -54,18 +55,18 @@ contains
       class(basis_type), intent(inout) :: basis
       type(named_values_type), intent(inout) :: visitor
       integer :: directional(basis%n_terms), polynomial(basis%n_terms)
-      real(wp), allocatable :: values(:)
+      type(labelled_values_type) :: list
 
-      call visitor%text('model', basis%settings%model)
-      call exchange_domain(basis%domain, visitor)
-      call basis%exchange(visitor)
-      call visitor%integer('n_terms', basis%n_terms)
-      call visitor%real('least_noise', basis%least_noise)
+      call visitor%put('model', basis%settings%model)
+      allocate (list%named, source=visitor)
+      call exchange_domain(basis%domain, list)
+      call basis%exchange(list)
+      visitor = list%named
+      call visitor%put('n_terms', basis%n_terms)
+      call visitor%put('least_noise', basis%least_noise)
       call visitor%put('logarithmic', basis%logarithmic)
       call basis%term_degrees(directional, polynomial)
-      values = directional
-      call visitor%reals('directional_degrees', values)
-      values = polynomial
-      call visitor%reals('polynomial_degrees', values)
+      call visitor%put_array('directional_degrees', real(directional, wp), shape(directional))
+      call visitor%put_array('polynomial_degrees', real(polynomial, wp), shape(polynomial))
    end subroutine describe_basis
 end module bases
