@@ -30,10 +30,11 @@ module named_values
       procedure :: reals => visit_reals
       procedure, private :: put_text
       procedure, private :: put_texts
+      procedure, private :: put_words
       procedure, private :: put_integer
       procedure, private :: put_logical
       procedure, private :: put_real
-      generic :: put => put_text, put_texts, put_integer, put_logical, put_real
+      generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real
       procedure :: put_array
       procedure :: put_integers
    end type named_values_type
@@ -122,6 +123,19 @@ contains
       end do
       call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
    end subroutine put_texts
+
+   !> Texts of a list, each without the blanks at its end.
+   subroutine put_words(self, name, words)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, words(:)
+      type(warning_type) :: list(size(words))
+      integer :: i
+
+      do i = 1, size(words)
+         list(i)%text = trim(words(i))
+      end do
+      call self%put(name, list)
+   end subroutine put_words
 
    subroutine put_integer(self, name, value)
       class(named_values_type), intent(inout) :: self
@@ -254,7 +268,7 @@ contains
       has = associated(content)
    end function has
 
-   integer(i8) function integer_of(self, name) result(value)
+   integer function integer_of(self, name) result(value)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character(kind=c_char), pointer :: content(:)
@@ -263,7 +277,7 @@ contains
       call find(self, name, kind, content)
       value = 0
       if (kind == 'i' .or. kind == 'b') then
-         value = transfer(content, value)
+         value = int(transfer(content, 0_i8))
       else
          call raise(self%error, 'the integer '''//name//''' is missing', exit_bad_input)
       end if

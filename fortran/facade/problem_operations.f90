@@ -1,5 +1,6 @@
 !> Problems: namelists, their settings and tables; and what there is to be set.
 module problem_operations
+   use campaign_import, only: import_table
    use choices, only: all_choices
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
@@ -10,7 +11,6 @@ module problem_operations
    use physics_identity, only: identity_text
    use point_tables, only: points_type, read_crystals
    use problem, only: problem_type
-   use problem_input, only: problem_of_text, read_problem
    use settings_groups, only: settings_type
    use settings_lists, only: new_schema, schema_type
    use settings_reader, only: read_settings
@@ -23,105 +23,63 @@ module problem_operations
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: perform_problem
+   public :: list_settings, read_table_alone, read_values, use_problem
 
 contains
 
-   subroutine perform_problem(verb, object, x, error)
-      character(len=*), intent(in) :: verb
-      !> A problem; not associated: one is to be made, or all settings are wanted.
-      class(*), pointer, intent(in) :: object
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(problem_type), pointer :: self
-      class(*), pointer :: made
-
-      if (associated(object)) then
-         select type (object)
-         type is (problem_type)
-            call use_problem(verb, object, x, error)
-         end select
-         return
-      else if (verb == 'list') then
-         call list_settings(x%out)
-         return
-      else if (verb == 'values') then
-         call read_values(x, error)
-         return
-      end if
-      allocate (self)
-      call x%give(self, 'problem')
-      select case (verb)
-      case ('read')
-         call read_problem(x%in%text('path'), x%in%text('command'), self, error)
-      case ('parse')
-         call problem_of_text(x%in%text('path'), x%in%text('content'), self, error)
-      case ('table')
-         call read_table_alone(self, x, error)
-      case default
-         call x%refuse(verb, error)
-      end select
-   end subroutine perform_problem
-
    !> The settings of a namelist's text, without the tables that it names.
-   subroutine read_values(x, error)
+   subroutine read_values(x)
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(namelist_file_type) :: namelist
       type(settings_type) :: settings
 
-      call parse_namelist(x%in%text('path'), x%in%text('content'), namelist, error)
-      if (.not. allocated(error)) call read_settings(x%in%text('path'), namelist, '', '', all_choices(), settings, error)
-      if (.not. allocated(error)) call put_settings(settings, x%out)
+      call parse_namelist(x%in%text('path'), x%in%text('content'), namelist, x%error)
+      if (.not. allocated(x%error)) call read_settings(x%in%text('path'), namelist, '', '', all_choices(), settings, x%error)
+      if (.not. allocated(x%error)) call put_settings(settings, x%out)
    end subroutine read_values
 
    !> The crystals of a table alone, which has no settings; `symmetry`: of the rows that do not say theirs.
-   subroutine read_table_alone(self, x, error)
+   subroutine read_table_alone(self, x)
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: class
       character(len=:), allocatable :: path
 
       path = x%in%text('path')
       allocate (self%crystals)
-      call new_crystal_class(x%in%text('symmetry'), class, error)
-      if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
+      call new_crystal_class(x%in%text('symmetry'), class, x%error)
+      if (.not. allocated(x%error)) call read_crystals(path, path//': ', class, self%crystals, x%error)
    end subroutine read_table_alone
 
-   subroutine use_problem(verb, self, x, error)
+   subroutine use_problem(verb, self, x)
       character(len=*), intent(in) :: verb
       type(problem_type), intent(inout) :: self
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       real(wp), pointer :: c(:, :, :)
-      real(wp), allocatable :: values(:)
-      character(len=:), allocatable :: warning
 
       select case (verb)
       case ('describe')
          call describe_problem(self, x%out)
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
-      case ('cells')
-         call give_cells(self, x%in%text('table'), x%out)
       case ('set_table')
          ! A table that is no file: a page of CSV.
-         call self%set_table(x%in%text('table'), x%in%text('page'), error)
+         call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
-            & x%in%columns('values', self%crystals%n), error)
+            & x%in%columns('values', self%crystals%n), x%error)
+      case ('import')
+         ! Their moduli, into the campaign of another problem.
+         call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
       case ('mesh_error')
          ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
          ! instability.
          c => x%in%matrices('stiffness')
-         allocate (values(size(c, 3)))
-         call simulation_error(self%settings, c, values, warning)
-         call x%out%put_array('largest', values, shape(values))
-         call x%out%put('warning', warning)
+         allocate (x%values(size(c, 3), 1))
+         call simulation_error(self%settings, c, x%values(:, 1), x%text)
       case default
-         call x%refuse(verb, error)
+         call x%refuse(verb)
       end select
    end subroutine use_problem
 
@@ -205,13 +163,15 @@ contains
       call out%put(name//'.names', names)
    end subroutine describe_points
 
-   !> The numbers of a column of a table.
+   !> The numbers of a column of a table, or its 'cells'.
    subroutine give_column(points, name, out)
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
       type(named_values_type), intent(inout) :: out
 
       select case (name)
+      case ('cells')
+         call put_cells('cells', points%table, out)
       case ('euler_deg')
          call out%put_array('values', points%euler_deg, shape(points%euler_deg))
       case ('modulus_gpa')
@@ -226,17 +186,6 @@ contains
          call out%put_integers('values', points%class, [points%n])
       end select
    end subroutine give_column
-
-   !> The cells of a table of a problem.
-   subroutine give_cells(self, name, out)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: name
-      type(named_values_type), intent(inout) :: out
-      type(points_type), pointer :: points
-
-      points => points_of(self, name)
-      call put_cells('cells', points%table, out)
-   end subroutine give_cells
 
    !> The cells of a table row by row, the header first.
    subroutine put_cells(name, table, out)
@@ -261,8 +210,8 @@ contains
    subroutine list_settings(out)
       type(named_values_type), intent(inout) :: out
       character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
+      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
       type(schema_type) :: schema
-      type(stage_row_type) :: stage
       type(warning_type), allocatable :: list(:)
       integer :: i
 
@@ -282,16 +231,7 @@ contains
          end associate
       end do
       call out%put('schema', list)
-      deallocate (list)
-      do i = 0, size(all_stages)
-         stage = run_command
-         if (i > 0) stage = all_stages(i)
-         call warn(list, trim(stage%name))
-         call warn(list, trim(stage%groups))
-         call warn(list, trim(stage%document))
-         call warn(list, trim(stage%summary))
-         call warn(list, trim(stage%description))
-      end do
-      call out%put('stages', list)
+      call out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
+         & rows(i)%summary, rows(i)%description, i=1, size(rows))])
    end subroutine list_settings
 end module problem_operations

@@ -1,18 +1,15 @@
 !> Simulators of a problem, and its finite element model. Stiffnesses in crystal axes, GPa; angles in degrees.
 module simulation_operations
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: error_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
-   use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
+   use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
-   use namelist_file, only: place
-   use problem, only: problem_type
-   use simulate, only: new_simulator, outcome_failed, outcome_type, simulator_type
+   use simulate, only: outcome_failed, outcome_type, simulator_type
    implicit none
    private
-   public :: perform_simulation
+   public :: held_simulator_type, run_simulator, use_model
 
    type :: held_simulator_type
       type(simulator_type), allocatable :: simulator
@@ -20,49 +17,14 @@ module simulation_operations
 
 contains
 
-   subroutine perform_simulation(verb, object, x, error)
-      character(len=*), intent(in) :: verb
-      !> A model or a simulator; not associated: the `verb` says which is made of a problem.
-      class(*), pointer, intent(in) :: object
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(indentation_model_type), pointer :: model
-      type(held_simulator_type), pointer :: held
-      type(problem_type), pointer :: problem
-      class(*), pointer :: made
-
-      if (associated(object)) then
-         select type (object)
-         type is (indentation_model_type)
-            call use_model(verb, object, x, error)
-         type is (held_simulator_type)
-            call run_simulator(object%simulator, x, error)
-         end select
-         return
-      end if
-      problem => x%problem(error)
-      if (allocated(error)) return
-      if (verb == 'new_model') then
-         allocate (model)
-         call x%give(model, 'indentation')
-         call new_indentation_model(problem%settings, model, error)
-      else
-         allocate (held)
-         call x%give(held, 'simulator')
-         call new_simulator(problem%settings, held%simulator, error)
-      end if
-      if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
-   end subroutine perform_simulation
-
    !> Simulate one crystal: what became of it.
-   subroutine run_simulator(simulator, x, error)
+   subroutine run_simulator(simulator, x)
       type(simulator_type), intent(in) :: simulator
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(outcome_type) :: outcome
 
-      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), outcome, error)
-      if (allocated(error)) return
+      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), outcome, x%error)
+      if (allocated(x%error)) return
       call x%out%put('seconds', outcome%seconds)
       if (outcome%status == outcome_failed) then
          call x%out%put('message', outcome%message)
@@ -75,24 +37,27 @@ contains
       call x%out%put_array('force_mn', outcome%force, shape(outcome%force))
    end subroutine run_simulator
 
-   subroutine use_model(verb, model, x, error)
+   subroutine use_model(verb, model, x)
       character(len=*), intent(in) :: verb
       type(indentation_model_type), intent(in) :: model
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(indentation_result_type) :: result
       real(wp), allocatable :: c(:, :, :)
       real(wp) :: stiffness(6, 6), euler(3)
 
-      if (verb == 'describe') call describe_model(model, x%out)
-      if (verb == 'mesh') call put_mesh(model, x%out)
-      if (.not. x%in%has('stiffness')) return
-      stiffness = x%in%columns('stiffness', 6)
-      euler = degree*x%in%reals('euler_deg')
+      if (x%in%has('stiffness')) then
+         stiffness = x%in%columns('stiffness', 6)
+         euler = degree*x%in%reals('euler_deg')
+         c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
+      end if
       select case (verb)
+      case ('describe')
+         call describe_model(model, x%out)
+      case ('mesh')
+         call put_mesh(model, x%out)
       case ('run')
-         call simulate_indentation(model, stiffness, euler, result, error)
-         if (allocated(error)) return
+         call simulate_indentation(model, stiffness, euler, result, x%error)
+         if (allocated(x%error)) return
          call x%out%put('indentation_modulus_gpa', result%modulus)
          call x%out%put_array('depth_um', result%depth, shape(result%depth))
          call x%out%put_array('force_mn', result%force, shape(result%depth))
@@ -107,26 +72,24 @@ contains
          call x%out%put('contact_residual', result%contact_residual)
          call x%out%put('equilibrium_residual', result%equilibrium_residual)
       case ('fields')
-         call simulate_indentation(model, stiffness, euler, result, error, int(x%in%integer('step')))
-         if (.not. allocated(error)) call put_fields(model, stiffness, euler, result%displacement, x%out)
+         call simulate_indentation(model, stiffness, euler, result, x%error, x%in%integer('step'))
+         if (.not. allocated(x%error)) call put_fields(model, c, result%displacement, x%out)
       case ('stiffness')
-         c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
          call put_infinite(model, c, x%out)
       case default
-         call x%refuse(verb, error)
+         call x%refuse(verb)
       end select
    end subroutine use_model
 
    !> Displacement of the nodes (um) and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh.
-   subroutine put_fields(model, stiffness, euler, displacement, out)
+   subroutine put_fields(model, c, displacement, out)
       type(indentation_model_type), intent(in) :: model
-      !> GPa; radians; um (3, nodes).
-      real(wp), intent(in) :: stiffness(6, 6), euler(3), displacement(:, :)
+      !> In the axes of the sample, GPa (6, 6, material); um (3, nodes).
+      real(wp), intent(in) :: c(:, :, :), displacement(:, :)
       type(named_values_type), intent(inout) :: out
-      real(wp), allocatable :: c(:, :, :), stress(:, :)
+      real(wp), allocatable :: stress(:, :)
       integer :: i
 
-      c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
       associate (mesh => model%grid(1)%mesh)
          allocate (stress(6, size(mesh%brick, 2)))
          do i = 1, size(stress, 2)

@@ -122,7 +122,7 @@ class Indentation(NativeObject):
         return self
 
     def _set_up(self, problem: Problem) -> None:
-        self._hold(call("indentation.new_model", problem=problem.handle)["handle"], frozen=False)
+        self._hold(call("indentation.new", problem=problem.handle)["handle"], frozen=False)
         #: The variables of all groups: `settings.indenter.shape`.
         self._problem, self.settings = problem, problem.settings
         self.__dict__.update(self._call("describe"))
@@ -249,4 +249,4 @@ def by_group(settings: dict) -> dict:
 def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:
     """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
     found = problem._call("mesh_error", stiffness=stiffness)
-    return found["largest"], found["warning"]
+    return found["values"][0], found["text"]

@@ -66,4 +66,4 @@ class Posterior(NativeObject):
 
     def suggest(self, problem: Problem, draws: ArrayLike) -> dict:
         """The document of `next` for the problem's `&next`, from draws (n, dimension) of the posterior."""
-        return json.loads(self._call("next", problem=problem.handle, draws=np.atleast_2d(draws))["document"])
+        return json.loads(self._call("next", problem=problem.handle, points=np.atleast_2d(draws))["text"])

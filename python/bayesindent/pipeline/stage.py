@@ -104,7 +104,7 @@ class Stage(NativeObject):
 
     def close(self) -> dict:
         """Write the results; the document."""
-        return json.loads(self._call("close")["document"])
+        return json.loads(self._call("close")["text"])
 
 
 def run_stage(

@@ -111,7 +111,7 @@ class Points:
 
     @cached_property
     def _cells(self) -> list[list[str]]:
-        return _rows(self._problem._call("cells", table=self._table), "cells")
+        return _rows(self._problem._call("column", table=self._table, column="cells"), "cells")
 
     @property
     def columns(self) -> list[str]:
@@ -126,11 +126,6 @@ class Points:
     def constants_array(self) -> np.ndarray:
         """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
         return self._numbers("constants")[:, : len(constant_names(self.symmetry[0]))]
-
-    def predicted_by(self, surrogate: NativeObject, threads: int) -> tuple[np.ndarray, ...]:
-        """Of a surrogate: mean and sd (n,) in GPa, whether it covers each crystal (n,), and the scale (n,) in GPa of those that it does not."""
-        mean, sd, covered, scale = surrogate._call("predict_table", problem=self._problem.handle, threads=threads)["values"]
-        return mean, sd, covered.astype(bool), scale
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""

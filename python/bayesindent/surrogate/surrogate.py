@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
+from ..settings.problem import Points
 from ..surrogate.basis import Basis
 from ..surrogate.lookup import places
 
@@ -126,6 +127,13 @@ class Surrogate(NativeObject):
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]
         return modulus.reshape(shape), sd.reshape(shape)
+
+    def predict_table(self, points: Points, threads: int) -> tuple[np.ndarray, np.ndarray, str]:
+        """The same of the crystals of a table, and what is to be said of those outside, if there are any."""
+        crystals = {"problem": points.handle, "threads": threads}
+        _, covered, scale = self.basis._call("validity", **crystals)["values"]
+        modulus, sd = self._call("predict", **crystals)["values"]
+        return modulus, sd, self.outside_words(covered > 0, scale)
 
     def outside(self, stiffness: ArrayLike) -> np.ndarray:
         """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""
