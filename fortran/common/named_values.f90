@@ -3,13 +3,11 @@
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
 !> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
 !> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with
-!> the axes
-!> reversed.
+!> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
-   use labelled_values, only: labelled_values_type
    use warning_lists, only: warning_type
    implicit none
    private
@@ -18,16 +16,11 @@ module named_values
    integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
 
    !> Values that are written one after the other.
-   type, extends(labelled_values_type) :: named_values_type
+   type :: named_values_type
       !> What was written, in its first `filled` bytes.
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
-      procedure :: text => visit_text
-      procedure :: lines => visit_text
-      procedure :: integer => visit_integer
-      procedure :: real => visit_real
-      procedure :: reals => visit_reals
       procedure, private :: put_text
       procedure, private :: put_texts
       procedure, private :: put_words
@@ -190,38 +183,6 @@ contains
 
       call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
-
-   subroutine visit_text(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      character(len=:), allocatable, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_text
-
-   subroutine visit_integer(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      integer, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_integer
-
-   subroutine visit_real(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_real
-
-   subroutine visit_reals(self, label, values)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), allocatable, intent(inout) :: values(:)
-
-      call self%put_array(label, values, shape(values))
-   end subroutine visit_reals
 
    !> Read from the bytes of `content`, which stays where it is.
    subroutine look_at(self, content)

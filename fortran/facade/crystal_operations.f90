@@ -28,7 +28,9 @@ contains
       type(warning_type), allocatable :: names(:), units(:)
       type(quantity_type), allocatable :: quantities(:)
       real(wp), pointer :: given(:, :), c(:, :, :)
-      real(wp), allocatable :: stiffness(:, :, :)
+      type(measurements_settings_type) :: settings
+      class(observable_type), allocatable :: observable
+      real(wp), allocatable :: stiffness(:, :, :), slope(:)
       integer :: i
 
       if (x%in%has('symmetry')) call new_crystal_class(x%in%text('symmetry'), class, x%error)
@@ -89,7 +91,15 @@ contains
       case ('quantities')
          call evaluate(split_list(x%in%text('names')))
       case ('moduli_of_kind')
-         call give_kind(x)
+         ! Indentation moduli (GPa) as another kind.
+         settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
+         settings%indenter_nu = x%in%real('indenter_nu')
+         settings%sample_nu = x%in%real('sample_nu')
+         call new_observable(x%in%text('kind'), settings, observable, x%error)
+         if (allocated(x%error)) return
+         x%values = x%in%columns('moduli', 1)
+         slope = 0.0_wp*x%values(1, :) + 1.0_wp
+         call observable%from_simulation(x%values(1, :), slope)
       case default
          call x%refuse(verb)
       end select
@@ -109,22 +119,4 @@ contains
          end do
       end subroutine evaluate
    end subroutine perform_crystal
-
-   !> Indentation moduli (GPa) as another kind.
-   subroutine give_kind(x)
-      type(exchange_type), intent(inout) :: x
-      type(measurements_settings_type) :: settings
-      class(observable_type), allocatable :: observable
-      real(wp), allocatable :: values(:), slope(:)
-
-      settings%indenter_modulus_gpa = x%in%real('indenter_modulus_gpa')
-      settings%indenter_nu = x%in%real('indenter_nu')
-      settings%sample_nu = x%in%real('sample_nu')
-      call new_observable(x%in%text('kind'), settings, observable, x%error)
-      if (allocated(x%error)) return
-      values = x%in%reals('moduli')
-      slope = 0.0_wp*values + 1.0_wp
-      call observable%from_simulation(values, slope)
-      x%values = reshape(values, [size(values), 1])
-   end subroutine give_kind
 end module crystal_operations

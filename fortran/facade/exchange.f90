@@ -1,4 +1,4 @@
-!> What an operation takes and gives: named values, objects whose handles are among them, and an object that it made.
+!> What an operation takes and gives: named values, a problem whose handle is among them, and an object that it made.
 module exchange
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_loc
    use errors, only: error_type, exit_bad_input, raise
@@ -8,7 +8,6 @@ module exchange
    use parallelism, only: thread_count
    use problem, only: problem_type
    use surrogate_lookup, only: places_type
-   use surrogate_model, only: surrogate_type
    implicit none
    private
    public :: exchange_type
@@ -16,9 +15,8 @@ module exchange
    type :: exchange_type
       type(named_values_reader_type) :: in
       type(named_values_type) :: out
-      !> The objects whose handles are the values 'problem' and 'surrogate'.
+      !> Of the value 'problem', a handle.
       type(problem_type), pointer :: problem => null()
-      type(surrogate_type), pointer :: surrogate => null()
       !> An object of the heap that another language is to hold, and its kind.
       class(*), pointer :: made => null()
       character(len=:), allocatable :: kind
@@ -38,29 +36,19 @@ module exchange
 
 contains
 
-   !> Take the values of a `request`, and find the objects among them.
-   subroutine open(self, request, of_problem, of_surrogate)
+   !> Take the values of a `request`, and find the problem among them.
+   subroutine open(self, request)
       class(exchange_type), intent(inout) :: self
       integer(c_int64_t), intent(in), target, contiguous :: request(:)
-      !> Whether these are needed.
-      logical, intent(in) :: of_problem, of_surrogate
       class(*), pointer :: object
 
       call c_f_pointer(c_loc(request), self%in%bytes, [8*size(request, kind=i8)])
-      if (of_problem .or. self%in%has('problem')) then
-         call find_object(int(self%in%integer('problem'), i8), 'problem', object, self%error)
-         if (allocated(self%error)) return
-         select type (object)
-         type is (problem_type)
-            self%problem => object
-         end select
-      end if
-      if (.not. of_surrogate) return
-      call find_object(int(self%in%integer('surrogate'), i8), 'surrogate', object, self%error)
+      if (.not. self%in%has('problem')) return
+      call find_object(int(self%in%integer('problem'), i8), 'problem', object, self%error)
       if (allocated(self%error)) return
       select type (object)
-      type is (surrogate_type)
-         self%surrogate => object
+      type is (problem_type)
+         self%problem => object
       end select
    end subroutine open
 

@@ -1,60 +1,44 @@
 !> Problems: namelists, their settings and tables; and what there is to be set.
 module problem_operations
+   use abstract_basis, only: basis_type
+   use build_checks, only: basis_of_problem
    use campaign_import, only: import_table
    use choices, only: all_choices
-   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use exchange, only: exchange_type
+   use fe_indentation, only: indentation_model_type, new_indentation_model
    use kinds, only: wp
    use named_values, only: named_values_type
-   use namelist_file, only: namelist_file_type, parse_namelist
+   use namelist_file, only: place
    use physics_identity, only: identity_text
-   use point_tables, only: points_type, read_crystals
+   use point_tables, only: points_type
    use problem, only: problem_type
-   use settings_groups, only: settings_type
    use settings_lists, only: new_schema, schema_type
-   use settings_reader, only: read_settings
    use settings_values, only: put_settings
    use settings_visitor, only: allowed_in_words, kind_names
-   use simulate, only: simulation_error
-   use stages, only: all_stages, run_command, stage_row_type
+   use simulate, only: new_simulator, simulation_error
+   use simulation_operations, only: held_simulator_type
+   use stage_documents, only: begin_results
+   use stage_operations, only: held_stage_type
+   use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
+   use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use truncation_scan, only: read_scan
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: list_settings, read_table_alone, read_values, use_problem
+   public :: list_settings, use_problem
 
 contains
 
-   !> The settings of a namelist's text, without the tables that it names.
-   subroutine read_values(x)
-      type(exchange_type), intent(inout) :: x
-      type(namelist_file_type) :: namelist
-      type(settings_type) :: settings
-
-      call parse_namelist(x%in%text('path'), x%in%text('content'), namelist, x%error)
-      if (.not. allocated(x%error)) call read_settings(x%in%text('path'), namelist, '', '', all_choices(), settings, x%error)
-      if (.not. allocated(x%error)) call put_settings(settings, x%out)
-   end subroutine read_values
-
-   !> The crystals of a table alone, which has no settings; `symmetry`: of the rows that do not say theirs.
-   subroutine read_table_alone(self, x)
-      type(problem_type), intent(inout) :: self
-      type(exchange_type), intent(inout) :: x
-      type(crystal_class_type) :: class
-      character(len=:), allocatable :: path
-
-      path = x%in%text('path')
-      allocate (self%crystals)
-      call new_crystal_class(x%in%text('symmetry'), class, x%error)
-      if (.not. allocated(x%error)) call read_crystals(path, path//': ', class, self%crystals, x%error)
-   end subroutine read_table_alone
-
    subroutine use_problem(verb, self, x)
       character(len=*), intent(in) :: verb
-      type(problem_type), intent(inout) :: self
+      type(problem_type), intent(inout), target :: self
       type(exchange_type), intent(inout) :: x
+      type(indentation_model_type), pointer :: model
+      type(held_simulator_type), pointer :: simulator
+      type(held_stage_type), pointer :: stage
+      class(basis_type), allocatable :: basis
       real(wp), pointer :: c(:, :, :)
 
       select case (verb)
@@ -72,6 +56,29 @@ contains
       case ('import')
          ! Their moduli, into the campaign of another problem.
          call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
+      case ('begin_results')
+         call begin_results(self, x%in%text('groups'), x%places(), x%error)
+      case ('check_stages')
+         call check_stages(self, x%places(), x%error)
+      case ('indentation')
+         allocate (model)
+         call x%give(model, 'indentation')
+         call new_indentation_model(self%settings, model, x%error)
+         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+      case ('simulator')
+         allocate (simulator)
+         call x%give(simulator, 'simulator')
+         call new_simulator(self%settings, simulator%simulator, x%error)
+         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+      case ('basis')
+         call basis_of_problem(self, basis, x%error)
+         if (.not. allocated(x%error)) call give_basis(basis, x)
+      case ('stage')
+         allocate (stage)
+         call x%give(stage, 'stage')
+         call new_stage(x%in%text('name'), stage%stage, x%error)
+         if (.not. allocated(x%error)) call stage%stage%open(self, x%places(), x%error)
+         if (.not. allocated(x%error)) call x%out%put('expected', stage%stage%n_expected)
       case ('mesh_error')
          ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
          ! instability.
@@ -89,15 +96,16 @@ contains
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
       type(error_type), allocatable :: error
-      type(warning_type), allocatable :: list(:)
+      type(points_type), pointer :: points
+      type(warning_type), allocatable :: list(:), classes(:), names(:)
+      character(len=:), allocatable :: name
       integer, allocatable :: pairs(:, :)
-      integer :: i
+      integer :: i, j
 
       if (allocated(self%path)) then
          call put_settings(self%settings, out)
          call out%put('resolved', self%resolved_text())
          call out%put('warnings', self%warnings)
-         call out%put('groups', self%groups)
          call out%put('stages', self%stages)
          call read_scan(self%settings%surrogate%scan, pairs, error)
          call out%put_integers('scan', pairs, shape(pairs))
@@ -113,8 +121,27 @@ contains
          end do
          call out%put('indents_columns', list)
       end if
+      ! How many rows a table has, their kind of modulus, the classes of its crystals, and the names of its grains.
       do i = 1, size(tables)
-         call describe_points(trim(tables(i)), points_of(self, tables(i)), out)
+         points => points_of(self, tables(i))
+         if (.not. associated(points)) cycle
+         name = trim(tables(i))
+         call out%put(name//'.n', points%n)
+         if (allocated(points%modulus_kind)) call out%put(name//'.modulus_kind', points%modulus_kind)
+         allocate (classes(0), names(0))
+         if (allocated(points%class)) then
+            do j = 1, size(points%classes)
+               call warn(classes, points%classes(j)%name)
+            end do
+         end if
+         call out%put(name//'.classes', classes)
+         if (points%named_by > 0) then
+            do j = 1, points%n
+               call warn(names, points%name(j))
+            end do
+            call out%put(name//'.names', names)
+         end if
+         deallocate (classes, names)
       end do
       if (allocated(self%stiffness)) call put_cells('stiffness', self%stiffness%table, out)
    end subroutine describe_problem
@@ -137,31 +164,6 @@ contains
          if (allocated(self%grains)) points => self%grains
       end select
    end function points_of
-
-   !> How many rows a table has, their kind of modulus, the classes of its crystals, and the names of its grains.
-   subroutine describe_points(name, points, out)
-      character(len=*), intent(in) :: name
-      type(points_type), pointer, intent(in) :: points
-      type(named_values_type), intent(inout) :: out
-      type(warning_type), allocatable :: classes(:), names(:)
-      integer :: i
-
-      if (.not. associated(points)) return
-      call out%put(name//'.n', points%n)
-      if (allocated(points%modulus_kind)) call out%put(name//'.modulus_kind', points%modulus_kind)
-      allocate (classes(0), names(points%n))
-      if (allocated(points%class)) then
-         do i = 1, size(points%classes)
-            call warn(classes, points%classes(i)%name)
-         end do
-      end if
-      call out%put(name//'.classes', classes)
-      if (.not. points%named_by > 0) return
-      do i = 1, points%n
-         names(i)%text = points%name(i)
-      end do
-      call out%put(name//'.names', names)
-   end subroutine describe_points
 
    !> The numbers of a column of a table, or its 'cells'.
    subroutine give_column(points, name, out)

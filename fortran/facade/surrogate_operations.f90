@@ -7,6 +7,8 @@ module surrogate_operations
    use errors, only: exit_bad_input, raise
    use exchange, only: exchange_type
    use kinds, only: degree, wp
+   use labelled_values, only: labelled_values_type
+   use posterior_operations, only: new_posterior
    use sequential_design, only: update_posterior_mean
    use settings_groups, only: design_settings_type
    use surrogate_domain, only: spread_crystals
@@ -36,6 +38,9 @@ contains
       type(surrogate_type), pointer :: surrogate
       type(learner_type), pointer :: learner
       real(wp), allocatable :: found(:, :), others(:, :), scale(:)
+      real(wp), pointer :: c(:, :, :)
+      real(wp) :: poisson, anisotropy
+      integer :: i
 
       select case (verb)
       case ('describe')
@@ -51,7 +56,17 @@ contains
             & x%values, scale)
          call x%out%put_array('scale', scale, shape(scale))
       case ('validity')
-         call give_validity(basis, x%crystals(), x)
+         ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid for
+         ! it, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
+         c => x%crystals()
+         allocate (x%values(size(c, 3), 3))
+         !$omp parallel do num_threads(x%threads()) schedule(static) private(poisson, anisotropy)
+         do i = 1, size(c, 3)
+            call logarithmic_mean(c(:, :, i), poisson, anisotropy, x%values(i, 3))
+            x%values(i, 1) = basis%domain%normalised_distance(c(:, :, i))
+            x%values(i, 2) = merge(1.0_wp, 0.0_wp, basis%domain%admits(c(:, :, i)))
+         end do
+         !$omp end parallel do
       case ('surrogate')
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
@@ -76,36 +91,21 @@ contains
       end select
    end subroutine use_basis
 
-   !> Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid for it, and
-   !> the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.
-   subroutine give_validity(basis, c, x)
-      class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: c(:, :, :)
-      type(exchange_type), intent(inout) :: x
-      real(wp) :: poisson, anisotropy
-      integer :: i
-
-      allocate (x%values(size(c, 3), 3))
-      !$omp parallel do num_threads(x%threads()) schedule(static) private(poisson, anisotropy)
-      do i = 1, size(c, 3)
-         call logarithmic_mean(c(:, :, i), poisson, anisotropy, x%values(i, 3))
-         x%values(i, 1) = basis%domain%normalised_distance(c(:, :, i))
-         x%values(i, 2) = merge(1.0_wp, 0.0_wp, basis%domain%admits(c(:, :, i)))
-      end do
-      !$omp end parallel do
-   end subroutine give_validity
-
    subroutine use_surrogate(verb, surrogate, x)
       character(len=*), intent(in) :: verb
       type(surrogate_type), intent(inout) :: surrogate
-      type(exchange_type), intent(inout) :: x
+      type(exchange_type), intent(inout), target :: x
+      type(labelled_values_type) :: labels
       real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
       case ('describe')
-         call exchange_surrogate(surrogate, x%out)
+         labels%described => x%out
+         call exchange_surrogate(surrogate, labels)
       case ('basis')
          call give_basis(surrogate%basis, x)
+      case ('density', 'prior', 'extract')
+         call new_posterior(verb, surrogate, x)
       case ('save')
          call save_surrogate(surrogate, x%in%text('path'), x%error)
       case ('predict')

@@ -47,7 +47,7 @@ contains
 
    subroutine exchange(self, file)
       class(theory_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
 
       self%logarithmic = .not. allocated(file%error)
    end subroutine exchange

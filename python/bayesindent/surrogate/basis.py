@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import InputError, NativeObject, call
+from ..core import InputError, NativeObject
 from ..crystal.elasticity import constant_names
 from ..settings.problem import Problem
 
@@ -25,7 +25,7 @@ class Basis(NativeObject):
     _problem: Problem | None
 
     def __init__(self, problem: Problem):
-        self._describe(call("basis.new", problem=problem.handle)["handle"], problem)
+        self._describe(problem._call("basis")["handle"], problem)
 
     @classmethod
     def of(cls, surrogate: NativeObject) -> "Basis":
