@@ -1,13 +1,12 @@
-!> Labelled values in a fixed order, which one procedure both gives and takes: it names them one by one to a visitor that writes them
-!> or reads them, so that what is written and read cannot differ. After the first error nothing more is done. As text they are a line or a
-!> block each:
+!> Values in a fixed order, which one procedure both gives and takes: it names them one by one. So what is written, read and described
+!> cannot differ. They are text, a line or a block each:
 !>
 !>     degree 4
 !>     lower 2
 !>     0.15 2.0
 !>
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
-!> before it.
+!> before it. After the first error nothing more is done. To describe them they are given as named values instead.
 module labelled_values
    use checksums, only: checksum
    use errors, only: error_type, exit_bad_input, raise
@@ -26,11 +25,11 @@ module labelled_values
    integer(i8), parameter :: largest = 1000000000_i8
 
    type :: labelled_values_type
-      !> Values are taken from the visitor; else they are given to it.
+      !> Values are taken; else they are given.
       logical :: reading = .false.
+      !> What they are given to in place of a text.
+      type(named_values_type), pointer :: described => null()
       type(error_type), allocatable :: error
-      !> Where what is given goes in place of the text, if this is allocated.
-      type(named_values_type), allocatable :: named
       !> What is read; or what was written, in its first `filled` bytes.
       character(len=:), allocatable :: content
       integer :: filled = 0
@@ -57,10 +56,11 @@ contains
       character(len=:), allocatable, intent(inout) :: value
       integer :: length
 
-      if (allocated(self%named)) then
-         call self%named%put(label, value)
+      if (associated(self%described)) then
+         call self%described%put(label, value)
          return
-      else if (.not. self%reading) then
+      end if
+      if (.not. self%reading) then
          call put(self, label//' '//value//newline)
          return
       end if
@@ -88,8 +88,8 @@ contains
       character(len=:), allocatable, intent(inout) :: value
       integer :: n, i, first, length
 
-      if (allocated(self%named)) then
-         call self%named%put(label, value)
+      if (associated(self%described)) then
+         call self%described%put(label, value)
          return
       end if
       n = 1
@@ -119,8 +119,8 @@ contains
       character(len=:), allocatable :: text
       integer :: outcome
 
-      if (allocated(self%named)) then
-         call self%named%put(label, value)
+      if (associated(self%described)) then
+         call self%described%put(label, value)
          return
       end if
       if (.not. self%reading) text = to_text(value)
@@ -138,8 +138,8 @@ contains
       real(wp), intent(inout) :: value
       character(len=:), allocatable :: text
 
-      if (allocated(self%named)) then
-         call self%named%put(label, value)
+      if (associated(self%described)) then
+         call self%described%put(label, value)
          return
       end if
       if (.not. self%reading) text = to_text(value, all_digits)
@@ -157,8 +157,8 @@ contains
       integer, parameter :: a_line = 4
       integer :: n, i, length
 
-      if (allocated(self%named)) then
-         call self%named%put_array(label, values, shape(values))
+      if (associated(self%described)) then
+         call self%described%put_array(label, values, shape(values))
          return
       end if
       if (.not. self%reading) n = size(values)

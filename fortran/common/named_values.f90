@@ -3,8 +3,7 @@
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
 !> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
 !> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with
-!> the axes
-!> reversed.
+!> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, exit_bad_input, raise
@@ -24,10 +23,11 @@ module named_values
    contains
       procedure, private :: put_text
       procedure, private :: put_texts
+      procedure, private :: put_words
       procedure, private :: put_integer
       procedure, private :: put_logical
       procedure, private :: put_real
-      generic :: put => put_text, put_texts, put_integer, put_logical, put_real
+      generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real
       procedure :: put_array
       procedure :: put_integers
    end type named_values_type
@@ -118,7 +118,19 @@ contains
       call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
    end subroutine put_texts
 
-   !> The integer `value`.
+   !> Texts of a list, each without the blanks at its end.
+   subroutine put_words(self, name, words)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, words(:)
+      type(warning_type) :: list(size(words))
+      integer :: i
+
+      do i = 1, size(words)
+         list(i)%text = trim(words(i))
+      end do
+      call self%put(name, list)
+   end subroutine put_words
+
    subroutine put_integer(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -220,7 +232,7 @@ contains
       has = associated(content)
    end function has
 
-   integer(i8) function integer_of(self, name) result(value)
+   integer function integer_of(self, name) result(value)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character(kind=c_char), pointer :: content(:)
@@ -229,7 +241,7 @@ contains
       call find(self, name, kind, content)
       value = 0
       if (kind == 'i' .or. kind == 'b') then
-         value = transfer(content, value)
+         value = int(transfer(content, 0_i8))
       else
          call raise(self%error, 'the integer '''//name//''' is missing', exit_bad_input)
       end if

@@ -73,7 +73,7 @@ module abstract_basis
       subroutine exchange_interface(self, file)
          import :: basis_type, labelled_values_type
          class(basis_type), intent(inout) :: self
-         class(labelled_values_type), intent(inout) :: file
+         type(labelled_values_type), intent(inout) :: file
       end subroutine exchange_interface
 
       !> The terms of many crystals, of which each may have other last bits than alone.

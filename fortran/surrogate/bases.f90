@@ -2,10 +2,9 @@
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
+   use errors, only: error_type, exit_bad_input, raise
    use labelled_values, only: labelled_values_type
    use named_values, only: named_values_type
-   use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
    use paper_basis, only: paper_basis_type
    use settings_groups, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, exchange_domain
@@ -51,22 +50,21 @@ contains
    end subroutine allocate_basis
 
    !> Name the parameters of a basis, and what its terms are.
-   subroutine describe_basis(basis, visitor)
+   subroutine describe_basis(basis, found)
       class(basis_type), intent(inout) :: basis
-      type(named_values_type), intent(inout) :: visitor
+      type(named_values_type), intent(inout), target :: found
+      type(labelled_values_type) :: labels
       integer :: directional(basis%n_terms), polynomial(basis%n_terms)
-      type(labelled_values_type) :: list
 
-      call visitor%put('model', basis%settings%model)
-      allocate (list%named, source=visitor)
-      call exchange_domain(basis%domain, list)
-      call basis%exchange(list)
-      visitor = list%named
-      call visitor%put('n_terms', basis%n_terms)
-      call visitor%put('least_noise', basis%least_noise)
-      call visitor%put('logarithmic', basis%logarithmic)
+      labels%described => found
+      call exchange_domain(basis%domain, labels)
+      call basis%exchange(labels)
       call basis%term_degrees(directional, polynomial)
-      call visitor%put_array('directional_degrees', real(directional, wp), shape(directional))
-      call visitor%put_array('polynomial_degrees', real(polynomial, wp), shape(polynomial))
+      call found%put('model', basis%settings%model)
+      call found%put('n_terms', basis%n_terms)
+      call found%put('least_noise', basis%least_noise)
+      call found%put('logarithmic', basis%logarithmic)
+      call found%put_integers('directional_degrees', directional, shape(directional))
+      call found%put_integers('polynomial_degrees', polynomial, shape(polynomial))
    end subroutine describe_basis
 end module bases

@@ -92,7 +92,7 @@ contains
 
    subroutine exchange(self, file)
       class(correction_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
 
       if (self%settings%model /= 'halfspace') call file%integer('degree', self%settings%degree)
    end subroutine exchange

@@ -95,7 +95,7 @@ contains
 
    subroutine exchange(self, file)
       class(paper_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
 
       call file%text('truncation', self%settings%truncation)
       call file%integer('degree', self%settings%degree)

@@ -134,7 +134,7 @@ contains
    !> Write a domain, or read what was written.
    subroutine exchange_domain(domain, file)
       type(domain_type), intent(inout) :: domain
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
       real(wp), allocatable :: poisson(:), scale(:)

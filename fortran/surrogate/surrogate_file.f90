@@ -97,7 +97,7 @@ contains
    !> All of a surrogate, in the order of the file; what is read is checked.
    subroutine exchange_surrogate(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
       integer :: number
@@ -136,7 +136,7 @@ contains
    !> The lower triangle, column by column.
    subroutine exchange_covariance(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: packed(:)
       integer :: n, j, first
 
@@ -168,7 +168,7 @@ contains
    subroutine exchange_simulations(simulations, n_constants, file)
       type(simulations_type), intent(inout) :: simulations
       integer, intent(in) :: n_constants
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: constants(:), euler_deg(:)
       integer :: n
 
