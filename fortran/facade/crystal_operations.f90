@@ -9,7 +9,7 @@ module crystal_operations
    use kinds, only: degree, wp
    use observables, only: new_observable
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use text, only: split_list
    use warning_lists, only: warn, warning_type
    implicit none

@@ -21,9 +21,9 @@ module operations
    use problem_input, only: problem_of_text, read_problem
    use problem_operations, only: list_settings, use_problem
    use running_command, only: end_command, take_folder, watch_signals
-   use settings_groups, only: settings_type
-   use settings_reader, only: read_settings
+   use settings_schema, only: settings_type
    use settings_output, only: put_settings
+   use settings_reader, only: read_settings
    use simulation_operations, only: held_simulator_type, run_simulator, use_model
    use stage_documents, only: read_document, read_resolved, write_document
    use stage_operations, only: held_stage_type, use_stage

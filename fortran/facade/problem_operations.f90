@@ -13,10 +13,9 @@ module problem_operations
    use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: listed_settings => list_settings, settings_type
    use settings_list, only: allowed_in_words, kind_names, settings_list_type
    use settings_output, only: put_settings
-   use settings_schema, only: listed_settings => list_settings
    use simulate, only: new_simulator, simulation_error
    use simulation_operations, only: held_simulator_type
    use stage_documents, only: begin_results

@@ -17,7 +17,7 @@ module constants_prior
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
-   use settings_groups, only: prior_settings_type
+   use settings_schema, only: prior_settings_type
    use text, only: to_text
    implicit none
    private

@@ -3,7 +3,7 @@ module error_models
    use abstract_error_model, only: error_model_type
    use errors, only: error_type, exit_bad_input, raise
    use normal_errors, only: normal_errors_type
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use student_errors, only: new_student_errors
    implicit none
    private

@@ -16,7 +16,7 @@ module abstract_stage
    use errors, only: error_type, machine_failure, raise, refuse
    use kinds, only: wp
    use problem, only: problem_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: keep_document
    use surrogate_lookup, only: places_type

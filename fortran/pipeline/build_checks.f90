@@ -9,7 +9,7 @@ module build_checks
    use memory, only: check_memory
    use namelist_file, only: place
    use problem, only: problem_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
    use surrogate_file, only: check_replaceable

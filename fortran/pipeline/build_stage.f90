@@ -10,7 +10,7 @@ module build_stage
    use kinds, only: degree, wp
    use learning, only: history_type, left_out, learning_type
    use physics_identity, only: identity_text
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use simulate, only: simulation_error, specimen_contact_radius
    use surrogate_file, only: save_surrogate
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of

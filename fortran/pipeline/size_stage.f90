@@ -11,7 +11,7 @@ module size_stage
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_groups, only: specimen_settings_type
+   use settings_schema, only: specimen_settings_type
    use simulate, only: outcome_done
    use text, only: to_text
    use warning_lists, only: warn

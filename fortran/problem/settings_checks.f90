@@ -5,7 +5,7 @@ module settings_checks
    use errors, only: error_type, refuse
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_groups, only: knowledge_settings_type, settings_type
+   use settings_schema, only: knowledge_settings_type, settings_type
    use text, only: join, to_text
    implicit none
    private

@@ -7,13 +7,15 @@ module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
    use numbers, only: number_text, read_integer, read_real
-   use settings_groups, only: longest_item
    use text, only: join, split_list, to_text
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, choice_list_type, is_text, allowed_in_words
    public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source, kind_names
-   public :: shape_one, shape_constants, shape_list
+   public :: shape_one, shape_constants, shape_list, longest_item
+
+   !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
+   integer, parameter :: longest_item = 128
 
    !> A whole number; a real; .true. or .false.; any text; one of some words; a CSV that must exist; a word or a CSV.
    integer, parameter :: kind_integer = 1, kind_real = 2, kind_logical = 3, kind_text = 4, kind_choice = 5, &

@@ -3,10 +3,9 @@ module settings_output
    use kinds, only: wp
    use named_values, only: named_values_type
    use numbers, only: read_real
-   use settings_groups, only: settings_type
+   use settings_schema, only: list_settings, settings_type
    use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_integer, kind_logical, kind_names, kind_source, &
       & settings_list_type, shape_constants, shape_list, shape_one, variable_type
-   use settings_schema, only: list_settings
    use text, only: newline, quoted
    use warning_lists, only: warn, warning_type
    implicit none

@@ -8,9 +8,8 @@ module physics_identity
    use errors, only: error_type
    use fe_indentation, only: numerics_revision
    use namelist_file, only: value_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: list_settings, settings_type
    use settings_list, only: is_text, kind_logical, settings_list_type
-   use settings_schema, only: list_settings
    use specimens, only: new_indentation
    use text, only: split_list, to_text
    implicit none

@@ -12,7 +12,7 @@ module simulate
    use kinds, only: i8, wp
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use namelist_file, only: place
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use specimens, only: new_indentation
    implicit none
    private

@@ -7,7 +7,7 @@ module abstract_basis
    use errors, only: error_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type
    implicit none
    private

@@ -6,7 +6,7 @@ module bases
    use labelled_values, only: labelled_values_type
    use named_values, only: named_values_type
    use paper_basis, only: paper_basis_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, exchange_domain
    implicit none
    private

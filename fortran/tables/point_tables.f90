@@ -8,7 +8,7 @@ module point_tables
    use kinds, only: degree, i8, pi, wp
    use orientation_columns, only: find_ways, read_directions
    use point_index, only: number_equal
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
    use tables, only: read_table, table_type
    use text, only: join, to_text

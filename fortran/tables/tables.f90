@@ -15,7 +15,7 @@ module tables
    public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
 
    !> Bytes of a name that a program gives to a column.
-   integer, parameter :: longest_name = 23
+   integer, parameter :: longest_name = 32
    !> Words of a row of units; the longest has so many bytes.
    character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
    integer, parameter :: longest_unit = 7

@@ -6,7 +6,7 @@ program test_fit
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, wp
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, fit_learner, learner_type, new_learner, &
       & set_learner_candidates, surrogate_of

@@ -13,7 +13,7 @@ program test_indentation
    use memory, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use physics_identity, only: identity_text
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type

@@ -6,7 +6,7 @@ program test_input
    use namelist_file, only: namelist_file_type, parse_namelist
    use choices, only: all_choices
    use settings_checks, only: check_settings
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
    use settings_reader, only: read_settings

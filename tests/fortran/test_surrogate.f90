@@ -10,7 +10,7 @@ program test_surrogate
    use kinds, only: degree_unit => degree, pi, wp
    use paper_basis, only: paper_basis_type
    use random, only: new_random_stream, random_stream_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type
