@@ -4,9 +4,11 @@ module extraction_document
    use extraction, only: extraction_type
    use json, only: json_type
    use kinds, only: wp
-   use posterior_diagnostics, only: check_extraction, powers_text
+   use constants_posterior, only: error_sources
+   use posterior_diagnostics, only: check_extraction, find_reasons, powers_text
    use prior_text, only: describe_prior
    use problem, only: problem_type
+   use variance_shares, only: shares_type, verdict_of
    use warning_lists, only: warning_type
    implicit none
    private
@@ -20,11 +22,16 @@ contains
       type(extraction_type), intent(in) :: found
       character(len=:), allocatable :: text
       type(json_type) :: document
-      type(warning_type), allocatable :: warnings(:), lines(:)
+      type(warning_type), allocatable :: warnings(:), lines(:), reasons(:)
       integer :: i
 
+      call find_reasons(found, reasons)
       call document%begin_object()
+      call document%put('usable', size(reasons) == 0)
+      call document%put('reasons', reasons)
       call write_parameters(document, found)
+      call write_budget(document, found)
+      call write_ends(document, found)
       call document%put('correlation', found%correlation)
       if (size(found%theory_mean) > 0) then
          call document%begin_object('theory_alone')
@@ -97,20 +104,74 @@ contains
          associate (parameter => found%parameters(i))
             call document%begin_object(trim(found%names(i)))
             call put_numbers(document, ['mean', 'sd  '], [parameter%mean, parameter%sd])
-            if (found%determined(i)) then
-               call document%put('map', found%most_probable(i))
-            else
-               call document%put_null('map')
-            end if
+            call document%put('map', found%most_probable(i))
             call document%put('hdi_95', parameter%hdi_95)
             associate (d => parameter%diagnostics)
                call put_numbers(document, ['ess_bulk', 'ess_tail', 'r_hat   '], [d%ess_bulk, d%ess_tail, d%r_hat])
             end associate
+            call write_share(document, found%parameter_shares(i), found%verdict(i))
             call document%end_object()
          end associate
       end do
       call document%end_object()
    end subroutine write_parameters
+
+   !> Who decided a quantity, and whether it is determined.
+   subroutine write_share(document, share, verdict)
+      type(json_type), intent(inout) :: document
+      type(shares_type), intent(in) :: share
+      character(len=*), intent(in) :: verdict
+
+      call put_numbers(document, ['measurements', 'knowledge   ', 'prior       '], &
+         & [share%measurements, share%knowledge, share%prior], 'share')
+      call document%put('verdict', verdict)
+   end subroutine write_share
+
+   !> The parts of the variance of each parameter, by source; of what is known each quantity is one.
+   subroutine write_budget(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      integer :: i, j
+
+      call document%begin_object('error_budget')
+      do i = 1, size(found%names)
+         associate (share => found%parameter_shares(i), known => found%posterior%prior%knowledge%quantities)
+            call document%begin_object(trim(found%names(i)))
+            do j = 1, size(error_sources)
+               call document%put(trim(error_sources(j)), share%by_source(j))
+            end do
+            do j = 1, size(known)
+               call document%put(known(j)%name, share%by_quantity(j))
+            end do
+            call document%put('prior', share%prior)
+            call document%end_object()
+         end associate
+      end do
+      call document%end_object()
+   end subroutine write_budget
+
+   !> The limits that end the draws.
+   subroutine write_ends(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      integer :: i, side
+
+      call document%begin_array('limits')
+      do i = 1, size(found%limits)
+         associate (limit => found%limits(i))
+            do side = 1, 2
+               if (.not. limit%ends(side)) cycle
+               call document%begin_object()
+               call document%put('name', trim(limit%name))
+               call document%put('side', merge('upper', 'lower', side == 2))
+               call document%put('stated', limit%stated)
+               call put_numbers(document, ['value', 'share'], [limit%range(side), limit%share(side)])
+               call document%end_object()
+            end do
+         end associate
+      end do
+      call document%end_array()
+   end subroutine write_ends
 
    subroutine write_predicted(document, problem, found)
       type(json_type), intent(inout) :: document
@@ -141,7 +202,7 @@ contains
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
       !> Of a quantity, and some of a combination.
-      character(len=11), parameter :: in_both(*) = [character(len=11) :: 'mean', 'sd', 'prior_mean', 'prior_sd', 'contraction']
+      character(len=10), parameter :: in_both(*) = [character(len=10) :: 'mean', 'sd', 'prior_mean', 'prior_sd']
       integer :: i
 
       call document%begin_array('identifiability')
@@ -150,7 +211,9 @@ contains
             call begin('combination', powers_text(names, combination%exponents))
             call put_numbers(document, names, combination%exponents, 'exponents')
             call put_numbers(document, names, combination%correlations, 'correlations')
-            call put_numbers(document, in_both([2, 4, 5]), [combination%sd, combination%prior_sd, combination%contraction])
+            call put_numbers(document, in_both([2, 4]), [combination%sd, combination%prior_sd])
+            call write_share(document, found%combination_shares(i), verdict_of(1.0_wp, combination%sd, 1.0_wp, &
+               & found%combination_shares(i)))
             call document%end_object()
          end associate
       end do
@@ -158,7 +221,9 @@ contains
          associate (known => found%known(i))
             call begin('quantity', found%quantities(i)%name)
             call document%put('unit', found%quantities(i)%unit)
-            call put_numbers(document, in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd, known%contraction])
+            call put_numbers(document, in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd])
+            call write_share(document, found%quantity_shares(i), verdict_of(known%mean, known%sd, &
+               & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
             call document%end_object()
          end associate
       end do
@@ -235,32 +300,17 @@ contains
       type(prior_type), intent(in) :: prior
       integer :: j
 
-      call document%put('measure', trim(merge('logarithms', 'constants ', prior%in_logarithms)))
+      call document%put('measure', prior%measure())
       call document%begin_object('bounds')
       do j = 1, prior%n_constants
          if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
       end do
       call document%end_object()
-      call put_limit('anisotropy_cap', [prior%anisotropy_cap], prior%anisotropy_cap < huge(1.0_wp))
-      call put_limit('log_anisotropy_max', [prior%log_anisotropy_max], prior%log_anisotropy_max < huge(1.0_wp))
-      call put_limit('poisson', prior%poisson, .not. prior%has_box)
-      call put_limit('young_gpa', prior%young, .not. prior%has_box)
+      if (prior%anisotropy_cap < huge(1.0_wp)) then
+         call document%put('anisotropy_cap', prior%anisotropy_cap)
+      else
+         call document%put_null('anisotropy_cap')
+      end if
       call document%put('share_covered', prior%share_inside)
-
-   contains
-
-      subroutine put_limit(key, limits, there)
-         character(len=*), intent(in) :: key
-         real(wp), intent(in) :: limits(:)
-         logical, intent(in) :: there
-
-         if (.not. there) then
-            call document%put_null(key)
-         else if (size(limits) == 1) then
-            call document%put(key, limits(1))
-         else
-            call document%put(key, limits)
-         end if
-      end subroutine put_limit
    end subroutine write_limits
 end module extraction_document

@@ -21,14 +21,14 @@ contains
 
       allocate (lines(0))
       associate (prior => found%posterior%prior)
-         line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
-         if (.not. prior%has_box) line = line//', Poisson''s ratio (Hill) '//to_text(prior%poisson(1))//' .. ' &
-            & //to_text(prior%poisson(2))//', Young''s modulus (Hill) '//fixed(prior%young(1), 0)//' .. ' &
-            & //fixed(prior%young(2), 0)//' GPa'
+         if (prior%has_default) then
+            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &
+               & //'scale is that of the mean measurement within a factor of 5'
+         else
+            line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+         end if
          if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
             & //to_text(prior%anisotropy_cap)
-         if (prior%log_anisotropy_max < huge(prior%log_anisotropy_max)) line = line//', log-anisotropy up to ' &
-            & //to_text(prior%log_anisotropy_max)
          call warn(lines, line)
          line = ''
          do j = 1, prior%n_constants
@@ -59,7 +59,7 @@ contains
       if (len(text) > 0) text = text//'; times what was learnt from '
       text = text//to_text(found%simulations)//' simulations'
       if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
-      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
    end function surrogate_text
 end module prior_text
