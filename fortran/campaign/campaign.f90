@@ -4,16 +4,14 @@
 !> that failed stays failed. Rows belong to a physics (mesh, element, estimator, revision of the numerics): several surrogates share a
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use checksums, only: checksum
-   use campaign_file, only: name_file, open_campaign_file, raise_damaged
-   use crystal_class, only: crystal_class_type
-   use errors, only: error_type, exit_bad_input, raise
+   use campaign_file, only: begin_transaction, end_transaction, name_file, open_campaign_file, raise_damaged
+   use errors, only: error_type
    use kinds, only: i8, wp
    use numbers, only: number_ok, number_text, read_integer, read_real
    use simulate, only: outcome_done, outcome_failed, outcome_type
    use sqlite, only: database_type, statement_type
-   use text, only: lower, to_text
+   use text, only: to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -43,6 +41,10 @@ module campaign
       type(database_type), private :: file
       type(statement_type), private :: lookup, insertion
       integer(i8), private :: physics = 0
+      !> Rows on their way to the disk, and since when the first of them waits.
+      type(row_type), allocatable, private :: waiting(:)
+      integer, private :: n_waiting = 0
+      integer(i8), private :: since = 0
    contains
       procedure :: open => open_campaign
       procedure :: close => close_campaign
@@ -50,7 +52,10 @@ module campaign
       procedure :: find
       procedure :: add
       procedure :: add_rows
-      procedure :: import_rows
+      procedure :: add_soon
+      procedure :: flush
+      procedure :: begin_change
+      procedure :: end_change
       procedure :: next_position
       procedure :: other_physics
       procedure, private :: read_row
@@ -71,8 +76,9 @@ module campaign
    !> Between the texts of a row, for its checksum.
    character, parameter :: separator = achar(10)
 
-   !> Relative difference of two moduli below which an imported row says the same as a stored one.
-   real(wp), parameter :: same = 1.0e-6_wp
+   !> Rows that wait at most, and seconds between two writes; seconds of a simulation that is not worth a write of its own.
+   integer, parameter :: most_waiting = 1000, interval = 5
+   real(wp), parameter :: quick = 0.01_wp
 
 contains
 
@@ -141,40 +147,28 @@ contains
       !> In order of position.
       type(row_type), allocatable, intent(out) :: found(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: chosen = ' FROM simulation WHERE physics_id = ?1 AND (?2 = '''' OR symmetry = ?2)'
       type(statement_type) :: statement
       logical :: more
       integer :: i
 
       allocate (found(0))
-      ! A row that comes between the two statements is of another program, and of the next call.
-      call begin('SELECT COUNT(*)'//chosen)
-      if (more) then
-         deallocate (found)
-         allocate (found(statement%integer(1)))
+      call self%file%prepare('SELECT '//columns//', COUNT(*) OVER () FROM simulation WHERE physics_id = ?1 ' &
+         & //'AND (?2 = '''' OR symmetry = ?2) ORDER BY position, id', statement, error)
+      if (.not. allocated(error)) then
+         call statement%bind(1, self%physics)
+         call statement%bind(2, trim(symmetry))
+         call statement%step(more, error)
+         if (more) then
+            deallocate (found)
+            allocate (found(statement%integer(14)))
+         end if
       end if
-      call statement%finish()
-      if (.not. allocated(error)) call begin('SELECT '//columns//chosen//' ORDER BY position, id')
       do i = 1, size(found)
-         if (allocated(error) .or. .not. more) exit
-         call self%read_row(statement, found(i), error)
+         if (.not. allocated(error)) call self%read_row(statement, found(i), error)
          if (.not. allocated(error)) call statement%step(more, error)
       end do
       call statement%finish()
       call name_file(self%path, error)
-
-   contains
-
-      subroutine begin(sql)
-         character(len=*), intent(in) :: sql
-
-         more = .false.
-         call self%file%prepare(sql, statement, error)
-         if (allocated(error)) return
-         call statement%bind(1, self%physics)
-         call statement%bind(2, trim(symmetry))
-         call statement%step(more, error)
-      end subroutine begin
    end subroutine rows
 
    !> The row of a point, if it is there.
@@ -213,7 +207,6 @@ contains
          message = ''
          if (allocated(outcome%message) .and. .not. is_done) message = outcome%message
          call to%bind(1, self%physics)
-         call to%bind_null(2)
          if (row%position >= 0) call to%bind(2, int(row%position, i8))
          words = self%identity
          call bind_word(3, trim(row%symmetry))
@@ -224,11 +217,8 @@ contains
          call bind_word(8, message)
          call bind_curve(12, outcome%depth)
          call bind_curve(13, outcome%force)
-         call to%bind_null(9)
          if (is_done) call to%bind(9, outcome%modulus)
-         call to%bind_null(10)
          if (outcome%elements > 0) call to%bind(10, int(outcome%elements, i8))
-         call to%bind_null(11)
          if (outcome%seconds > 0.0_wp) call to%bind(11, outcome%seconds)
          call to%bind(14, row_checksum(words, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, outcome%seconds))
          call to%step(found, error)
@@ -256,111 +246,71 @@ contains
                return
             end if
          end if
-         call self%insertion%bind_null(i)
          words = words//separator
       end subroutine bind_curve
    end subroutine add
 
-   !> Store the `chosen` ones of some rows at once: all or none.
-   subroutine add_rows(self, rows, chosen, error)
+   !> Store some rows at once: all or none.
+   subroutine add_rows(self, rows, error)
       class(campaign_type), intent(inout) :: self
       !> Rows, as `add` takes them.
       type(row_type), intent(in) :: rows(:)
-      !> Numbers of rows.
-      integer, intent(in) :: chosen(:)
       type(error_type), allocatable, intent(out) :: error
-      type(error_type), allocatable :: aborted
       integer :: i
 
-      call self%file%run('BEGIN IMMEDIATE', error)
-      if (.not. allocated(error)) then
-         do i = 1, size(chosen)
-            call self%add(rows(chosen(i)), error)
-            if (allocated(error)) exit
-         end do
-         if (.not. allocated(error)) call self%file%run('COMMIT', error)
-         if (allocated(error)) call self%file%run('ROLLBACK', aborted)
-      end if
-      call name_file(self%path, error)
+      call self%begin_change(error)
+      do i = 1, size(rows)
+         if (allocated(error)) exit
+         call self%add(rows(i), error)
+      end do
+      call self%end_change(error)
    end subroutine add_rows
 
-   !> Import results of others, of crystals of one class. Rows that are there already with the same modulus are skipped. Rows that
-   !> contradict each other or a stored row are refused: then nothing is stored.
-   subroutine import_rows(self, class, constants, euler_deg, modulus, n_new, error)
+   !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of them or some seconds have passed.
+   subroutine add_soon(self, row, error)
       class(campaign_type), intent(inout) :: self
-      type(crystal_class_type), intent(in) :: class
-      !> Of n crystals, GPa (k, n), and of n grains, degrees (3, n).
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> GPa (n).
-      real(wp), intent(in) :: modulus(:)
-      !> How many were not there.
-      integer, intent(out) :: n_new
+      type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
-      type(error_type), allocatable :: aborted
-      integer :: first, i
+      integer(i8) :: now, rate
+      logical :: full
 
-      n_new = 0
-      call self%file%run('BEGIN IMMEDIATE', error)
-      if (.not. allocated(error)) then
-         call self%next_position(first, error)
-         do i = 1, size(modulus)
-            if (allocated(error)) exit
-            call import_row(self, class, constants(:, i), euler_deg(:, i), modulus(i), first, n_new, error)
-            if (allocated(error)) then
-               if (error%status == exit_bad_input) error%message = 'row '//to_text(i)//error%message
-            end if
-         end do
-         if (.not. allocated(error)) call self%file%run('COMMIT', error)
-         if (allocated(error)) call self%file%run('ROLLBACK', aborted)
-      end if
-      if (allocated(error)) n_new = 0
-   end subroutine import_rows
+      if (.not. allocated(self%waiting)) allocate (self%waiting(most_waiting))
+      call system_clock(now, rate)
+      if (self%n_waiting == 0) self%since = now
+      self%n_waiting = self%n_waiting + 1
+      self%waiting(self%n_waiting) = row
+      full = self%n_waiting == most_waiting .or. now - self%since > interval*rate
+      if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) call self%flush(error)
+   end subroutine add_soon
 
-   !> Import one result; `first` is the position of the first, of which `n_new` were new.
-   subroutine import_row(self, class, constants, euler_deg, modulus, first, n_new, error)
-      type(campaign_type), intent(inout) :: self
-      type(crystal_class_type), intent(in) :: class
-      real(wp), intent(in) :: constants(:), euler_deg(:), modulus
-      integer, intent(in) :: first
-      integer, intent(inout) :: n_new
+   !> Store all that wait.
+   subroutine flush(self, error)
+      class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: row
-      character(len=:), allocatable :: crystal
-      logical :: found
-      integer :: k
 
-      if (.not. (ieee_is_finite(modulus) .and. modulus > 0.0_wp)) then
-         call raise(error, ': modulus_gpa is '//lower(to_text(modulus))//'; it must be positive', exit_bad_input)
-         return
-      end if
-      call self%find(class%name, constants, euler_deg, row, found, error)
-      if (allocated(error)) return
-      if (.not. found) then
-         row%position = first + n_new
-         n_new = n_new + 1
-         row%symmetry = class%name
-         row%constants = constants
-         row%euler_deg = euler_deg
-         row%imported = .true.
-         row%outcome%status = outcome_done
-         row%outcome%modulus = modulus
-         call self%add(row, error)
-         return
-      end if
-      crystal = ''
-      do k = 1, class%n_constants
-         crystal = crystal//', '//class%constants(k)//' '//to_text(constants(k))
-      end do
-      crystal = ' ('//crystal(3:)//'): '
-      if (row%outcome%status == outcome_failed) then
-         call raise(error, crystal//'the campaign has this point as failed ('//row%outcome%message//'); a stored row is never ' &
-            & //'changed: leave the row out, or import into a new campaign', exit_bad_input)
-      else if (abs(row%outcome%modulus - modulus) > same*modulus) then
-         call raise(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has '//to_text(row%outcome%modulus) &
-            & //' GPa '//trim(merge('in an earlier row', 'in the campaign  ', row%position >= first))//'; one of them is wrong ' &
-            & //'or of another physics: leave one out, or import into a new campaign', exit_bad_input)
-      end if
-   end subroutine import_row
+      if (self%n_waiting > 0) call self%add_rows(self%waiting(:self%n_waiting), error)
+      self%n_waiting = 0
+   end subroutine flush
+
+   !> From here to `end_change` all is stored, or nothing.
+   subroutine begin_change(self, error)
+      class(campaign_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call begin_transaction(self%file, error)
+      call name_file(self%path, error)
+   end subroutine begin_change
+
+   !> Keep what was changed, unless there is an error.
+   subroutine end_change(self, error)
+      class(campaign_type), intent(inout) :: self
+      type(error_type), allocatable, intent(inout) :: error
+      logical :: failed
+
+      failed = allocated(error)
+      call end_transaction(self%file, error)
+      if (.not. failed) call name_file(self%path, error)
+   end subroutine end_change
 
    !> The `position` of a row to come.
    subroutine next_position(self, position, error)
@@ -444,10 +394,7 @@ contains
 
          call read_word(i)
          n = 0
-         if (len(word) > 2) n = 1
-         do j = 1, len(word)
-            if (word(j:j) == ',') n = n + 1
-         end do
+         if (len(word) > 2) n = 1 + count([(word(j:j) == ',', j=1, len(word))])
          allocate (values(n), source=0.0_wp)
          good = .true.
          first = 2

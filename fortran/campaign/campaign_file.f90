@@ -1,18 +1,17 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 module campaign_file
-   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use errors, only: error_type, machine_failure, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file
    use sqlite, only: database_type
+   use text, only: newline
    implicit none
    private
-   public :: open_campaign_file, name_file, raise_damaged
+   public :: open_campaign_file, begin_transaction, end_transaction, name_file, raise_damaged
 
    !> Marks the file as ours ('bayi'), and the version of its layout.
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
    !> What version 2 has more than version 1, whose rows stay without a checksum.
    character(len=*), parameter :: from_version_1 = 'ALTER TABLE simulation ADD COLUMN checksum TEXT; PRAGMA user_version = 2'
-
-   character, parameter :: newline = achar(10)
 
    character(len=*), parameter :: layout = &
       & 'CREATE TABLE physics ('//newline// &
@@ -87,15 +86,13 @@ contains
       if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
       if (allocated(error)) return
       if (found /= application_id) then
-         call raise(error, path//': is a database, but not a campaign of bayesindent; choose another output folder', &
-            & exit_bad_input)
+         call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
          return
       end if
       call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
       if (allocated(error)) return
       if (len(found) > 0) then
-         call raise(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')', &
-            & exit_bad_input)
+         call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
          return
       end if
       call file%value('PRAGMA integrity_check(1)', found, error)
@@ -109,26 +106,40 @@ contains
    subroutine migrate(file, error)
       type(database_type), intent(in) :: file
       type(error_type), allocatable, intent(out) :: error
-      type(error_type), allocatable :: aborted
       character(len=:), allocatable :: version
 
       call file%value('PRAGMA user_version', version, error)
       if (allocated(error) .or. version == layout_version) return
-      call file%run('BEGIN IMMEDIATE', error)
-      if (allocated(error)) return
-      call file%value('PRAGMA user_version', version, error)
+      call begin_transaction(file, error)
+      if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
       if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
+      call end_transaction(file, error)
+   end subroutine migrate
+
+   !> From here to `end_transaction` all changes are kept, or none.
+   subroutine begin_transaction(file, error)
+      type(database_type), intent(in) :: file
+      type(error_type), allocatable, intent(out) :: error
+
+      call file%run('BEGIN IMMEDIATE', error)
+   end subroutine begin_transaction
+
+   !> Keep what was changed, or nothing after an `error`.
+   subroutine end_transaction(file, error)
+      type(database_type), intent(in) :: file
+      type(error_type), allocatable, intent(inout) :: error
+      type(error_type), allocatable :: aborted
+
       if (.not. allocated(error)) call file%run('COMMIT', error)
       if (allocated(error)) call file%run('ROLLBACK', aborted)
-   end subroutine migrate
+   end subroutine end_transaction
 
    !> The error of a file that cannot be read as a campaign: `why`.
    subroutine raise_damaged(path, why, error)
       character(len=*), intent(in) :: path, why
       type(error_type), allocatable, intent(out) :: error
 
-      call raise(error, path//': is not a campaign, or is damaged ('//why &
-         & //'); restore a copy, or move it away to start a new one', exit_bad_input)
+      call refuse(error, path//': is not a campaign, or is damaged ('//why//'); restore a copy, or move it away to start a new one')
    end subroutine raise_damaged
 
    !> Let an error of the library say which file it is about, and what to do; one that does so stays.

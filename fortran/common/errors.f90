@@ -5,7 +5,7 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, exit_status, exit_failure, exit_bad_input, machine_failure
+   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, machine_failure
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -32,6 +32,14 @@ contains
       error%message = message
       if (present(status)) error%status = status
    end subroutine raise
+
+   !> Set `error` to a refusal, `message`, of what the user gave.
+   pure subroutine refuse(error, message)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=*), intent(in) :: message
+
+      call raise(error, message, exit_bad_input)
+   end subroutine refuse
 
    !> With which status a program ends on an error.
    pure integer function exit_status(error)

@@ -12,14 +12,13 @@ module json
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use kinds, only: wp
    use numbers, only: number_text
-   use text, only: append, to_text
+   use text, only: append, newline, split_list, to_text
    use warning_lists, only: warning_type
    implicit none
    private
    public :: json_type, quoted
 
    integer, parameter :: deepest = 32
-   character, parameter :: newline = achar(10)
 
    type :: json_type
       private
@@ -35,6 +34,7 @@ module json
       procedure :: end_array => close_level
       procedure :: put_null
       procedure :: put_if
+      procedure :: put_numbers
       !> A value that is JSON already.
       procedure :: put_json
       procedure :: text => document_text
@@ -84,6 +84,24 @@ contains
       if (known) call self%put(key, value)
       if (.not. known) call self%put_null(key)
    end subroutine put_if
+
+   !> A number, of `values`, for each name, in the object that is open, or in one of their own under `key`.
+   pure subroutine put_numbers(self, names, values, key)
+      class(json_type), intent(inout) :: self
+      !> Separated by ', '; and of each its value.
+      character(len=*), intent(in) :: names
+      real(wp), intent(in) :: values(:)
+      character(len=*), intent(in), optional :: key
+      character(len=:), allocatable :: each(:)
+      integer :: i
+
+      allocate (each, source=split_list(names))
+      if (present(key)) call self%begin_object(key)
+      do i = 1, size(values)
+         call self%put(trim(each(i)), values(i))
+      end do
+      if (present(key)) call self%end_object()
+   end subroutine put_numbers
 
    !> `value`, which is JSON already, under `key`.
    pure subroutine put_json(self, key, value)

@@ -1,74 +1,252 @@
-!> Named values in a fixed order, which one procedure both gives and takes: it names them one by one to a visitor that writes them,
-!> reads them, or describes them. So what is written, read and described cannot differ. After the first error nothing more is done.
+!> Values in a fixed order, which one procedure both gives and takes: it names them one by one. So what is written, read and described
+!> cannot differ. They are text, a line or a block each:
+!>
+!>     degree 4
+!>     lower 2
+!>     0.15 2.0
+!>
+!> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
+!> before it. After the first error nothing more is done. To describe them they are given as named values instead.
 module labelled_values
+   use checksums, only: checksum
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
+   use files, only: printable
+   use kinds, only: i8, wp
+   use named_values, only: named_values_type
+   use numbers, only: number_ok, read_integer, read_real
+   use text, only: append, newline, to_text
    implicit none
    private
    public :: labelled_values_type
 
-   type, abstract :: labelled_values_type
-      !> Values are taken from the visitor; else they are given to it.
+   !> They bring a number back.
+   integer, parameter :: all_digits = 17
+   !> Bytes; larger files are not read (see `files`).
+   integer(i8), parameter :: largest = 1000000000_i8
+
+   type :: labelled_values_type
+      !> Values are taken; else they are given.
       logical :: reading = .false.
+      !> What they are given to in place of a text.
+      type(named_values_type), pointer :: described => null()
       type(error_type), allocatable :: error
+      !> What is read; or what was written, in its first `filled` bytes.
+      character(len=:), allocatable :: content
+      integer :: filled = 0
+      !> Next byte to read, and the number of its line.
+      integer, private :: position = 1, line = 1
    contains
-      !> A text without line breaks.
-      procedure(visit_text), deferred :: text
-      !> A text of any number of lines.
-      procedure(visit_text), deferred :: lines
-      procedure(visit_integer), deferred :: integer
-      procedure(visit_real), deferred :: real
-      !> Any number of reals.
-      procedure(visit_reals), deferred :: reals
+      procedure :: text => exchange_text
+      procedure :: lines => exchange_lines
+      procedure :: integer => exchange_integer
+      procedure :: real => exchange_real
+      procedure :: reals => exchange_reals
+      procedure :: finish
       procedure :: fail
    end type labelled_values_type
 
-   abstract interface
-      subroutine visit_text(self, label, value)
-         import :: labelled_values_type
-         class(labelled_values_type), intent(inout) :: self
-         !> One word.
-         character(len=*), intent(in) :: label
-         !> Given or taken.
-         character(len=:), allocatable, intent(inout) :: value
-      end subroutine visit_text
-
-      subroutine visit_integer(self, label, value)
-         import :: labelled_values_type
-         class(labelled_values_type), intent(inout) :: self
-         !> One word.
-         character(len=*), intent(in) :: label
-         !> Given or taken.
-         integer, intent(inout) :: value
-      end subroutine visit_integer
-
-      subroutine visit_real(self, label, value)
-         import :: labelled_values_type, wp
-         class(labelled_values_type), intent(inout) :: self
-         !> One word.
-         character(len=*), intent(in) :: label
-         !> Given or taken.
-         real(wp), intent(inout) :: value
-      end subroutine visit_real
-
-      subroutine visit_reals(self, label, values)
-         import :: labelled_values_type, wp
-         class(labelled_values_type), intent(inout) :: self
-         !> One word.
-         character(len=*), intent(in) :: label
-         !> Given or taken.
-         real(wp), allocatable, intent(inout) :: values(:)
-      end subroutine visit_reals
-   end interface
-
 contains
 
-   !> Record an error, unless there is one already.
+   !> A text without line breaks.
+   subroutine exchange_text(self, label, value)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value, one word.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      character(len=:), allocatable, intent(inout) :: value
+      integer :: length
+
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
+      if (.not. self%reading) then
+         call put(self, label//' '//value//newline)
+         return
+      end if
+      value = ''
+      if (allocated(self%error)) return
+      length = index(self%content(self%position:), newline)
+      if (length == 0) then
+         call self%fail('the file ends where '''//label//''' is expected')
+      else if (index(self%content(self%position:self%position + length - 2), label//' ') /= 1) then
+         call self%fail(''''//label//''' is expected, not '''//printable(self%content(self%position:self%position + length - 2)) &
+            & //'''')
+      else
+         value = self%content(self%position + len(label) + 1:self%position + length - 2)
+         self%position = self%position + length
+         self%line = self%line + 1
+      end if
+   end subroutine exchange_text
+
+   !> A text of any number of lines.
+   subroutine exchange_lines(self, label, value)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value, one word.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      character(len=:), allocatable, intent(inout) :: value
+      integer :: n, i, first, length
+
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
+      n = 1
+      if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
+      call self%integer(label, n)
+      if (.not. self%reading) then
+         call put(self, value//newline)
+         return
+      end if
+      first = self%position
+      do i = 1, n
+         if (allocated(self%error)) return
+         length = index(self%content(self%position:), newline)
+         if (length == 0) call self%fail('ends within '''//label//'''')
+         self%position = self%position + length
+         self%line = self%line + 1
+      end do
+      if (.not. allocated(self%error)) value = self%content(first:self%position - 2)
+   end subroutine exchange_lines
+
+   subroutine exchange_integer(self, label, value)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value, one word.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      integer, intent(inout) :: value
+      character(len=:), allocatable :: text
+      integer :: outcome
+
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
+      if (.not. self%reading) text = to_text(value)
+      call self%text(label, text)
+      if (.not. self%reading) return
+      call read_integer(text, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//' '//printable(text)//''': a whole number is needed')
+   end subroutine exchange_integer
+
+   subroutine exchange_real(self, label, value)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value, one word.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      real(wp), intent(inout) :: value
+      character(len=:), allocatable :: text
+
+      if (associated(self%described)) then
+         call self%described%put(label, value)
+         return
+      end if
+      if (.not. self%reading) text = to_text(value, all_digits)
+      call self%text(label, text)
+      if (self%reading) call parse(self, text, label, value)
+   end subroutine exchange_real
+
+   !> Any number of values, their count first.
+   subroutine exchange_reals(self, label, values)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value, one word.
+      character(len=*), intent(in) :: label
+      !> Given or taken.
+      real(wp), allocatable, intent(inout) :: values(:)
+      integer, parameter :: a_line = 4
+      integer :: n, i, length
+
+      if (associated(self%described)) then
+         call self%described%put_array(label, values, shape(values))
+         return
+      end if
+      if (.not. self%reading) n = size(values)
+      call self%integer(label, n)
+      if (.not. self%reading) then
+         do i = 1, size(values)
+            call put(self, to_text(values(i), all_digits)//merge(newline, ' ', mod(i, a_line) == 0 .or. i == size(values)))
+         end do
+         return
+      end if
+      if (allocated(self%error)) return
+      ! A value takes two bytes at least.
+      if (n < 0 .or. n > (len(self%content) - self%position)/2) then
+         call self%fail(''''//label//''' cannot have '//to_text(n)//' values')
+         return
+      end if
+      if (allocated(values)) deallocate (values)
+      allocate (values(n))
+      do i = 1, n
+         length = scan(self%content(self%position:), ' '//newline) - 1
+         if (length <= 0) then
+            call self%fail(''''//label//''' has '//to_text(i - 1)//' values instead of '//to_text(n))
+            return
+         end if
+         call parse(self, self%content(self%position:self%position + length - 1), label, values(i))
+         if (allocated(self%error)) return
+         self%position = self%position + length
+         if ((self%content(self%position:self%position) == newline) .neqv. (mod(i, a_line) == 0 .or. i == n)) then
+            call self%fail(''''//label//''' has a line that is too short or too long')
+            return
+         end if
+         if (self%content(self%position:self%position) == newline) self%line = self%line + 1
+         self%position = self%position + 1
+      end do
+   end subroutine exchange_reals
+
+   !> The last line: a checksum, after which there is nothing.
+   subroutine finish(self)
+      class(labelled_values_type), intent(inout) :: self
+      character(len=:), allocatable :: rest
+      integer :: last
+
+      last = self%position - 1
+      if (.not. self%reading) rest = checksum(self%content(:self%filled))
+      call self%text('checksum', rest)
+      if (allocated(self%error) .or. .not. self%reading) return
+      if (self%position <= len(self%content)) then
+         call self%fail('goes on after its checksum')
+      else if (rest /= checksum(self%content(:last))) then
+         call self%fail('the checksum is not that of the content, which was changed')
+      end if
+   end subroutine finish
+
+   !> Record an error that names the line, unless there is one already.
    subroutine fail(self, reason)
       class(labelled_values_type), intent(inout) :: self
       !> What is wrong, in words.
       character(len=*), intent(in) :: reason
 
-      if (.not. allocated(self%error)) call raise(self%error, reason, exit_bad_input)
+      if (allocated(self%error)) return
+      if (self%reading) then
+         call raise(self%error, 'line '//to_text(self%line)//': '//reason, exit_bad_input)
+      else
+         call raise(self%error, reason, exit_bad_input)
+      end if
    end subroutine fail
+
+   !> A finite number.
+   subroutine parse(self, string, label, value)
+      class(labelled_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: string, label
+      real(wp), intent(out) :: value
+      integer :: outcome
+
+      call read_real(string, value, outcome)
+      if (outcome /= number_ok) call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
+   end subroutine parse
+
+   !> Append to the content.
+   subroutine put(self, piece)
+      class(labelled_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: piece
+
+      if (allocated(self%error)) return
+      if (int(self%filled, i8) + len(piece) > largest) then
+         call self%fail('would be larger than '//to_text(largest)//' bytes')
+      else
+         call append(self%content, self%filled, piece)
+      end if
+   end subroutine put
 end module labelled_values

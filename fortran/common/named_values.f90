@@ -3,13 +3,11 @@
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 bytes unused, 4 for the length of its name, 8 for the bytes of
 !> the value, 4 x 8 for its shape. Name and value follow, each filled up with zeros to a multiple of 8 bytes. The kinds: t, a text; l, texts
 !> that a zero byte ends each; i, integers of 8 bytes; b, the same as logicals; r, reals. Arrays have Fortran's order; C reads them with
-!> the axes
-!> reversed.
+!> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
-   use labelled_values, only: labelled_values_type
    use warning_lists, only: warning_type
    implicit none
    private
@@ -18,22 +16,18 @@ module named_values
    integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
 
    !> Values that are written one after the other.
-   type, extends(labelled_values_type) :: named_values_type
+   type :: named_values_type
       !> What was written, in its first `filled` bytes.
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
-      procedure :: text => visit_text
-      procedure :: lines => visit_text
-      procedure :: integer => visit_integer
-      procedure :: real => visit_real
-      procedure :: reals => visit_reals
       procedure, private :: put_text
       procedure, private :: put_texts
+      procedure, private :: put_words
       procedure, private :: put_integer
       procedure, private :: put_logical
       procedure, private :: put_real
-      generic :: put => put_text, put_texts, put_integer, put_logical, put_real
+      generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real
       procedure :: put_array
       procedure :: put_integers
    end type named_values_type
@@ -98,6 +92,7 @@ contains
       padded = unit_bytes*((n + unit_bytes - 1)/unit_bytes)
    end function padded
 
+   !> The text `value`.
    subroutine put_text(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -106,7 +101,7 @@ contains
       call append(self, name, 't', [integer ::], len(value, i8), c_loc(value))
    end subroutine put_text
 
-   !> Texts of a list.
+   !> Texts of a list, `value`.
    subroutine put_texts(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -123,6 +118,19 @@ contains
       call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
    end subroutine put_texts
 
+   !> Texts of a list, each without the blanks at its end.
+   subroutine put_words(self, name, words)
+      class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, words(:)
+      type(warning_type) :: list(size(words))
+      integer :: i
+
+      do i = 1, size(words)
+         list(i)%text = trim(words(i))
+      end do
+      call self%put(name, list)
+   end subroutine put_words
+
    subroutine put_integer(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -131,7 +139,7 @@ contains
       call put_bits(self, name, 'i', int(value, i8))
    end subroutine put_integer
 
-   !> Integers of an array of any shape.
+   !> Integers, `values`, of an array of any shape.
    subroutine put_integers(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -142,6 +150,7 @@ contains
       call append(self, name, 'i', shape, size(bits)*8_i8, c_loc(bits))
    end subroutine put_integers
 
+   !> The logical `value`.
    subroutine put_logical(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -159,6 +168,7 @@ contains
       call append(self, name, kind, [integer ::], 8_i8, c_loc(bits))
    end subroutine put_bits
 
+   !> The real `value`.
    subroutine put_real(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -167,7 +177,7 @@ contains
       call append(self, name, 'r', [integer ::], 8_i8, c_loc(value))
    end subroutine put_real
 
-   !> Reals of an array of any shape.
+   !> Reals, `values`, of an array of any shape.
    subroutine put_array(self, name, values, shape)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -176,38 +186,6 @@ contains
 
       call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
-
-   subroutine visit_text(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      character(len=:), allocatable, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_text
-
-   subroutine visit_integer(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      integer, intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_integer
-
-   subroutine visit_real(self, label, value)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), intent(inout) :: value
-
-      call self%put(label, value)
-   end subroutine visit_real
-
-   subroutine visit_reals(self, label, values)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: label
-      real(wp), allocatable, intent(inout) :: values(:)
-
-      call self%put_array(label, values, shape(values))
-   end subroutine visit_reals
 
    !> Read from the bytes of `content`, which stays where it is.
    subroutine look_at(self, content)
@@ -254,7 +232,7 @@ contains
       has = associated(content)
    end function has
 
-   integer(i8) function integer_of(self, name) result(value)
+   integer function integer_of(self, name) result(value)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character(kind=c_char), pointer :: content(:)
@@ -263,7 +241,7 @@ contains
       call find(self, name, kind, content)
       value = 0
       if (kind == 'i' .or. kind == 'b') then
-         value = transfer(content, value)
+         value = int(transfer(content, 0_i8))
       else
          call raise(self%error, 'the integer '''//name//''' is missing', exit_bad_input)
       end if

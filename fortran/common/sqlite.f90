@@ -41,7 +41,6 @@ module sqlite
       procedure, private :: bind_integer
       procedure, private :: bind_real
       generic :: bind => bind_text, bind_integer, bind_real
-      procedure :: bind_null
       procedure :: step
       procedure :: integer => column_integer
       procedure :: real => column_real
@@ -72,11 +71,11 @@ module sqlite
    procedure(code_of), bind(c, name='sqlite3_close_v2') :: c_close
    procedure(code_of), bind(c, name='sqlite3_step') :: c_step
    procedure(code_of), bind(c, name='sqlite3_reset') :: c_reset
+   procedure(code_of), bind(c, name='sqlite3_clear_bindings') :: c_clear_bindings
    procedure(code_of), bind(c, name='sqlite3_finalize') :: c_finalize
    procedure(pointer_of), bind(c, name='sqlite3_errmsg') :: c_message
    procedure(pointer_of), bind(c, name='sqlite3_db_handle') :: c_database
    procedure(code_of_number), bind(c, name='sqlite3_busy_timeout') :: c_busy_timeout
-   procedure(code_of_number), bind(c, name='sqlite3_bind_null') :: c_bind_null
    procedure(code_of_number), bind(c, name='sqlite3_column_bytes') :: c_column_bytes
 
    interface
@@ -246,14 +245,6 @@ contains
       self%bound = max(self%bound, c_bind_double(self%handle, i, value))
    end subroutine bind_real
 
-   !> Bind the parameter with number `i`, from 1, to NULL.
-   subroutine bind_null(self, i)
-      class(statement_type), intent(inout) :: self
-      integer, intent(in) :: i
-
-      self%bound = max(self%bound, c_bind_null(self%handle, i))
-   end subroutine bind_null
-
    !> Go on to the next row, if one is `found`.
    subroutine step(self, found, error)
       class(statement_type), intent(inout) :: self
@@ -296,13 +287,15 @@ contains
       call copy_text(bytes, c_column_bytes(self%handle, i - 1), text)
    end subroutine column_text
 
-   !> Make ready for other parameters, and leave the file to others.
+   !> Make ready for other parameters, NULL until they are bound, and leave the file to others.
    subroutine reset(self)
       class(statement_type), intent(inout) :: self
       integer(c_int) :: code
 
-      if (c_associated(self%handle)) code = c_reset(self%handle)
       self%bound = 0
+      if (.not. c_associated(self%handle)) return
+      code = c_reset(self%handle)
+      code = c_clear_bindings(self%handle)
    end subroutine reset
 
    subroutine finish(self)

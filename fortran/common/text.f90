@@ -7,7 +7,10 @@ module text
    use kinds, only: wp, i8
    implicit none
    private
-   public :: to_text, fixed, real_text, lower, join, split_list, quoted, append
+   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append
+
+   !> Ends a line of a text.
+   character, parameter :: newline = achar(10)
 
    !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3

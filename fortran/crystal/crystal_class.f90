@@ -80,10 +80,7 @@ contains
       class%name = trim(table(i)%name)
       class%cell = trim(table(i)%cell)
       class%n_constants = (len_trim(table(i)%constants) + 1)/4
-      allocate (class%constants(class%n_constants))
-      do k = 1, class%n_constants
-         class%constants(k) = table(i)%constants(4*k - 3:4*k - 1)
-      end do
+      class%constants = [(table(i)%constants(4*k - 3:4*k - 1), k=1, class%n_constants)]
       call rotations_about(table(i)%generators, class%generators, class%folds)
       call derive_map(class, error)
    end subroutine new_crystal_class

@@ -18,9 +18,6 @@ module crystal_lattice
       !> Angle between a and b is 120 degrees by symmetry: indices may be four.
       logical :: is_hexagonal = .false.
    contains
-      procedure :: direction
-      procedure :: normal
-      procedure :: indices
       procedure :: nearest
    end type lattice_type
 
@@ -57,16 +54,14 @@ contains
 
       fields = split_list(class%cell)
       names = split_list(lattice_parameters(class))
-      if (size(values) /= size(names)) then
-         if (size(names) == 0) then
-            call raise(error, to_text(size(values))//' lattice parameters are not needed of a '//class%name//' crystal: its ' &
-               & //'directions do not depend on them', exit_bad_input)
-         else
-            call raise(error, to_text(size(values))//' lattice parameters; a '//class%name//' crystal has ' &
-               & //lattice_parameters(class)//' (lengths in any unit, angles in degrees)', exit_bad_input)
-         end if
-         return
+      if (size(values) > 0 .and. size(names) == 0) then
+         call raise(error, to_text(size(values))//' lattice parameters are not needed of a '//class%name//' crystal: its ' &
+            & //'directions do not depend on them', exit_bad_input)
+      else if (size(values) /= size(names)) then
+         call raise(error, to_text(size(values))//' lattice parameters; a '//class%name//' crystal has ' &
+            & //lattice_parameters(class)//' (lengths in any unit, angles in degrees)', exit_bad_input)
       end if
+      if (allocated(error)) return
       cell = 1.0_wp
       do i = 1, 6
          k = findloc(names, fields(i), dim=1)
@@ -100,39 +95,6 @@ contains
       lattice%is_hexagonal = fields(6) == '120'
    end subroutine new_lattice
 
-   !> The unit vector along [uvw], in crystal axes.
-   pure function direction(self, uvw) result(v)
-      class(lattice_type), intent(in) :: self
-      !> Not all zero.
-      real(wp), intent(in) :: uvw(3)
-      real(wp) :: v(3)
-
-      v = matmul(self%edges, uvw)
-      v = v/norm2(v)
-   end function direction
-
-   !> The unit normal of the plane (hkl), in crystal axes.
-   pure function normal(self, hkl) result(v)
-      class(lattice_type), intent(in) :: self
-      !> Not all zero.
-      real(wp), intent(in) :: hkl(3)
-      real(wp) :: v(3)
-
-      v = matmul(self%normals, hkl)
-      v = v/norm2(v)
-   end function normal
-
-   !> The indices [uvw] of a direction, the largest of them 1.
-   pure function indices(self, v) result(uvw)
-      class(lattice_type), intent(in) :: self
-      !> In crystal axes.
-      real(wp), intent(in) :: v(3)
-      real(wp) :: uvw(3)
-
-      uvw = matmul(v, self%normals)
-      uvw = uvw/maxval(abs(uvw))
-   end function indices
-
    !> '[1 -1 2]': the smallest indices of a direction to 2 degrees, or else the nearest up to 9.
    function nearest(self, v) result(text)
       class(lattice_type), intent(in) :: self
@@ -141,7 +103,7 @@ contains
       character(len=:), allocatable :: text
       integer, parameter :: most = 9
       real(wp), parameter :: near = cos(2.0_wp*degree)
-      real(wp) :: cosine, largest
+      real(wp) :: along(3), cosine, largest
       integer :: best(3), m, i, j, k
 
       largest = -1.0_wp
@@ -151,7 +113,8 @@ contains
             do j = m, -m, -1
                do i = m, -m, -1
                   if (max(abs(i), abs(j), abs(k)) /= m) cycle
-                  cosine = dot_product(self%direction(real([i, j, k], wp)), v)
+                  along = matmul(self%edges, real([i, j, k], wp))
+                  cosine = dot_product(along/norm2(along), v)
                   if (cosine <= largest + 1.0e-12_wp) cycle
                   largest = cosine
                   best = [i, j, k]

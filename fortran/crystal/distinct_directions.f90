@@ -245,21 +245,18 @@ contains
       real(wp) :: longest
       integer :: t, i
 
-      select case (region%dimension)
-      case (0)
-         directions = reshape(region%axis, [3, 1])
-      case (1)
-         directions = arc(region, nint(90.0_wp/arc_step) + 1)
-      case default
-         longest = 0.0_wp
-         do t = 1, size(region%triangles, 3)
-            do i = 1, 3
-               longest = max(longest, acos(min(1.0_wp, dot_product(region%triangles(:, i, t), &
-                  & region%triangles(:, mod(i, 3) + 1, t)))))
-            end do
+      if (region%dimension < 2) then
+         directions = arc(region, merge(nint(90.0_wp/arc_step) + 1, 1, region%dimension == 1))
+         return
+      end if
+      longest = 0.0_wp
+      do t = 1, size(region%triangles, 3)
+         do i = 1, 3
+            longest = max(longest, acos(min(1.0_wp, dot_product(region%triangles(:, i, t), &
+               & region%triangles(:, mod(i, 3) + 1, t)))))
          end do
-         call divide(region, ceiling(longest/(triangle_step*degree)), directions)
-      end select
+      end do
+      call divide(region, ceiling(longest/(triangle_step*degree)), directions)
    end subroutine lattice_of_directions
 
    !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of

@@ -29,6 +29,7 @@ module logarithmic_coordinates
       procedure :: to_logarithms
       procedure :: from_logarithms
       procedure :: log_volume
+      procedure :: log_volume_at
       procedure :: saturating
    end type log_coordinates_type
 
@@ -157,6 +158,18 @@ contains
          y(j) = sum(self%basis(:, :, j)*matrix)
       end do
    end function saturating
+
+   !> `log_volume` at coordinates w.
+   pure real(wp) function log_volume_at(self, w)
+      class(log_coordinates_type), intent(in) :: self
+      !> (n).
+      real(wp), intent(in) :: w(:)
+      type(log_frame_type) :: frame
+      real(wp) :: c(6, 6)
+
+      call self%from_logarithms(w, c, frame)
+      log_volume_at = self%log_volume(frame)
+   end function log_volume_at
 
    !> log |dc/dw| of a crystal, up to a constant of the class.
    pure real(wp) function log_volume(self, frame)

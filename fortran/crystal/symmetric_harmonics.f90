@@ -65,11 +65,6 @@ contains
       real(wp), allocatable :: here(:, :), there(:, :), change(:, :), values(:), invariant(:, :), combination(:, :)
       integer :: l, a, b, g, i, n, n_points
 
-      if (bandlimit < 0 .or. bandlimit > largest_degree .or. mod(bandlimit, 2) /= 0) then
-         call raise(error, 'degree = '//to_text(bandlimit)//' is not an even number in 0 .. '//to_text(largest_degree), &
-            & exit_bad_input)
-         return
-      end if
       n = (bandlimit + 1)*(bandlimit + 2)/2
       n_points = size(points, 2)
       allocate (combination(n, n), change(n, n), here(n, n_points), there(n, n_points), source=0.0_wp)

@@ -1,92 +1,168 @@
-!> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or without an object on a subject.
+!> Operations by name, 'KIND.VERB': on an object of a kind that another language holds, or of the kinds 'crystal', 'file' and 'settings'
+!> on none.
 module operations
-   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int, c_int64_t, c_loc
+   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
+   use abstract_basis, only: basis_type
+   use checksums, only: checksum
+   use choices, only: all_choices
+   use constants_posterior, only: posterior_type
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
-   use errors, only: error_type, exit_bad_input, raise
    use exchange, only: exchange_type
-   use file_operations, only: perform_file
-   use named_values, only: named_values_type
-   use object_registry, only: find_object, register_object, release_object
-   use posterior_operations, only: perform_posterior
-   use problem_operations, only: perform_problem
-   use simulation_operations, only: perform_simulation
-   use stage_operations, only: perform_stage
-   use surrogate_operations, only: perform_surrogate
+   use fe_indentation, only: indentation_model_type
+   use files, only: read_bytes
+   use interruption, only: listen, stop_listening
+   use namelist_file, only: namelist_file_type, parse_namelist
+   use object_registry, only: find_object, register_object
+   use point_tables, only: read_crystals
+   use posterior_file, only: read_posterior
+   use posterior_operations, only: use_posterior
+   use problem, only: problem_type
+   use problem_input, only: problem_of_text, read_problem
+   use problem_operations, only: list_settings, use_problem
+   use running_command, only: end_command, take_folder, watch_signals
+   use settings_schema, only: settings_type
+   use settings_output, only: put_settings
+   use settings_reader, only: read_settings
+   use simulation_operations, only: held_simulator_type, run_simulator, use_model
+   use stage_documents, only: read_document, read_resolved, write_document
+   use stage_operations, only: held_stage_type, use_stage
+   use surrogate_learner, only: learner_type
+   use surrogate_lookup, only: find_surrogate, load_named_surrogate
+   use surrogate_model, only: surrogate_type
+   use surrogate_operations, only: use_basis, use_learner, use_surrogate
    implicit none
    private
-   public :: perform, take_reply
+   public :: perform
 
 contains
 
-   !> Do an operation on a `request`; `words` wait under the handle `reply`; its `status`: see `core_do`.
-   subroutine perform(operation, handle, request, reply, words, status)
+   !> Do an operation on a `request`; `words` are at an `address` while the handle `reply` is held; its `status`: see `core_do`.
+   subroutine perform(operation, handle, request, reply, address, words, status)
       character(len=*), intent(in) :: operation
       integer(c_int64_t), intent(in) :: handle
       integer(c_int64_t), intent(in), target, contiguous :: request(:)
-      integer(c_int64_t), intent(out) :: reply, words
+      integer(c_int64_t), intent(out) :: reply, address, words
       integer(c_int), intent(out) :: status
-      type(exchange_type) :: values
-      type(named_values_type), pointer :: given
-      type(error_type), allocatable :: error
+      type(exchange_type), pointer :: x
       class(*), pointer :: object
       character(len=:), allocatable :: kind, verb
+      logical :: samples
 
       kind = operation(:index(operation, '.') - 1)
       verb = operation(index(operation, '.') + 1:)
-      call c_f_pointer(c_loc(request), values%in%bytes, [8*size(request, kind=c_int64_t)])
-      object => null()
-      if (handle > 0) call find_object(handle, kind, object, error)
-      if (.not. allocated(error)) then
-         select case (kind)
-         case ('crystal')
-            call perform_crystal(verb, values, error)
-         case ('problem', 'settings')
-            call perform_problem(verb, object, values, error)
-         case ('indentation', 'simulator')
-            call perform_simulation(verb, object, values, error)
-         case ('basis', 'surrogate', 'learner')
-            call perform_surrogate(verb, object, values, error)
-         case ('stage', 'campaign')
-            call perform_stage(verb, object, values, error)
-         case ('posterior')
-            call perform_posterior(verb, object, values, error)
-         case default
-            call perform_file(verb, values, error)
-         end select
-      end if
-      if (.not. allocated(error) .and. allocated(values%in%error)) error = values%in%error
-      allocate (given)
-      status = 0
-      if (allocated(error)) then
-         status = error%status
-         call given%put('message', error%message)
-         if (associated(values%made)) deallocate (values%made)
-      else
-         if (associated(values%made)) call values%keep()
-         given = values%out
-      end if
-      if (given%filled == 0) call given%put('', 0)
-      words = given%filled/8
-      object => given
+      samples = any(operation == [character(len=17) :: 'posterior.sample', 'surrogate.extract', 'stage.close'])
+      allocate (x)
+      call x%open(request)
+      if (samples) call listen()
+      select case (kind)
+      case ('crystal')
+         call perform_crystal(verb, x)
+      case ('file', 'settings')
+         call perform_file(operation, x)
+      case default
+         if (.not. allocated(x%error)) call find_object(handle, kind, object, x%error)
+         if (.not. allocated(x%error)) call use_object(verb, object, x)
+      end select
+      if (samples) call stop_listening()
+      call x%close(status)
+      ! Nothing has no address.
+      if (x%out%filled == 0) call x%out%put('', 0)
+      words = x%out%filled/8
+      address = transfer(c_loc(x%out%bytes), address)
+      object => x
       call register_object(object, 'reply', reply)
    end subroutine perform
 
-   !> The `content` of a reply, which is freed.
-   subroutine take_reply(reply, content)
-      integer(c_int64_t), intent(in) :: reply
-      integer(c_int64_t), intent(out) :: content(:)
-      class(*), pointer :: object
-      type(error_type), allocatable :: error
-      integer(c_int64_t) :: i
+   subroutine use_object(verb, object, x)
+      character(len=*), intent(in) :: verb
+      class(*), intent(inout) :: object
+      type(exchange_type), intent(inout) :: x
 
-      call find_object(reply, 'reply', object, error)
-      if (allocated(error)) return
       select type (object)
-      type is (named_values_type)
-         do i = 1, size(content, kind=c_int64_t)
-            content(i) = transfer(object%bytes(8*i - 7:8*i), content(i))
-         end do
+      type is (problem_type)
+         call use_problem(verb, object, x)
+      type is (indentation_model_type)
+         call use_model(verb, object, x)
+      type is (held_simulator_type)
+         call run_simulator(object%simulator, x)
+      class is (basis_type)
+         call use_basis(verb, object, x)
+      type is (surrogate_type)
+         call use_surrogate(verb, object, x)
+      type is (learner_type)
+         call use_learner(verb, object, x)
+      type is (held_stage_type)
+         call use_stage(verb, object%stage, x)
+      type is (posterior_type)
+         call use_posterior(verb, object, x)
       end select
-      call release_object(reply)
-   end subroutine take_reply
+   end subroutine use_object
+
+   !> Files of results, problems, surrogates, what there is to be set, and a command at work in its folder.
+   subroutine perform_file(operation, x)
+      !> See the cases.
+      character(len=*), intent(in) :: operation
+      type(exchange_type), intent(inout) :: x
+      type(problem_type), pointer :: problem
+      type(surrogate_type), pointer :: surrogate
+      type(crystal_class_type) :: class
+      type(namelist_file_type) :: namelist
+      type(settings_type) :: settings
+      character(len=:), allocatable :: path
+
+      if (x%in%has('path')) path = x%in%text('path')
+      select case (operation)
+      case ('settings.list')
+         call list_settings(x%out)
+      case ('settings.values')
+         ! Of a namelist's text, without the tables that it names.
+         call parse_namelist(path, x%in%text('content'), namelist, x%error)
+         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', all_choices(), settings, x%error)
+         if (.not. allocated(x%error)) call put_settings(settings, x%out)
+      case ('settings.problem')
+         allocate (problem)
+         call x%give(problem, 'problem')
+         call problem_of_text(path, x%in%text('content'), problem, x%error)
+      case ('file.problem')
+         allocate (problem)
+         call x%give(problem, 'problem')
+         call read_problem(path, x%in%text('command'), problem, x%error)
+      case ('file.crystals')
+         ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
+         allocate (problem)
+         call x%give(problem, 'problem')
+         allocate (problem%crystals)
+         call new_crystal_class(x%in%text('symmetry'), class, x%error)
+         if (.not. allocated(x%error)) call read_crystals(path, path//': ', class, problem%crystals, x%error)
+      case ('file.surrogate')
+         allocate (surrogate)
+         call x%give(surrogate, 'surrogate')
+         call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
+      case ('file.watch_signals')
+         call watch_signals()
+      case ('file.take_folder')
+         call take_folder(x%in%text('folder'), x%in%integer('patience'), x%in%logical('resumes'), x%error)
+      case ('file.end_command')
+         call end_command()
+      case ('file.digest')
+         x%text = ''
+         if (len(path) > 0) call read_bytes(path, x%text, x%error)
+         if (.not. allocated(x%error)) x%text = checksum(x%text)
+      case ('file.read_resolved')
+         call read_resolved(x%in%text('folder'), x%text, x%error)
+      case ('file.write_document')
+         call write_document(path, x%in%text('document'), x%error)
+      case ('file.read_document')
+         call read_document(path, x%text, x%error)
+      case ('file.read_posterior')
+         ! Its values are those of the file.
+         call read_posterior(x%in%text('folder'), x%out%bytes, x%error)
+         if (allocated(x%out%bytes)) x%out%filled = len(x%out%bytes)
+      case ('file.find_surrogate')
+         call find_surrogate(x%in%text('name'), x%places(), x%text, x%error)
+      case default
+         call x%refuse(operation)
+      end select
+   end subroutine perform_file
 end module operations

@@ -4,15 +4,12 @@ module posterior_operations
    use abstract_basis, only: grain_model_type
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: write_extraction
-   use extraction_values, only: put_extraction
-   use interruption, only: listen, stop_listening
+   use posterior_file, only: put_extraction
    use kinds, only: degree, wp
    use next_grains, only: next_document
-   use problem, only: problem_type
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
@@ -20,149 +17,81 @@ module posterior_operations
    use warning_lists, only: warning_type
    implicit none
    private
-   public :: perform_posterior
+   public :: new_posterior, use_posterior
 
 contains
 
-   subroutine perform_posterior(verb, object, x, error)
+   !> Of the problem and a surrogate: the density ('density'), that of its prior ('prior'), or all of Step 2 ('extract').
+   subroutine new_posterior(verb, surrogate, x)
       character(len=*), intent(in) :: verb
-      !> A density; not associated: one is to be made, or a problem's Step 2 done.
-      class(*), pointer, intent(in) :: object
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(problem_type), pointer :: problem
-      type(surrogate_type), pointer :: surrogate
-      type(posterior_type), pointer :: density
-      class(*), pointer :: made
-
-      call listen()
-      if (associated(object)) then
-         select type (object)
-         type is (posterior_type)
-            call use_posterior(verb, object, x, error)
-         end select
-      else
-         problem => x%problem(error)
-         if (.not. allocated(error)) surrogate => x%surrogate(error)
-         if (.not. allocated(error)) then
-            allocate (density)
-            call x%give(density, 'posterior')
-            select case (verb)
-            case ('extract')
-               call infer(problem, surrogate, density, x, error)
-            case ('density', 'prior')
-               call new_problem_posterior(problem, surrogate, verb == 'prior', density, error)
-            case default
-               call x%refuse(verb, error)
-            end select
-            if (.not. allocated(error)) call describe(density, x)
-         end if
-      end if
-      call stop_listening()
-   end subroutine perform_posterior
-
-   !> All of Step 2.
-   subroutine infer(problem, surrogate, density, x, error)
-      type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
-      type(posterior_type), intent(inout) :: density
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type), pointer :: density
       type(extraction_type) :: found
 
-      call extract(problem, surrogate, found, error)
-      if (allocated(error)) return
-      density = found%posterior
-      call put_extraction(problem, found, write_extraction(problem, found), x%out)
-   end subroutine infer
-
-   subroutine describe(density, x)
-      type(posterior_type), intent(in) :: density
-      type(exchange_type), intent(inout) :: x
-
+      allocate (density)
+      call x%give(density, 'posterior')
+      if (verb == 'extract') then
+         call extract(x%problem, surrogate, found, x%error)
+         if (allocated(x%error)) return
+         density = found%posterior
+         call put_extraction(x%problem, found, write_extraction(x%problem, found), x%out)
+      else
+         call new_problem_posterior(x%problem, surrogate, verb == 'prior', density, x%error)
+         if (allocated(x%error)) return
+      end if
       call x%out%put('dimension', density%dimension)
       call x%out%put('grains', density%n_grains)
       call x%out%put('groups', density%n_groups)
       call x%out%put('share_inside', density%prior%share_inside)
       call x%out%put_array('lower', density%prior%lower, shape(density%prior%lower))
       call x%out%put_array('upper', density%prior%upper, shape(density%prior%upper))
-   end subroutine describe
+   end subroutine new_posterior
 
-   subroutine use_posterior(verb, density, x, error)
+   subroutine use_posterior(verb, density, x)
       character(len=*), intent(in) :: verb
       type(posterior_type), intent(inout) :: density
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(problem_type), pointer :: problem
-      type(warning_type), allocatable :: warnings(:)
-      character(len=:), allocatable :: document
-
-      select case (verb)
-      case ('sample')
-         call sample(density, x, error)
-      case ('evaluate')
-         call evaluate(density, x%in%columns('points', density%dimension), x)
-      case ('moduli')
-         call draw_moduli(density, x%in%columns('points', density%dimension), degree*x%in%columns('euler_deg', 3), x, error)
-      case ('next')
-         ! The draws have the factor on the sds as it is, not its logarithm.
-         problem => x%problem(error)
-         if (.not. allocated(error)) call next_document(problem, density, x%in%columns('draws', density%dimension), document, &
-            & warnings, error)
-         if (.not. allocated(error)) call x%out%put('document', document)
-      case default
-         call x%refuse(verb, error)
-      end select
-   end subroutine use_posterior
-
-   !> Chains of a sampler.
-   subroutine sample(density, x, error)
-      type(posterior_type), intent(in) :: density
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains
-
-      call new_sampler(x%in%text('method'), int(x%in%integer('burn_in')), sampler, error)
-      if (.not. allocated(error)) call sample_chains(density, sampler, run_settings_type(int(x%in%integer('samples')), &
-         & int(x%in%integer('chains')), x%threads(), int(x%in%integer('seed'))), chains, error)
-      if (allocated(error)) return
-      call x%out%put_array('draws', chains%draws, shape(chains%draws))
-      call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))
-      call x%out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
-   end subroutine sample
-
-   !> Log density and log likelihood at points; minus infinity outside the support.
-   subroutine evaluate(density, points, x)
-      type(posterior_type), intent(in) :: density
-      real(wp), intent(in) :: points(:, :)
-      type(exchange_type), intent(inout) :: x
-      real(wp) :: values(size(points, 2), 2)
-
-      call density%evaluate_parts(points, values(:, 1), values(:, 2))
-      where (spread(.not. values(:, 1) > -huge(values), 2, 2)) values = ieee_value(1.0_wp, ieee_negative_inf)
-      call x%out%put_array('values', values, shape(values))
-   end subroutine evaluate
-
-   !> At points the indentation moduli (GPa) of any grains (radians), with the surrogate's error drawn given the data, and one plus the
-   !> calibration error of each group, drawn likewise.
-   subroutine draw_moduli(density, points, euler, x, error)
-      type(posterior_type), intent(in) :: density
-      real(wp), intent(in) :: points(:, :), euler(:, :)
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
       class(grain_model_type), allocatable :: grains
-      real(wp) :: moduli(size(euler, 2), size(points, 2)), factor(density%n_groups, size(points, 2))
+      type(warning_type), allocatable :: warnings(:)
+      real(wp), pointer :: points(:, :)
+      real(wp), allocatable :: factor(:, :)
       integer :: i
 
-      call density%new_grains(euler, grains, error)
-      if (allocated(error)) return
-      stream = new_random_stream(int(x%in%integer('seed')), 0)
-      do i = 1, size(points, 2)
-         call density%draw_moduli(points(:, i), grains, stream, moduli(:, i), factor(:, i))
-      end do
-      call x%out%put_array('moduli', moduli, shape(moduli))
-      call x%out%put_array('factor', factor, shape(factor))
-   end subroutine draw_moduli
+      if (x%in%has('points')) points => x%in%columns('points', density%dimension)
+      select case (verb)
+      case ('sample')
+         call new_sampler(x%in%text('method'), x%in%integer('burn_in'), sampler, x%error)
+         if (.not. allocated(x%error)) call sample_chains(density, sampler, run_settings_type(x%in%integer('samples'), &
+            & x%in%integer('chains'), x%threads(), x%in%integer('seed')), chains, x%error)
+         if (allocated(x%error)) return
+         call x%out%put_array('draws', chains%draws, shape(chains%draws))
+         call x%out%put_array('log_density', chains%log_density, shape(chains%log_density))
+         call x%out%put_array('acceptance', chains%acceptance, shape(chains%acceptance))
+      case ('evaluate')
+         ! Log density and log likelihood; minus infinity outside the support.
+         allocate (x%values(size(points, 2), 2))
+         call density%evaluate_parts(points, x%values(:, 1), x%values(:, 2))
+         where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
+      case ('moduli')
+         ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of
+         ! each group, drawn likewise.
+         call density%new_grains(degree*x%in%columns('euler_deg', 3), grains, x%error)
+         if (allocated(x%error)) return
+         allocate (x%values(size(x%in%columns('euler_deg', 3), 2), size(points, 2)), factor(density%n_groups, size(points, 2)))
+         stream = new_random_stream(x%in%integer('seed'), 0)
+         do i = 1, size(points, 2)
+            call density%draw_moduli(points(:, i), grains, stream, x%values(:, i), factor(:, i))
+         end do
+         call x%out%put_array('factor', factor, shape(factor))
+      case ('next')
+         ! The points are draws, which have the factor on the sds as it is, not its logarithm.
+         call next_document(x%problem, density, points, x%text, warnings, x%error)
+      case default
+         call x%refuse(verb)
+      end select
+   end subroutine use_posterior
 end module posterior_operations

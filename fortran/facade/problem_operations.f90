@@ -1,127 +1,93 @@
 !> Problems: namelists, their settings and tables; and what there is to be set.
 module problem_operations
+   use abstract_basis, only: basis_type
+   use build_checks, only: basis_of_problem
+   use campaign_import, only: import_table
    use choices, only: all_choices
-   use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use exchange, only: exchange_type
+   use fe_indentation, only: indentation_model_type, new_indentation_model
    use kinds, only: wp
    use named_values, only: named_values_type
-   use namelist_file, only: namelist_file_type, parse_namelist
+   use namelist_file, only: place
    use physics_identity, only: identity_text
-   use point_tables, only: points_type, read_crystals
+   use point_tables, only: points_type
    use problem, only: problem_type
-   use problem_input, only: problem_of_text, read_problem
-   use settings_groups, only: settings_type
-   use settings_lists, only: new_schema, schema_type
-   use settings_reader, only: read_settings
-   use settings_values, only: put_settings
-   use settings_visitor, only: allowed_in_words, kind_names
-   use simulate, only: simulation_error
-   use stages, only: all_stages, run_command, stage_row_type
+   use settings_schema, only: listed_settings => list_settings, settings_type
+   use settings_list, only: allowed_in_words, kind_names, settings_list_type
+   use settings_output, only: put_settings
+   use simulate, only: new_simulator, simulation_error
+   use simulation_operations, only: held_simulator_type
+   use stage_documents, only: begin_results
+   use stage_operations, only: held_stage_type
+   use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
+   use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
+   use text, only: join
    use truncation_scan, only: read_scan
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: perform_problem
+   public :: list_settings, use_problem
 
 contains
 
-   subroutine perform_problem(verb, object, x, error)
+   subroutine use_problem(verb, self, x)
       character(len=*), intent(in) :: verb
-      !> A problem; not associated: one is to be made, or all settings are wanted.
-      class(*), pointer, intent(in) :: object
+      type(problem_type), intent(inout), target :: self
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(problem_type), pointer :: self
-      class(*), pointer :: made
-
-      if (associated(object)) then
-         select type (object)
-         type is (problem_type)
-            call use_problem(verb, object, x, error)
-         end select
-         return
-      else if (verb == 'list') then
-         call list_settings(x%out)
-         return
-      else if (verb == 'values') then
-         call read_values(x, error)
-         return
-      end if
-      allocate (self)
-      call x%give(self, 'problem')
-      select case (verb)
-      case ('read')
-         call read_problem(x%in%text('path'), x%in%text('command'), self, error)
-      case ('parse')
-         call problem_of_text(x%in%text('path'), x%in%text('content'), self, error)
-      case ('table')
-         call read_table_alone(self, x, error)
-      case default
-         call x%refuse(verb, error)
-      end select
-   end subroutine perform_problem
-
-   !> The settings of a namelist's text, without the tables that it names.
-   subroutine read_values(x, error)
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(namelist_file_type) :: namelist
-      type(settings_type) :: settings
-
-      call parse_namelist(x%in%text('path'), x%in%text('content'), namelist, error)
-      if (.not. allocated(error)) call read_settings(x%in%text('path'), namelist, '', '', all_choices(), settings, error)
-      if (.not. allocated(error)) call put_settings(settings, x%out)
-   end subroutine read_values
-
-   !> The crystals of a table alone, which has no settings; `symmetry`: of the rows that do not say theirs.
-   subroutine read_table_alone(self, x, error)
-      type(problem_type), intent(inout) :: self
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: class
-      character(len=:), allocatable :: path
-
-      path = x%in%text('path')
-      allocate (self%crystals)
-      call new_crystal_class(x%in%text('symmetry'), class, error)
-      if (.not. allocated(error)) call read_crystals(path, path//': ', class, self%crystals, error)
-   end subroutine read_table_alone
-
-   subroutine use_problem(verb, self, x, error)
-      character(len=*), intent(in) :: verb
-      type(problem_type), intent(inout) :: self
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
+      type(indentation_model_type), pointer :: model
+      type(held_simulator_type), pointer :: simulator
+      type(held_stage_type), pointer :: stage
+      class(basis_type), allocatable :: basis
       real(wp), pointer :: c(:, :, :)
-      real(wp), allocatable :: values(:)
-      character(len=:), allocatable :: warning
 
       select case (verb)
       case ('describe')
          call describe_problem(self, x%out)
       case ('column')
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
-      case ('cells')
-         call give_cells(self, x%in%text('table'), x%out)
       case ('set_table')
          ! A table that is no file: a page of CSV.
-         call self%set_table(x%in%text('table'), x%in%text('page'), error)
+         call self%set_table(x%in%text('table'), x%in%text('page'), x%error)
       case ('write_crystals')
          ! The table of the crystals with columns of numbers (n, m) added.
          call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
-            & x%in%columns('values', self%crystals%n), error)
+            & x%in%columns('values', self%crystals%n), x%error)
+      case ('import')
+         ! Their moduli, into the campaign of another problem.
+         call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
+      case ('begin_results')
+         call begin_results(self, x%in%text('groups'), x%places(), x%error)
+      case ('check_stages')
+         call check_stages(self, x%places(), x%error)
+      case ('indentation')
+         allocate (model)
+         call x%give(model, 'indentation')
+         call new_indentation_model(self%settings, model, x%error)
+         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+      case ('simulator')
+         allocate (simulator)
+         call x%give(simulator, 'simulator')
+         call new_simulator(self%settings, simulator%simulator, x%error)
+         if (allocated(x%error)) x%error%message = place(self%path, 'simulation', '')//x%error%message
+      case ('basis')
+         call basis_of_problem(self, basis, x%error)
+         if (.not. allocated(x%error)) call give_basis(basis, x)
+      case ('stage')
+         allocate (stage)
+         call x%give(stage, 'stage')
+         call new_stage(x%in%text('name'), stage%stage, x%error)
+         if (.not. allocated(x%error)) call stage%stage%open(self, x%places(), x%error)
+         if (.not. allocated(x%error)) call x%out%put('expected', stage%stage%n_expected)
       case ('mesh_error')
          ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
          ! instability.
          c => x%in%matrices('stiffness')
-         allocate (values(size(c, 3)))
-         call simulation_error(self%settings, c, values, warning)
-         call x%out%put_array('largest', values, shape(values))
-         call x%out%put('warning', warning)
+         allocate (x%values(size(c, 3), 1))
+         call simulation_error(self%settings, c, x%values(:, 1), x%text)
       case default
-         call x%refuse(verb, error)
+         call x%refuse(verb)
       end select
    end subroutine use_problem
 
@@ -131,16 +97,17 @@ contains
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
       type(error_type), allocatable :: error
-      type(warning_type), allocatable :: list(:)
+      type(points_type), pointer :: points
+      type(warning_type), allocatable :: list(:), classes(:), names(:)
+      character(len=:), allocatable :: name
       integer, allocatable :: pairs(:, :)
-      integer :: i
+      integer :: i, j
 
       if (allocated(self%path)) then
          call put_settings(self%settings, out)
          call out%put('resolved', self%resolved_text())
          call out%put('warnings', self%warnings)
-         call out%put('groups', self%groups)
-         call out%put('stages', self%stages)
+         call out%put('stages', join(self%stages, ' '))
          call read_scan(self%settings%surrogate%scan, pairs, error)
          call out%put_integers('scan', pairs, shape(pairs))
          call out%put('physics', identity_text(self%settings))
@@ -155,8 +122,27 @@ contains
          end do
          call out%put('indents_columns', list)
       end if
+      ! How many rows a table has, their kind of modulus, the classes of its crystals, and the names of its grains.
       do i = 1, size(tables)
-         call describe_points(trim(tables(i)), points_of(self, tables(i)), out)
+         points => points_of(self, tables(i))
+         if (.not. associated(points)) cycle
+         name = trim(tables(i))
+         call out%put(name//'.n', points%n)
+         if (allocated(points%modulus_kind)) call out%put(name//'.modulus_kind', points%modulus_kind)
+         allocate (classes(0), names(0))
+         if (allocated(points%class)) then
+            do j = 1, size(points%classes)
+               call warn(classes, points%classes(j)%name)
+            end do
+         end if
+         call out%put(name//'.classes', classes)
+         if (points%named_by > 0) then
+            do j = 1, points%n
+               call warn(names, points%name(j))
+            end do
+            call out%put(name//'.names', names)
+         end if
+         deallocate (classes, names)
       end do
       if (allocated(self%stiffness)) call put_cells('stiffness', self%stiffness%table, out)
    end subroutine describe_problem
@@ -180,38 +166,15 @@ contains
       end select
    end function points_of
 
-   !> How many rows a table has, their kind of modulus, the classes of its crystals, and the names of its grains.
-   subroutine describe_points(name, points, out)
-      character(len=*), intent(in) :: name
-      type(points_type), pointer, intent(in) :: points
-      type(named_values_type), intent(inout) :: out
-      type(warning_type), allocatable :: classes(:), names(:)
-      integer :: i
-
-      if (.not. associated(points)) return
-      call out%put(name//'.n', points%n)
-      if (allocated(points%modulus_kind)) call out%put(name//'.modulus_kind', points%modulus_kind)
-      allocate (classes(0), names(points%n))
-      if (allocated(points%class)) then
-         do i = 1, size(points%classes)
-            call warn(classes, points%classes(i)%name)
-         end do
-      end if
-      call out%put(name//'.classes', classes)
-      if (.not. points%named_by > 0) return
-      do i = 1, points%n
-         names(i)%text = points%name(i)
-      end do
-      call out%put(name//'.names', names)
-   end subroutine describe_points
-
-   !> The numbers of a column of a table.
+   !> The numbers of a column of a table, or its 'cells'.
    subroutine give_column(points, name, out)
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
       type(named_values_type), intent(inout) :: out
 
       select case (name)
+      case ('cells')
+         call put_cells('cells', points%table, out)
       case ('euler_deg')
          call out%put_array('values', points%euler_deg, shape(points%euler_deg))
       case ('modulus_gpa')
@@ -226,17 +189,6 @@ contains
          call out%put_integers('values', points%class, [points%n])
       end select
    end subroutine give_column
-
-   !> The cells of a table of a problem.
-   subroutine give_cells(self, name, out)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: name
-      type(named_values_type), intent(inout) :: out
-      type(points_type), pointer :: points
-
-      points => points_of(self, name)
-      call put_cells('cells', points%table, out)
-   end subroutine give_cells
 
    !> The cells of a table row by row, the header first.
    subroutine put_cells(name, table, out)
@@ -261,17 +213,18 @@ contains
    subroutine list_settings(out)
       type(named_values_type), intent(inout) :: out
       character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
-      type(schema_type) :: schema
-      type(stage_row_type) :: stage
+      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
+      type(settings_list_type) :: schema
+      type(settings_type) :: unset
       type(warning_type), allocatable :: list(:)
       integer :: i
 
-      schema = new_schema(all_choices())
+      schema = listed_settings(unset, all_choices())
       allocate (list(9*size(schema%variables)))
       do i = 1, size(schema%variables)
          associate (v => schema%variables(i), row => list(9*i - 8:9*i))
             row(1)%text = v%group
-            row(2)%text = schema%groups(schema%find_group(v%group))%meaning
+            row(2)%text = schema%groups(v%group_number)%meaning
             row(3)%text = v%name
             row(4)%text = trim(kind_names(v%kind))
             row(5)%text = trim(shapes(v%shape))
@@ -282,16 +235,7 @@ contains
          end associate
       end do
       call out%put('schema', list)
-      deallocate (list)
-      do i = 0, size(all_stages)
-         stage = run_command
-         if (i > 0) stage = all_stages(i)
-         call warn(list, trim(stage%name))
-         call warn(list, trim(stage%groups))
-         call warn(list, trim(stage%document))
-         call warn(list, trim(stage%summary))
-         call warn(list, trim(stage%description))
-      end do
-      call out%put('stages', list)
+      call out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
+         & rows(i)%summary, rows(i)%description, i=1, size(rows))])
    end subroutine list_settings
 end module problem_operations

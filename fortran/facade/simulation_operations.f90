@@ -1,18 +1,15 @@
 !> Simulators of a problem, and its finite element model. Stiffnesses in crystal axes, GPa; angles in degrees.
 module simulation_operations
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: error_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
-   use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
+   use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
-   use namelist_file, only: place
-   use problem, only: problem_type
-   use simulate, only: new_simulator, outcome_failed, outcome_type, simulator_type
+   use simulate, only: outcome_type, simulator_type
    implicit none
    private
-   public :: perform_simulation
+   public :: held_simulator_type, run_simulator, use_model
 
    type :: held_simulator_type
       type(simulator_type), allocatable :: simulator
@@ -20,142 +17,82 @@ module simulation_operations
 
 contains
 
-   subroutine perform_simulation(verb, object, x, error)
-      character(len=*), intent(in) :: verb
-      !> A model or a simulator; not associated: the `verb` says which is made of a problem.
-      class(*), pointer, intent(in) :: object
-      type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
-      type(indentation_model_type), pointer :: model
-      type(held_simulator_type), pointer :: held
-      type(problem_type), pointer :: problem
-      class(*), pointer :: made
-
-      if (associated(object)) then
-         select type (object)
-         type is (indentation_model_type)
-            call use_model(verb, object, x, error)
-         type is (held_simulator_type)
-            call run_simulator(object%simulator, x, error)
-         end select
-         return
-      end if
-      problem => x%problem(error)
-      if (allocated(error)) return
-      if (verb == 'new_model') then
-         allocate (model)
-         call x%give(model, 'indentation')
-         call new_indentation_model(problem%settings, model, error)
-      else
-         allocate (held)
-         call x%give(held, 'simulator')
-         call new_simulator(problem%settings, held%simulator, error)
-      end if
-      if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
-   end subroutine perform_simulation
-
    !> Simulate one crystal: what became of it.
-   subroutine run_simulator(simulator, x, error)
+   subroutine run_simulator(simulator, x)
       type(simulator_type), intent(in) :: simulator
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(outcome_type) :: outcome
 
-      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), outcome, error)
-      if (allocated(error)) return
-      call x%out%put('seconds', outcome%seconds)
-      if (outcome%status == outcome_failed) then
-         call x%out%put('message', outcome%message)
-         return
-      end if
+      call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), outcome, x%error)
+      if (allocated(x%error)) return
+      call x%out%put('status', outcome%status)
       call x%out%put('modulus_gpa', outcome%modulus)
-      if (outcome%elements == 0) return
+      call x%out%put('seconds', outcome%seconds)
       call x%out%put('elements', outcome%elements)
       call x%out%put_array('depth_um', outcome%depth, shape(outcome%depth))
       call x%out%put_array('force_mn', outcome%force, shape(outcome%force))
+      call x%out%put('message', outcome%message)
    end subroutine run_simulator
 
-   subroutine use_model(verb, model, x, error)
+   subroutine use_model(verb, model, x)
       character(len=*), intent(in) :: verb
       type(indentation_model_type), intent(in) :: model
       type(exchange_type), intent(inout) :: x
-      type(error_type), allocatable, intent(out) :: error
       type(indentation_result_type) :: result
-      real(wp), allocatable :: c(:, :, :)
+      real(wp), allocatable :: c(:, :, :), infinite(:, :, :)
       real(wp) :: stiffness(6, 6), euler(3)
+      integer :: i
 
-      if (verb == 'describe') call describe_model(model, x%out)
-      if (verb == 'mesh') call put_mesh(model, x%out)
-      if (.not. x%in%has('stiffness')) return
-      stiffness = x%in%columns('stiffness', 6)
-      euler = degree*x%in%reals('euler_deg')
-      select case (verb)
-      case ('run')
-         call simulate_indentation(model, stiffness, euler, result, error)
-         if (allocated(error)) return
-         call x%out%put('indentation_modulus_gpa', result%modulus)
-         call x%out%put_array('depth_um', result%depth, shape(result%depth))
-         call x%out%put_array('force_mn', result%force, shape(result%depth))
-         call x%out%put_array('modulus_by_depth_gpa', result%modulus_by_depth, shape(result%depth))
-         call x%out%put_array('contact_radius_um', result%contact_radius, shape(result%depth))
-         call x%out%put('elements', result%elements)
-         call x%out%put('seconds', result%seconds)
-         call x%out%put('seconds_factor', result%seconds_factor)
-         call x%out%put('modulus_slope_gpa', result%modulus_slope)
-         call x%out%put('modulus_last_gpa', result%modulus_last)
-         call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, shape(result%modulus_of_mesh))
-         call x%out%put('contact_residual', result%contact_residual)
-         call x%out%put('equilibrium_residual', result%equilibrium_residual)
-      case ('fields')
-         call simulate_indentation(model, stiffness, euler, result, error, int(x%in%integer('step')))
-         if (.not. allocated(error)) call put_fields(model, stiffness, euler, result%displacement, x%out)
-      case ('stiffness')
+      if (x%in%has('stiffness')) then
+         stiffness = x%in%columns('stiffness', 6)
+         euler = degree*x%in%reals('euler_deg')
          c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
-         call put_infinite(model, c, x%out)
-      case default
-         call x%refuse(verb, error)
-      end select
+      end if
+      associate (mesh => model%grid(1)%mesh)
+         select case (verb)
+         case ('describe')
+            call describe_model(model, x%out)
+         case ('mesh')
+            call put_mesh(model, x%out)
+         case ('run')
+            call simulate_indentation(model, stiffness, euler, result, x%error)
+            if (allocated(x%error)) return
+            call x%out%put('indentation_modulus_gpa', result%modulus)
+            call x%out%put_array('depth_um', result%depth, shape(result%depth))
+            call x%out%put_array('force_mn', result%force, shape(result%depth))
+            call x%out%put_array('modulus_by_depth_gpa', result%modulus_by_depth, shape(result%depth))
+            call x%out%put_array('contact_radius_um', result%contact_radius, shape(result%depth))
+            call x%out%put('elements', result%elements)
+            call x%out%put('seconds', result%seconds)
+            call x%out%put('seconds_factor', result%seconds_factor)
+            call x%out%put('modulus_slope_gpa', result%modulus_slope)
+            call x%out%put('modulus_last_gpa', result%modulus_last)
+            call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, shape(result%modulus_of_mesh))
+            call x%out%put('contact_residual', result%contact_residual)
+            call x%out%put('equilibrium_residual', result%equilibrium_residual)
+         case ('fields')
+            ! Displacement of the nodes (um), and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh.
+            call simulate_indentation(model, stiffness, euler, result, x%error, x%in%integer('step'))
+            if (allocated(x%error)) return
+            call x%out%put_array('displacement_um', result%displacement, shape(result%displacement))
+            allocate (x%values(6, size(mesh%brick, 2)))
+            do i = 1, size(mesh%brick, 2)
+               call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
+                  & result%displacement(:, mesh%brick(:, i)), x%values(:, i))
+            end do
+         case ('stiffness')
+            ! Of the materials in the axes of the sample (GPa), and of each infinite element of the finest mesh (mN/um).
+            allocate (infinite(12, 12, size(mesh%facet, 2)))
+            do i = 1, size(infinite, 3)
+               call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), infinite(:, :, i))
+            end do
+            call x%out%put_array('materials', c, shape(c))
+            call x%out%put_array('infinite', infinite, shape(infinite))
+         case default
+            call x%refuse(verb)
+         end select
+      end associate
    end subroutine use_model
-
-   !> Displacement of the nodes (um) and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh.
-   subroutine put_fields(model, stiffness, euler, displacement, out)
-      type(indentation_model_type), intent(in) :: model
-      !> GPa; radians; um (3, nodes).
-      real(wp), intent(in) :: stiffness(6, 6), euler(3), displacement(:, :)
-      type(named_values_type), intent(inout) :: out
-      real(wp), allocatable :: c(:, :, :), stress(:, :)
-      integer :: i
-
-      c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
-      associate (mesh => model%grid(1)%mesh)
-         allocate (stress(6, size(mesh%brick, 2)))
-         do i = 1, size(stress, 2)
-            call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
-               & displacement(:, mesh%brick(:, i)), stress(:, i))
-         end do
-      end associate
-      call out%put_array('displacement_um', displacement, shape(displacement))
-      call out%put_array('stress_gpa', stress, shape(stress))
-   end subroutine put_fields
-
-   !> The stiffness of the materials in the axes of the sample (GPa), and of each infinite element of the finest mesh (mN/um).
-   subroutine put_infinite(model, c, out)
-      type(indentation_model_type), intent(in) :: model
-      !> GPa (6, 6, material).
-      real(wp), intent(in) :: c(:, :, :)
-      type(named_values_type), intent(inout) :: out
-      real(wp), allocatable :: infinite(:, :, :)
-      integer :: i
-
-      associate (mesh => model%grid(1)%mesh)
-         allocate (infinite(12, 12, size(mesh%facet, 2)))
-         do i = 1, size(infinite, 3)
-            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), infinite(:, :, i))
-         end do
-      end associate
-      call out%put_array('materials', c, shape(c))
-      call out%put_array('infinite', infinite, shape(infinite))
-   end subroutine put_infinite
 
    !> Sizes and costs, summed over the meshes; of the finest mesh how much there is.
    subroutine describe_model(model, out)

@@ -5,7 +5,7 @@
 module abstract_indenter
    use errors, only: error_type
    use kinds, only: wp
-   use settings_groups, only: indenter_settings_type
+   use settings_schema, only: indenter_settings_type
    implicit none
    private
    public :: indenter_type

@@ -5,7 +5,7 @@ module abstract_specimen
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: wp
    use mesh_plan, only: mesh_plan_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    implicit none
    private
    public :: specimen_type, require

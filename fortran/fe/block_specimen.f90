@@ -4,7 +4,7 @@ module block_specimen
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use mesh_plan, only: clamped_bottom, layers_of_ratio, mesh_plan_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
    private

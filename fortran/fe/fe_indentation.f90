@@ -9,7 +9,7 @@ module fe_indentation
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
    use kinds, only: i8, wp
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimens, only: new_indentation
    use text, only: to_text

@@ -8,7 +8,7 @@ module film_specimen
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use mesh_plan, only: core_of_contact, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
    private

@@ -7,7 +7,7 @@ module grain_specimen
    use kinds, only: wp
    use mesh_plan, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, &
       & to_cylinder
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
    private

@@ -4,7 +4,7 @@ module halfspace_specimen
    use errors, only: error_type
    use kinds, only: wp
    use mesh_plan, only: core_of_contact, layers_of_ratio, mesh_plan_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    implicit none
    private
    public :: halfspace_specimen_type, halfspace_name

@@ -3,7 +3,7 @@ module indenters
    use abstract_indenter, only: indenter_type
    use errors, only: error_type, exit_bad_input, raise
    use power_indenter, only: cone_name, paraboloid_name, power_indenter_type
-   use settings_groups, only: indenter_settings_type
+   use settings_schema, only: indenter_settings_type
    use sphere_indenter, only: sphere_indenter_type, sphere_name
    implicit none
    private

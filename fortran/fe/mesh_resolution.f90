@@ -8,7 +8,7 @@ module mesh_resolution
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use kinds, only: wp
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use specimens, only: new_indentation
    use text, only: to_text
    implicit none

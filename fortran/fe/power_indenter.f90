@@ -2,7 +2,7 @@
 module power_indenter
    use abstract_indenter, only: indenter_type
    use kinds, only: degree, pi, wp
-   use settings_groups, only: indenter_settings_type
+   use settings_schema, only: indenter_settings_type
    implicit none
    private
    public :: power_indenter_type, paraboloid_name, cone_name

@@ -10,7 +10,7 @@ module specimens
    use indenters, only: new_indenter
    use kinds, only: wp
    use mesh_plan, only: finest_edge
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    implicit none
    private
    public :: geometry_names, new_specimen, new_indentation

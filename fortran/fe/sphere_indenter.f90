@@ -3,7 +3,7 @@ module sphere_indenter
    use abstract_indenter, only: indenter_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use settings_groups, only: indenter_settings_type
+   use settings_schema, only: indenter_settings_type
    use text, only: to_text
    implicit none
    private

@@ -10,17 +10,18 @@ module constants_posterior
    use abstract_observable, only: observable_type
    use constants_prior, only: prior_type
    use error_models, only: new_error_model
-   use errors, only: error_type
+   use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use logarithmic_coordinates, only: log_frame_type
-   use measured_grains, only: all_tilts, check_measurements, measured_type, n_tilts, tilt_moments
+   use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use sampling_target, only: outside, point_type, target_type
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: surrogate_type
+   use text, only: to_text
    implicit none
    private
    public :: posterior_type, new_posterior, error_sources, n_error_sources
@@ -94,10 +95,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Variance of y that is none.
       real(wp), parameter :: none = 1.0e-20_wp
+      !> Work arrays of a thread are on its stack.
+      integer, parameter :: most_grains = 20000
 
       call new_observable(settings%modulus_kind, settings, posterior%observable, error)
-      if (.not. allocated(error)) call check_measurements(measured, posterior%observable, prior_only, error)
       if (.not. allocated(error)) call new_error_model(settings, posterior%errors, error)
+      if (size(measured%modulus) > most_grains) call raise(error, to_text(size(measured%modulus))//' grains are more than the ' &
+         & //to_text(most_grains)//' that are allowed', exit_bad_input)
       if (allocated(error)) return
       posterior%prior = prior
       posterior%settings = settings
@@ -172,13 +176,11 @@ contains
    pure real(wp) function log_prior(self, c)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
-      type(log_frame_type) :: frame
-      real(wp) :: other(6, 6)
 
       log_prior = self%prior%log_density(c)
-      if (.not. self%prior%in_logarithms) return
-      call self%prior%logarithms%from_logarithms(self%prior%logarithms%to_logarithms(c), other, frame)
-      log_prior = log_prior - self%prior%logarithms%log_volume(frame)
+      associate (logarithms => self%prior%logarithms)
+         if (self%prior%in_logarithms) log_prior = log_prior - logarithms%log_volume_at(logarithms%to_logarithms(c))
+      end associate
    end function log_prior
 
    pure subroutine evaluate_working(self, points, polynomial)

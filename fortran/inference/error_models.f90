@@ -2,11 +2,9 @@
 module error_models
    use abstract_error_model, only: error_model_type
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
    use normal_errors, only: normal_errors_type
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use student_errors, only: new_student_errors
-   use text, only: to_text
    implicit none
    private
    public :: likelihood_names, new_error_model
@@ -22,19 +20,10 @@ contains
       class(error_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
 
-      if (.not. (settings%calibration_sd >= 0.0_wp .and. settings%calibration_sd < 1.0_wp)) then
-         call raise(error, 'calibration_sd = '//to_text(settings%calibration_sd)//' is relative: 0 <= calibration_sd < 1', &
-            & exit_bad_input)
-         return
-      end if
       select case (settings%likelihood)
       case ('normal')
          allocate (normal_errors_type :: model)
       case ('student')
-         if (.not. (settings%student_dof > 0.0_wp .and. settings%student_dof < huge(1.0_wp))) then
-            call raise(error, 'student_dof = '//to_text(settings%student_dof)//' must be positive', exit_bad_input)
-            return
-         end if
          allocate (model, source=new_student_errors(settings%student_dof))
       case default
          call raise(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: '//likelihood_names, exit_bad_input)

@@ -31,12 +31,12 @@ module further_knowledge
 contains
 
    !> What each kind of knowledge would bring.
-   subroutine expect_gains(prior, draws, gains, error)
+   subroutine expect_gains(prior, draws, gains)
       type(prior_type), intent(in) :: prior
       !> (parameter, sample, chain), the first parameters constants.
       real(wp), intent(in) :: draws(:, :, :)
       type(gain_type), allocatable, intent(out) :: gains(:)
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable :: error
       character(len=:), allocatable :: names(:)
       type(quantity_type), allocatable :: list(:)
       real(wp), allocatable :: values(:, :), constants(:, :)
@@ -50,7 +50,6 @@ contains
          allocate (list(size(names)))
          do i = 1, size(names)
             call new_quantity(trim(names(i)), list(i), error)
-            if (allocated(error)) return
          end do
          call evaluate_draws(list, prior%class, constants, values)
          call keep_distinct(values, distinct)

@@ -60,57 +60,39 @@ contains
       all%prior%has_default = .false.
       call without_knowledge(all, free, error)
       if (allocated(error)) return
-      call best_of(all, chains, point, most)
-      call best_of(free, free_chains, other, most_other)
+      point = chains%best_draw()
+      call climb_up(all, chains, point, most)
+      other = free_chains%best_draw()
+      call climb_up(free, free_chains, other, most_other)
       ! What is best with knowledge is a point to start from without.
-      call climb_up(free, first_steps(chains), point, most_free)
+      call climb_up(free, chains, point, most_free)
       conflict%growth = 2.0_wp*max(0.0_wp, max(most_free, most_other) - most)
       conflict%sds = sds_of(conflict%growth, n)
       call compare_moments(posterior, chains, conflict)
       if (n == 1) conflict%of_quantity = sqrt(conflict%growth)
    end subroutine find_conflict
 
-   !> The point of largest density near the best draw.
-   subroutine best_of(density, chains, point, log_density)
+   !> Simplices one after another until the next adds nothing, whose first steps are a tenth of the sds of the parameters in chains.
+   subroutine climb_up(density, chains, point, log_density)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
-      real(wp), intent(out) :: point(:), log_density
-      integer :: best(2)
-
-      best = maxloc(chains%log_density)
-      point = chains%draws(:, best(1), best(2))
-      call climb_up(density, first_steps(chains), point, log_density)
-   end subroutine best_of
-
-   !> Simplices one after another until the next adds nothing.
-   subroutine climb_up(density, steps, point, log_density)
-      type(posterior_type), intent(in) :: density
-      real(wp), intent(in) :: steps(:)
       real(wp), intent(inout) :: point(:)
       real(wp), intent(out) :: log_density
       integer, parameter :: most = 8
       real(wp), parameter :: nothing = 0.05_wp
-      real(wp) :: before, values(1)
+      real(wp) :: before, values(1), mean(size(point)), sd(size(point))
       integer :: i
 
+      call moments(flattened(chains%draws), mean, sd)
       call density%evaluate(reshape(point, [size(point), 1]), values)
       do i = 1, most
          before = values(1)
-         call climb(density, steps, point)
+         call climb(density, 0.1_wp*sd, point)
          call density%evaluate(reshape(point, [size(point), 1]), values)
          if (values(1) - before < nothing) exit
       end do
       log_density = values(1)
    end subroutine climb_up
-
-   !> A tenth of the sds of the parameters.
-   pure function first_steps(chains) result(steps)
-      type(chains_type), intent(in) :: chains
-      real(wp), dimension(size(chains%draws, 1)) :: steps, mean
-
-      call moments(flattened(chains%draws), mean, steps)
-      steps = 0.1_wp*steps
-   end function first_steps
 
    !> The conflict of each quantity, from mean and variance over some of the draws.
    subroutine compare_moments(posterior, chains, conflict)

@@ -3,17 +3,11 @@
 !> The tilt of the indented direction is normal in each of two components. The modulus, quadratic in the tilt, then has the mean
 !> M + sd² tr H / 2 and the variance sd² |s|² + sd⁴ |H|² / 2 with slope s and curvature H, taken from six neighbouring directions.
 module measured_grains
-   use abstract_observable, only: observable_type
    use crystal_elasticity, only: euler_angles, rotation_matrix
-   use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
-   use text, only: to_text
    implicit none
    private
-   public :: measured_type, check_measurements, all_tilts, tilt_moments, n_tilts
-
-   !> Work arrays of a thread are on its stack.
-   integer, parameter :: most_grains = 20000
+   public :: measured_type, all_tilts, tilt_moments, n_tilts
 
    !> What was measured in n grains.
    type :: measured_type
@@ -31,33 +25,6 @@ module measured_grains
    real(wp), parameter :: tilts(2, n_tilts) = reshape(tilt_step*[0, 0, 1, 0, -1, 0, 0, 1, 0, -1, 1, 1, -1, -1], [2, n_tilts])
 
 contains
-
-   !> Refuse what cannot be a table of measurements.
-   subroutine check_measurements(self, observable, may_be_empty, error)
-      type(measured_type), intent(in) :: self
-      class(observable_type), intent(in) :: observable
-      !> No grains are allowed.
-      logical, intent(in) :: may_be_empty
-      type(error_type), allocatable, intent(out) :: error
-      integer :: n
-
-      n = size(self%modulus)
-      if (size(self%euler, 2) /= n .or. size(self%sd) /= n) then
-         call raise(error, 'angles, moduli and sds are needed for the same number of grains', exit_bad_input)
-      else if (n == 0 .and. .not. may_be_empty) then
-         call raise(error, 'there are no measurements: at least one grain is needed', exit_bad_input)
-      else if (n > most_grains) then
-         call raise(error, to_text(n)//' grains are more than the '//to_text(most_grains)//' that are allowed', exit_bad_input)
-      else if (.not. (all(self%modulus > 0.0_wp .and. self%modulus < huge(1.0_wp)) .and. all(abs(self%euler) < huge(1.0_wp)))) then
-         call raise(error, 'a measured modulus is not positive, or a value is not finite', exit_bad_input)
-      else if (any(self%modulus > observable%greatest_plausible)) then
-         call raise(error, 'a measured modulus of '//to_text(maxval(self%modulus))//' '//observable%unit//' looks like ' &
-            & //observable%mistaken_unit//'; allowed up to '//to_text(observable%greatest_plausible)//' ' &
-            & //observable%unit, exit_bad_input)
-      else if (.not. all(self%sd > 0.0_wp .and. self%sd < huge(1.0_wp))) then
-         call raise(error, 'the sd of a measurement must be positive and finite', exit_bad_input)
-      end if
-   end subroutine check_measurements
 
    !> The orientations (3, n n_tilts) of n grains: as they are, then all with the first tilt, and so on.
    pure function all_tilts(euler) result(others)

@@ -12,7 +12,6 @@ module model_evidence
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use logarithmic_coordinates, only: log_frame_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
    use sampling_target, only: outside, point_type
@@ -83,7 +82,7 @@ contains
       log_factor = sum([(log(factor(j, j)), j=1, d)])
       do c = 1, size(u, 3)
          do i = 1, size(u, 2)
-            log_density(i, c) = log_density(i, c) + log_volume(density, u(:, i, c))
+            log_density(i, c) = log_density(i, c) + density%prior%logarithms%log_volume_at(u(:density%n_constants, i, c))
             u(:, i, c) = u(:, i, c) - mean
             call solve_lower(factor, u(:, i, c))
          end do
@@ -109,18 +108,6 @@ contains
       where (of_proposals > outside) of_proposals = of_proposals + log_factor
       call bridge(of_draws, of_proposals, value, variance)
    end subroutine log_integral
-
-   !> Logarithm of the volume of the constants for one of the working coordinates.
-   pure real(wp) function log_volume(density, w)
-      type(posterior_type), intent(in) :: density
-      !> (dimension).
-      real(wp), intent(in) :: w(:)
-      type(log_frame_type) :: frame
-      real(wp) :: c(6, 6)
-
-      call density%prior%logarithms%from_logarithms(w(:density%n_constants), c, frame)
-      log_volume = density%prior%logarithms%log_volume(frame)
-   end function log_volume
 
    !> Draws of the mixture: the logarithm of the density over the mixture's, but for the volume of the coordinates; `outside` the support.
    subroutine weigh_block(density, mixture, mean, factor, stream_number, values)
@@ -191,5 +178,4 @@ contains
       mean = sum(values)/n
       relative_variance = sum((values - mean)**2)/n/mean**2
    end function relative_variance
-
 end module model_evidence

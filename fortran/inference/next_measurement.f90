@@ -15,10 +15,8 @@
 !> Several measurements are chosen one after another. What the earlier ones will say is not known, so it is averaged over scenarios:
 !> a draw taken as the truth, noise added, and the draws weighted by what was measured in that scenario.
 module next_measurement
-   use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use random, only: new_random_stream, random_stream_type
-   use text, only: to_text
    implicit none
    private
    public :: candidates_type, suggestions_type, expected_gains, choose_measurements
@@ -161,11 +159,10 @@ contains
    !> Choose candidates one after another, averaged over `scenarios` of what the earlier ones say, each given those before it, no
    !> two of them near each other; fewer than `count` where no
    !> more are left.
-   subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions, error)
+   subroutine choose_measurements(candidates, count, scenarios, seed, threads, suggestions)
       type(candidates_type), intent(in) :: candidates
       integer, intent(in) :: count, scenarios, seed, threads
       type(suggestions_type), intent(out) :: suggestions
-      type(error_type), allocatable, intent(out) :: error
       !> Of the random stream of the scenarios' noise, beside those of chains and predictions.
       integer, parameter :: stream_number = -1
       type(random_stream_type) :: stream
@@ -175,12 +172,6 @@ contains
       integer :: i, r, c, draws
 
       draws = size(candidates%predicted, 1)
-      if (.not. all(candidates%sd > 0.0_wp)) then
-         call raise(error, 'sd_gpa = '//to_text(minval(candidates%sd))//' of the next measurement must be positive', exit_bad_input)
-      else if (count < 1) then
-         call raise(error, 'count = '//to_text(count)//' must be at least 1', exit_bad_input)
-      end if
-      if (allocated(error)) return
       allocate (values(size(candidates%predicted, 2)), weights(draws, 1), suggestions%chosen(0), suggestions%gains(0))
       weights = 1.0_wp/draws
       free = spread(.true., 1, size(values))
@@ -196,8 +187,7 @@ contains
          free(c) = .false.
          if (i == 1 .and. count > 1) then
             deallocate (weights)
-            allocate (weights(draws, max(1, scenarios)))
-            weights = 1.0_wp/draws
+            allocate (weights(draws, max(1, scenarios)), source=1.0_wp/draws)
          end if
          sd = kernel_sd(candidates, c)
          do r = 1, size(weights, 2)

@@ -114,23 +114,17 @@ contains
    pure subroutine list_terms(n, degree, polynomial)
       integer, intent(in) :: n, degree
       type(output_polynomial_type), intent(inout) :: polynomial
-      integer :: total(polynomial_terms(n, degree)), k, last, axis, power, before
+      integer, allocatable :: total(:)
+      integer :: k, axis, power
 
-      allocate (polynomial%parent(size(total)), polynomial%axis(size(total)), polynomial%power(size(total)))
-      polynomial%parent(1) = 0
-      polynomial%axis(1) = 0
-      polynomial%power(1) = 0
-      total(1) = 0
-      last = 1
+      allocate (polynomial%parent(1), polynomial%axis(1), polynomial%power(1), total(1), source=0)
       do axis = 1, n
-         before = last
-         do k = 1, before
+         do k = 1, size(total)
             do power = 1, degree - total(k)
-               last = last + 1
-               polynomial%parent(last) = k
-               polynomial%axis(last) = axis
-               polynomial%power(last) = power
-               total(last) = total(k) + power
+               polynomial%parent = [polynomial%parent, k]
+               polynomial%axis = [polynomial%axis, axis]
+               polynomial%power = [polynomial%power, power]
+               total = [total, total(k) + power]
             end do
          end do
       end do

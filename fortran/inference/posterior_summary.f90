@@ -98,10 +98,8 @@ contains
       type(chains_type), intent(in) :: chains
       real(wp), allocatable, intent(out) :: point(:)
       real(wp), dimension(posterior%dimension) :: mean, sd
-      integer :: best(2)
 
-      best = maxloc(chains%log_density)
-      point = chains%draws(:, best(1), best(2))
+      point = chains%best_draw()
       call moments(flattened(chains%draws), mean, sd)
       call climb(posterior, 0.1_wp*sd, point)
    end subroutine most_probable_point

@@ -9,7 +9,6 @@ module prior_sensitivity
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
-   use logarithmic_coordinates, only: log_frame_type
    use statistics, only: moments
    use support_limits, only: limit_type, no_limit
    implicit none
@@ -47,8 +46,7 @@ contains
       !> Of these draws.
       type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
-      type(log_frame_type) :: frame
-      real(wp) :: log_weights(size(draws, 2)), c(6, 6)
+      real(wp) :: log_weights(size(draws, 2))
       integer :: i
 
       allocate (changes(0))
@@ -58,8 +56,7 @@ contains
       if (posterior%prior%has_default) return
       associate (logarithms => posterior%prior%logarithms)
          do i = 1, size(log_weights)
-            call logarithms%from_logarithms(logarithms%to_logarithms(posterior%stiffness(draws(:, i))), c, frame)
-            log_weights(i) = logarithms%log_volume(frame)
+            log_weights(i) = logarithms%log_volume_at(logarithms%to_logarithms(posterior%stiffness(draws(:, i))))
          end do
       end associate
       if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
@@ -73,7 +70,6 @@ contains
       type(limit_type), intent(in) :: about
       type(change_type), allocatable, intent(inout) :: changes(:)
       real(wp) :: limit, inwards, step, distance(size(draws, 2))
-      type(change_type) :: change
       integer :: side
 
       do side = 1, 2
@@ -83,11 +79,11 @@ contains
          step = min(relative_step*abs(limit), greatest_step*(about%range(2) - about%range(1)))
          if (.not. step > 0.0_wp) cycle
          distance = inwards*(about%values - limit)
-         change = change_type(about%name, side == 2, limit, limit + inwards*step)
-         call add_change(draws, change, merge(1.0_wp, 0.0_wp, distance >= step), changes)
+         call add_change(draws, change_type(about%name, side == 2, limit, limit + inwards*step), &
+            & merge(1.0_wp, 0.0_wp, distance >= step), changes)
          if (side == 2 .and. about%name == 'domain.poisson') step = min(step, greatest_poisson - limit)
-         change = change_type(about%name, side == 2, limit, limit - inwards*step, exact=.false.)
-         call add_beyond(draws, change, distance, step, changes)
+         call add_beyond(draws, change_type(about%name, side == 2, limit, limit - inwards*step, exact=.false.), distance, step, &
+            & changes)
       end do
    end subroutine move_limits
 
@@ -99,15 +95,11 @@ contains
       !> (draw).
       real(wp), intent(in) :: weights(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
-      type(change_type) :: change
       real(wp), dimension(size(draws, 1)) :: mean, sd, new_mean, new_sd
 
-      change = about
-      change%effective = sum(weights)**2/max(tiny(1.0_wp), sum(weights**2))
       call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       call moments(draws, new_mean, new_sd, weights)
-      call compare(mean, sd, new_mean, new_sd, change)
-      changes = [changes, change]
+      call compare(about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, new_mean, new_sd, changes)
    end subroutine add_change
 
    !> The draws and those that a limit which moves by `step` lets in.
@@ -120,7 +112,6 @@ contains
       !> The most that is let in, in what the strip next to it has, and draws of a strip that say something.
       real(wp), parameter :: greatest_growth = 1.5_wp
       integer, parameter :: least_in_strip = 20
-      type(change_type) :: change
       real(wp), dimension(size(draws, 1)) :: mean, sd, near_mean, near_sd, far_mean, far_sd
       real(wp) :: near(size(distance)), far(size(distance)), beyond
 
@@ -129,18 +120,15 @@ contains
       call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       call moments(draws, near_mean, near_sd, near)
       call moments(draws, far_mean, far_sd, far)
-      change = about
-      change%effective = size(distance)
       if (sum(near) < least_in_strip) then
-         call compare(mean, sd, mean, sd, change)
+         call compare(about, real(size(distance), wp), mean, sd, mean, sd, changes)
       else
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
          far_mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
          far_sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
-         call compare(mean, sd, far_mean, far_sd, change)
+         call compare(about, real(size(distance), wp), mean, sd, far_mean, far_sd, changes)
       end if
-      changes = [changes, change]
    end subroutine add_beyond
 
    !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
@@ -189,14 +177,21 @@ contains
       end function powers
    end function continued
 
-   pure subroutine compare(mean, sd, new_mean, new_sd, change)
-      real(wp), intent(in) :: mean(:), sd(:), new_mean(:), new_sd(:)
-      type(change_type), intent(inout) :: change
+   !> Add a change from the moments without and with it.
+   pure subroutine compare(about, effective, mean, sd, new_mean, new_sd, changes)
+      type(change_type), intent(in) :: about
+      real(wp), intent(in) :: effective, mean(:), sd(:), new_mean(:), new_sd(:)
+      type(change_type), allocatable, intent(inout) :: changes(:)
+      type(change_type) :: change
 
+      change = about
+      change%effective = effective
       change%shift = (new_mean - mean)/max(tiny(1.0_wp), sd)
       change%sd_ratio = new_sd/max(tiny(1.0_wp), sd)
-      if (change%effective >= least_draws) return
-      change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
-      change%sd_ratio = change%shift
+      if (effective < least_draws) then
+         change%shift = ieee_value(1.0_wp, ieee_quiet_nan)
+         change%sd_ratio = change%shift
+      end if
+      changes = [changes, change]
    end subroutine compare
 end module prior_sensitivity

@@ -25,8 +25,6 @@ module quantities
    character(len=*), parameter :: quantity_choices = 'a constant C11 .. C66, C'' = (C11 - C12)/2, '//plain_names &
       & //', young[100], shear[001], compressibility[100], or a product of powers of these such as C33/C11 or C11^1 C12^-0.3'
 
-   integer, parameter :: most_factors = 24
-
    !> One factor of a product: a word, with its entry of the stiffness or its direction, and the power.
    type :: factor_type
       character(len=19) :: word = ''
@@ -41,8 +39,7 @@ module quantities
       character(len=:), allocatable :: name
       !> 'GPa', '1/TPa', '1' of a ratio, or a power of GPa.
       character(len=:), allocatable :: unit
-      integer, private :: n_factors = 0
-      type(factor_type), private :: factors(most_factors)
+      type(factor_type), allocatable, private :: factors(:)
    contains
       procedure :: is_product
    end type quantity_type
@@ -60,6 +57,7 @@ contains
       integer :: i, caret, depth, first, outcome
 
       quantity%name = trim(adjustl(name))
+      allocate (quantity%factors(0))
       i = 1
       sign = 1.0_wp
       do while (i <= len(name))
@@ -92,18 +90,13 @@ contains
          sign = 1.0_wp
          call read_word(piece, factor, error)
          if (allocated(error)) return
-         if (quantity%n_factors == most_factors) then
-            call raise(error, ''''//quantity%name//''' has more than '//to_text(most_factors)//' factors', exit_bad_input)
-            return
-         end if
-         quantity%n_factors = quantity%n_factors + 1
-         quantity%factors(quantity%n_factors) = factor
+         quantity%factors = [quantity%factors, factor]
       end do
-      if (quantity%n_factors == 0) then
+      if (size(quantity%factors) == 0) then
          call raise(error, 'the name of the quantity is empty; allowed: '//quantity_choices, exit_bad_input)
          return
       end if
-      quantity%unit = unit_of(quantity%factors(:quantity%n_factors))
+      quantity%unit = unit_of(quantity%factors)
    end subroutine new_quantity
 
    !> A constant, a word, or a word with a direction.
@@ -193,7 +186,7 @@ contains
    pure logical function is_product(self)
       class(quantity_type), intent(in) :: self
 
-      is_product = self%n_factors > 1 .or. abs(self%factors(1)%power - 1.0_wp) > 0.0_wp
+      is_product = size(self%factors) > 1 .or. abs(self%factors(1)%power - 1.0_wp) > 0.0_wp
    end function is_product
 
    !> Refuse what is zero, or infinite, in every crystal of the class.
@@ -296,7 +289,7 @@ contains
       averaged = .false.
       do i = 1, size(quantities)
          values(i) = 1.0_wp
-         do j = 1, quantities(i)%n_factors
+         do j = 1, size(quantities(i)%factors)
             associate (factor => quantities(i)%factors(j))
                select case (factor%word)
                case ('constant')

@@ -7,7 +7,7 @@ module ridge_whitening
    use small_matrices, only: solve_lower, solve_upper
    implicit none
    private
-   public :: whitening_type, identity_whitening, fit_whitening
+   public :: whitening_type, fit_whitening
 
    !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
    integer, parameter :: richest = 5
@@ -82,23 +82,6 @@ contains
       end do
    end subroutine evaluate_features
 
-   !> The map that changes nothing, in n dimensions.
-   pure function identity_whitening(n) result(whitening)
-      integer, intent(in) :: n
-      type(whitening_type) :: whitening
-      integer :: j
-
-      whitening%n = n
-      allocate (whitening%centre(n), whitening%forward(n, n), whitening%bend(feature_count(n - 1, 0), n), source=0.0_wp)
-      allocate (whitening%width(n), source=1.0_wp)
-      do j = 1, n
-         whitening%forward(j, j) = 1.0_wp
-      end do
-      whitening%backward = whitening%forward
-      whitening%least = spread(-huge(1.0_wp), 1, n)
-      whitening%greatest = -whitening%least
-   end function identity_whitening
-
    !> Fit the whitening to points.
    subroutine fit_whitening(points, distinct, whitening)
       !> (dimension, point).
@@ -113,14 +96,14 @@ contains
 
       n = size(points, 1)
       many = size(points, 2)
-      whitening = identity_whitening(n)
+      whitening%n = n
       do while (whitening%richness < richest)
          if (points_a_term*feature_count(n - 1, whitening%richness + 1) > distinct) exit
          whitening%richness = whitening%richness + 1
       end do
       m = feature_count(n - 1, whitening%richness)
-      deallocate (whitening%bend)
       allocate (whitening%bend(m, n), source=0.0_wp)
+      allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
       whitening%centre = sum(points, 2)/many
       allocate (z(n, many))
       do i = 1, many
@@ -128,7 +111,10 @@ contains
       end do
       axes = matmul(z, transpose(z))/many
       call symmetric_eigen(axes, values, error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         values = 1.0_wp
+         axes = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
+      end if
       ! The longest axis first, of unit variance.
       values = sqrt(max(values, 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
       do j = 1, n

@@ -31,6 +31,8 @@ module samplers
       real(wp), allocatable :: draws(:, :, :)
       !> log_density(sample, chain), acceptance(chain).
       real(wp), allocatable :: log_density(:, :), acceptance(:)
+   contains
+      procedure :: best_draw
    end type chains_type
 
 contains
@@ -54,6 +56,16 @@ contains
       end select
       sampler%burn_in = burn_in
    end subroutine new_sampler
+
+   !> The draw of largest density.
+   pure function best_draw(self) result(point)
+      class(chains_type), intent(in) :: self
+      real(wp) :: point(size(self%draws, 1))
+
+      associate (best => maxloc(self%log_density))
+         point = self%draws(:, best(1), best(2))
+      end associate
+   end function best_draw
 
    !> Run all chains but those that are kept.
    subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)

@@ -12,10 +12,6 @@ module abstract_observable
    type, abstract :: observable_type
       !> As `modulus_kind` and, with the unit, a column name it.
       character(len=:), allocatable :: name
-      !> Of its values, and the one that they are in where they are larger than is plausible.
-      character(len=3) :: unit = 'GPa', mistaken_unit = 'MPa'
-      !> In its unit; values are positive.
-      real(wp) :: greatest_plausible = 2000.0_wp
    contains
       procedure(from_simulation_interface), deferred :: from_simulation
       procedure(isotropic_modulus_interface), deferred :: isotropic_modulus

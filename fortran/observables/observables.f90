@@ -4,14 +4,16 @@ module observables
    use errors, only: error_type, exit_bad_input, raise
    use indentation_modulus, only: indentation_modulus_type
    use kinds, only: wp
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use text, only: to_text
    implicit none
    private
-   public :: observable_names, new_observable
+   public :: observable_names, moduli_of_indentation, new_observable
 
+   !> What every indentation gives.
+   character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, effective_modulus, sample_modulus'
    !> A new observable: its file, its name here, and its line in `new_observable`.
-   character(len=*), parameter :: observable_names = 'indentation_modulus, effective_modulus, sample_modulus'
+   character(len=*), parameter :: observable_names = moduli_of_indentation
 
 contains
 

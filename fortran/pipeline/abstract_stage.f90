@@ -8,15 +8,15 @@
 !>     end do
 !>     call stage%close(document, error)              ! files, and the document; after an error or an interrupt stage%leave
 !>
-!> What became of a simulation is stored by `take`; a modulus that is none is a failure. What the machine could not do (memory) is no
-!> result: it is wanted once more, alone, and
-!> is an error if that fails too.
+!> What became of a simulation is stored by `take`, of a stage that has a campaign; a modulus that is none is a failure. What the machine
+!> could not do (memory) is no result: it is wanted once more, alone, and is an error if that fails too.
 module abstract_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use campaign, only: campaign_type, row_type
+   use errors, only: error_type, machine_failure, raise, refuse
    use kinds, only: wp
    use problem, only: problem_type
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: keep_document
    use surrogate_lookup, only: places_type
@@ -52,22 +52,22 @@ module abstract_stage
       integer :: n_new = 0, n_expected = 0
       !> One line on what was done.
       character(len=:), allocatable :: done
-      !> The batch that was chosen, and the state of each.
+      !> The batch that was chosen, what became of each, as a row of the campaign, and its state.
       type(job_type), allocatable :: batch(:)
+      type(row_type), allocatable :: rows(:)
       integer, allocatable, private :: state(:)
+      !> Of stages that open it.
+      type(campaign_type) :: campaign
    contains
       procedure, non_overridable :: open
       procedure, non_overridable :: want
       procedure, non_overridable :: take
+      procedure, non_overridable :: leave
       procedure, non_overridable :: close
-      !> Look at what is there, and refuse what cannot be.
+      !> Look at what is there, refuse what cannot be, and choose the first batch.
       procedure :: begin
-      !> Learn from what was simulated, and choose what comes next; none: all is done.
+      !> Learn from the batch that was simulated, and choose the next; none: all is done.
       procedure :: choose
-      !> Keep what became of a simulation of the batch.
-      procedure :: keep
-      !> Store what waits to be stored, of a stage that ends before its time.
-      procedure :: leave
       !> Write the files, and the document: JSON, an object with the warnings.
       procedure(write_document), deferred :: finish
    end type stage_type
@@ -99,21 +99,32 @@ contains
       self%places = places
       self%physics = [problem%settings]
       self%done = ''
-      allocate (self%warnings(0), self%jobs(0), self%batch(0), self%state(0))
+      allocate (self%warnings(0))
       call self%begin(error)
+      if (.not. allocated(self%batch)) allocate (self%batch(0))
+      if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
+      call begin_batch(self)
    end subroutine open
+
+   !> All of the batch is to be made.
+   subroutine begin_batch(self)
+      class(stage_type), intent(inout) :: self
+      integer :: i
+
+      self%batch%number = [(i, i=1, size(self%batch))]
+      self%state = spread(waiting, 1, size(self%batch))
+   end subroutine begin_batch
 
    !> Let `jobs` be what is to be simulated now.
    subroutine want(self, error)
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
 
       if (all(self%state == made)) then
-         call self%choose(self%batch, error)
+         call self%leave(error)
+         if (.not. allocated(error)) call self%choose(error)
          if (allocated(error)) return
-         self%batch%number = [(i, i=1, size(self%batch))]
-         self%state = spread(waiting, 1, size(self%batch))
+         call begin_batch(self)
       end if
       if (any(self%state == waiting) .or. size(self%state) == 0) then
          self%jobs = pack(self%batch, self%state == waiting)
@@ -129,25 +140,34 @@ contains
       !> Waiting: the machine could not do it, for the reason in its message.
       type(outcome_type), intent(in) :: outcome
       type(error_type), allocatable, intent(out) :: error
-      type(outcome_type) :: kept
 
       if (number < 1 .or. number > size(self%state)) then
-         call raise(error, 'no such simulation is wanted', exit_bad_input)
+         call refuse(error, 'no such simulation is wanted')
       else if (outcome%status /= outcome_waiting) then
          self%state(number) = made
          self%n_new = self%n_new + 1
-         kept = outcome
-         if (kept%status == outcome_done .and. .not. (ieee_is_finite(kept%modulus) .and. kept%modulus > 0.0_wp)) then
-            kept%status = outcome_failed
-            kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
-         end if
-         call self%keep(number, kept, error)
+         self%rows(number)%outcome = outcome
+         associate (kept => self%rows(number)%outcome)
+            if (kept%status == outcome_done .and. .not. (ieee_is_finite(kept%modulus) .and. kept%modulus > 0.0_wp)) then
+               kept%status = outcome_failed
+               kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
+            end if
+         end associate
+         if (allocated(self%campaign%path)) call self%campaign%add_soon(self%rows(number), error)
       else if (self%state(number) == again) then
          call raise(error, outcome%message, machine_failure)
       else
          self%state(number) = again
       end if
    end subroutine take
+
+   !> Store what waits to be stored; of a stage that ends before its time, too.
+   subroutine leave(self, error)
+      class(stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%campaign%flush(error)
+   end subroutine leave
 
    subroutine begin(self, error)
       class(stage_type), intent(inout) :: self
@@ -157,35 +177,15 @@ contains
       end associate
    end subroutine begin
 
-   !> Nothing is to be simulated.
-   subroutine choose(self, batch, error)
+   !> Nothing more is to be simulated.
+   subroutine choose(self, error)
       class(stage_type), intent(inout) :: self
-      type(job_type), allocatable, intent(inout) :: batch(:)
       type(error_type), allocatable, intent(out) :: error
 
-      associate (unused => self, also_unused => error)
+      associate (unused => error)
       end associate
-      batch = [job_type ::]
+      self%batch = [job_type ::]
    end subroutine choose
-
-   subroutine keep(self, number, outcome, error)
-      class(stage_type), intent(inout) :: self
-      !> In the batch.
-      integer, intent(in) :: number
-      type(outcome_type), intent(in) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (unused => self, also_unused => number, unused_too => outcome, nor_this => error)
-      end associate
-   end subroutine keep
-
-   subroutine leave(self, error)
-      class(stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (unused => self, also_unused => error)
-      end associate
-   end subroutine leave
 
    !> Write the results, and keep the document in the folder.
    subroutine close(self, document, error)
@@ -194,6 +194,7 @@ contains
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
 
+      call self%campaign%close()
       call self%finish(document, error)
       if (.not. allocated(error)) call keep_document(self%problem, self%groups, self%places, self%document_file, document, error)
    end subroutine close

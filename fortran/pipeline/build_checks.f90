@@ -3,18 +3,20 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, refuse
    use files, only: printable
    use kinds, only: wp
    use memory, only: check_memory
    use namelist_file, only: place
    use problem, only: problem_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
+   use surrogate_file, only: check_replaceable
    use surrogate_lookup, only: check_new_name
    use text, only: join, to_text
    use truncation_scan, only: read_scan
+   use warning_lists, only: warn
    implicit none
    private
    public :: check_build, question_candidates, basis_of_problem
@@ -25,20 +27,23 @@ module build_checks
 contains
 
    !> Refuse the name of the surrogate's file, a basis that cannot be, more than memory holds, or the truncations to compare.
-   subroutine check_build(problem, error)
+   subroutine check_build(problem, error, output)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
+      !> Folder in which the surrogate must be kept, too, without a slash at its end.
+      character(len=*), intent(in), optional :: output
       class(basis_type), allocatable :: basis
 
       call check_new_name(problem%settings%surrogate%file, error)
+      if (present(output) .and. .not. allocated(error)) call check_replaceable(output//'/'//problem%settings%surrogate%file, error)
       if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
       if (.not. allocated(error)) call basis_of_problem(problem, basis, error)
       if (allocated(error)) return
       associate (budget => problem%settings%design%budget)
-         if (.not. allocated(basis%prior_degrees) .and. budget < basis%n_terms) call raise(error, place(problem%path, 'design', &
-            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the ' &
-            & //'surrogate, which a prior of equal coefficients cannot make up for; allowed: '//to_text(basis%n_terms) &
-            & //' or more, or a lower degree or bandlimit, or model = ''correction''', exit_bad_input)
+         if (.not. allocated(basis%prior_degrees) .and. budget < basis%n_terms) call refuse(error, place(problem%path, 'design', &
+            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the surrogate, ' &
+            & //'which a prior of equal coefficients cannot make up for; allowed: '//to_text(basis%n_terms)//' or more, or a ' &
+            & //'lower degree or bandlimit, or model = ''correction''')
       end associate
       if (.not. allocated(error)) call check_size(problem, basis%n_terms, error)
       if (.not. allocated(error)) call check_scan(problem, basis%domain, error)
@@ -75,8 +80,8 @@ contains
 
       settings = problem%settings%surrogate
       call read_scan(settings%scan, pairs, error)
-      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') call raise(error, 'the ' &
-         & //settings%model//' has no bandlimit; allowed with model = ''paper''', exit_bad_input)
+      if (.not. allocated(error) .and. size(pairs) > 0 .and. settings%model /= 'paper') call refuse(error, 'the '//settings%model &
+         & //' has no bandlimit; allowed with model = ''paper''')
       do i = 1, size(pairs, 2)
          if (allocated(error)) exit
          settings%degree = pairs(1, i)
@@ -96,7 +101,7 @@ contains
       call domain_of(self, domain, error)
       if (allocated(error)) return
       outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, self%candidates%n)])
-      if (outside > 0) call self%warn(place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
+      if (outside > 0) call warn(self%warnings, place(self%path, 'design', 'candidates')//to_text(outside)//' of ' &
          & //to_text(self%candidates%n)//' rows of '//printable(self%settings%design%candidates)//' lie outside &domain')
    end subroutine question_candidates
 
@@ -130,9 +135,9 @@ contains
             if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
             call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error, stiffness)
          else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
-            call raise(error, 'c_min and c_max are needed together, and for an anisotropy_cap', exit_bad_input)
+            call refuse(error, 'c_min and c_max are needed together, and for an anisotropy_cap')
          else if (self%settings%surrogate%model == 'paper') then
-            call raise(error, 'the paper''s model needs c_min and c_max', exit_bad_input)
+            call refuse(error, 'the paper''s model needs c_min and c_max')
          else
             members = general_class
             if (allocated(stated%classes)) members = join(stated%classes, ', ')
@@ -154,25 +159,22 @@ contains
       logical :: stated(2)
       real(wp) :: own
 
-      associate (domain => self%settings%domain)
+      associate (domain => self%settings%domain, is_paper => self%settings%surrogate%model == 'paper')
          stated = [allocated(domain%stiffness_min_gpa), allocated(domain%stiffness_max_gpa)]
-         if (.not. any(stated) .and. self%settings%surrogate%model /= 'paper') then
-            own = specimen_stiffness(self%settings)
+         if (.not. any(stated)) then
+            own = 0.0_wp
+            if (.not. is_paper) own = specimen_stiffness(self%settings)
             if (own > 0.0_wp) stiffness = own*[1.0_wp/scale_factor, scale_factor]
-            return
-         end if
-         if (.not. any(stated)) return
-         if (self%settings%surrogate%model == 'paper') then
-            call raise(error, place(self%path, 'domain', names(findloc(stated, .true., 1)))//'the paper''s model has no scale ' &
-               & //'apart from its constants; allowed with model = ''correction''', exit_bad_input)
+         else if (is_paper) then
+            call refuse(error, place(self%path, 'domain', names(findloc(stated, .true., 1)))//'the paper''s model has no scale ' &
+               & //'apart from its constants; allowed with model = ''correction''')
          else if (.not. all(stated)) then
-            call raise(error, place(self%path, 'domain', names(findloc(stated, .false., 1)))//'the variable is missing; ' &
-               & //names(findloc(stated, .true., 1))//' needs it', exit_bad_input)
+            call refuse(error, place(self%path, 'domain', names(findloc(stated, .false., 1)))//'the variable is missing; ' &
+               & //names(findloc(stated, .true., 1))//' needs it')
          else
             stiffness = [domain%stiffness_min_gpa, domain%stiffness_max_gpa]
-            if (stiffness(1) < stiffness(2)) return
-            call raise(error, place(self%path, 'domain', names(1))//to_text(stiffness(1))//' GPa is not below the ' &
-               & //'stiffness_max_gpa of '//to_text(stiffness(2))//' GPa', exit_bad_input)
+            if (.not. stiffness(1) < stiffness(2)) call refuse(error, place(self%path, 'domain', names(1))//to_text(stiffness(1)) &
+               & //' GPa is not below the stiffness_max_gpa of '//to_text(stiffness(2))//' GPa')
          end if
       end associate
    end subroutine range_of_scale

@@ -1,102 +1,262 @@
-!> `build`: Step 1, the surrogate that &design asks for.
+!> `build`: Step 1, the surrogate that &design asks for; what the loop has come to, in its file and in the document.
 module build_stage
-   use abstract_stage, only: job_type, stage_type
-   use build_checks, only: check_build
-   use build_document, only: conclude
-   use build_loop, only: build_type, look_ahead, open_build
+   use bases, only: new_basis
+   use abstract_basis, only: basis_type
+   use build_loop, only: build_type
+   use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type
-   use namelist_file, only: place
-   use simulate, only: outcome_type
-   use surrogate_file, only: check_replaceable
-   use text, only: to_text
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use json, only: json_type
+   use kinds, only: degree, wp
+   use learning, only: history_type, left_out, learning_type
+   use physics_identity, only: identity_text
+   use settings_schema, only: surrogate_settings_type
+   use simulate, only: simulation_error, specimen_contact_radius
+   use surrogate_file, only: save_surrogate
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
+   use surrogate_model, only: predict, surrogate_type
+   use text, only: fixed, to_text
+   use truncation_scan, only: read_scan
+   use warning_lists, only: warn
    implicit none
    private
-   public :: build_stage_type, check_new_surrogate
+   public :: build_stage_type
 
-   type, extends(stage_type) :: build_stage_type
-      type(build_type) :: build
+   type, extends(build_type) :: build_stage_type
    contains
-      procedure :: begin
-      procedure :: choose
-      procedure :: keep
-      procedure :: leave
       procedure :: finish
-      procedure :: look_ahead => next_candidates
    end type build_stage_type
 
 contains
 
-   !> Refuse a build that could not be, or whose surrogate could not be kept.
-   subroutine check_new_surrogate(stage, error)
-      class(stage_type), intent(in) :: stage
-      type(error_type), allocatable, intent(out) :: error
-
-      call check_build(stage%problem, error)
-      if (allocated(error)) return
-      call check_replaceable(stage%output//'/'//stage%problem%settings%surrogate%file, error)
-      if (allocated(error)) error%message = place(stage%problem%path, 'surrogate', 'file')//error%message
-   end subroutine check_new_surrogate
-
-   subroutine begin(self, error)
-      class(build_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call check_new_surrogate(self, error)
-      if (.not. allocated(error)) call open_build(self%problem, self%output, self%build, error)
-      associate (design => self%problem%settings%design)
-         if (.not. allocated(error)) self%n_expected = max(0, design%budget + design%validation - self%build%learning%n())
-      end associate
-   end subroutine begin
-
-   subroutine choose(self, batch, error)
-      class(build_stage_type), intent(inout) :: self
-      type(job_type), allocatable, intent(inout) :: batch(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i
-
-      call self%build%advance(error)
-      if (allocated(error)) return
-      batch = [(job_type(self%build%stiffness(i), self%build%euler_deg(i)), i=1, self%build%n_wanted())]
-   end subroutine choose
-
-   subroutine keep(self, number, outcome, error)
-      class(build_stage_type), intent(inout) :: self
-      integer, intent(in) :: number
-      type(outcome_type), intent(in) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%build%store(number, outcome, error)
-   end subroutine keep
-
-   subroutine leave(self, error)
-      class(build_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%build%store_all(error)
-   end subroutine leave
-
-   !> The surrogate's file, and the document.
+   !> Write the surrogate into the output folder, and say how good it is.
    subroutine finish(self, document, error)
       class(build_stage_type), intent(inout) :: self
+      !> JSON.
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: surrogate
+      type(json_type) :: page
+      character(len=:), allocatable :: file, words
+      real(wp), allocatable :: stiffness(:, :, :), largest(:)
+      integer :: i
 
-      call conclude(self%build, self%output, document, error)
-      if (allocated(error)) return
-      self%done = to_text(self%build%learning%n())//' simulations, '//to_text(self%build%n_new)//' new, ' &
-         & //to_text(self%build%n_failed)//' failed, '//self%build%stopped//': '//self%output//'/' &
-         & //self%problem%settings%surrogate%file
-      self%warnings = self%build%warnings
+      associate (learning => self%learning, settings => self%problem%settings, known => self%learning%learner%simulations)
+         call surrogate_of(learning%learner, provenance(self), surrogate, error)
+         if (allocated(error)) return
+         surrogate%contact_radius = specimen_contact_radius(settings)
+         file = self%output//'/'//settings%surrogate%file
+         call save_surrogate(surrogate, file, error)
+         if (allocated(error)) return
+         allocate (stiffness(6, 6, learning%n()), largest(learning%n()))
+         do i = 1, learning%n()
+            stiffness(:, :, i) = surrogate%basis%domain%class%stiffness(known%constants(:, i))
+         end do
+         call simulation_error(settings, stiffness, largest, words)
+         if (len(words) > 0) call warn(self%warnings, self%problem%path//': &simulation: '//words)
+         call page%begin_object()
+         call page%put('simulations', learning%n())
+         call page%put('new_simulations', self%n_new)
+         call page%put('failed', self%n_failed)
+         call page%put('terms', surrogate%basis%n_terms)
+         call put_state(page, learning%history(size(learning%history)))
+         call page%put('stopped', self%stopped)
+         call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
+         if (allocated(error)) return
+         call put_domain(page, self, surrogate, stiffness)
+         call page%begin_array('history')
+         do i = 1, size(learning%history)
+            call page%begin_object()
+            call page%put('simulations', learning%history(i)%simulations)
+            call put_state(page, learning%history(i))
+            call page%end_object()
+         end do
+         call page%end_array()
+         call put_scan(page, settings%surrogate, learning, error)
+         if (allocated(error)) return
+         if (allocated(self%unseen_modulus)) call put_validation(page, self, surrogate)
+         call page%put('file', file)
+         call page%put('warnings', self%warnings)
+         call page%end_object()
+         document = page%text()
+         self%done = to_text(learning%n())//' simulations, '//to_text(self%n_new)//' new, '//to_text(self%n_failed)//' failed, ' &
+            & //self%stopped//': '//file
+      end associate
    end subroutine finish
 
-   !> The next `n` candidates, before the moduli of the first of them are known, as rows of a table.
-   subroutine next_candidates(self, n, numbers, error)
-      class(build_stage_type), intent(inout) :: self
-      integer, intent(in) :: n
-      !> Of the candidates, from 1.
-      integer, allocatable, intent(out) :: numbers(:)
-      type(error_type), allocatable, intent(out) :: error
+   !> Where the surrogate comes from: a JSON object.
+   function provenance(build) result(text)
+      class(build_type), intent(in) :: build
+      character(len=:), allocatable :: text
+      type(json_type) :: page
 
-      call look_ahead(self%build, n, numbers, error)
-   end subroutine next_candidates
+      associate (learning => build%learning, problem => build%problem)
+         call page%begin_object()
+         call page%put('title', 'surrogate of the indentation modulus of '//learning%learner%basis%domain%members//' crystals')
+         call page%put('physics', identity_text(problem%settings))
+         call page%put('simulations', learning%n())
+         call page%put('seed', problem%settings%problem%seed)
+         associate (last => learning%history(size(learning%history)))
+            call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
+         end associate
+         ! A surrogate travels between machines: the file by its name alone.
+         call page%put('namelist', problem%resolved_text(problem%path(len(problem%folder) + 1:)))
+         call page%end_object()
+      end associate
+      text = page%text()
+   end function provenance
+
+   !> An entry of the history, in the object that is open.
+   subroutine put_state(page, state)
+      type(json_type), intent(inout) :: page
+      type(history_type), intent(in) :: state
+
+      call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [state%loocv, state%leave_crystal_out])
+      call page%put_if(state%next >= 0.0_wp, 'next_gpa', state%next)
+      call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, state%beta, state%decay_rate, &
+         & state%log_evidence, state%norm, state%angle_deg])
+   end subroutine put_state
+
+   !> Mean absolute errors on the same simulations of the theory alone and of the theory times one ratio.
+   subroutine put_baselines(page, stiffness, euler_deg, modulus, error)
+      type(json_type), intent(inout) :: page
+      !> GPa (6, 6, n), degrees (3, n), GPa (n).
+      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), modulus(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(halfspace_type) :: theory
+      real(wp) :: moduli(size(modulus)), ratio
+      integer :: i
+
+      do i = 1, size(modulus)
+         call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), theory, error)
+         if (allocated(error)) return
+         moduli(i) = theory%modulus
+      end do
+      ratio = exp(sum(log(modulus/moduli))/size(modulus))
+      call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', [sum(abs(moduli - modulus))/size(modulus), ratio, &
+         & sum(abs(ratio*moduli - modulus))/size(modulus)], 'baselines')
+   end subroutine put_baselines
+
+   !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
+   subroutine put_domain(page, build, surrogate, stiffness)
+      type(json_type), intent(inout) :: page
+      class(build_type), intent(inout) :: build
+      type(surrogate_type), intent(in) :: surrogate
+      !> Of the simulations, GPa (6, 6, n).
+      real(wp), intent(in) :: stiffness(:, :, :)
+      real(wp), parameter :: near = 0.9_wp
+      real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
+      real(wp) :: relative(size(build%candidates%euler_deg, 2)), modulus, sd
+      character(len=:), allocatable :: words
+      integer :: i, worst
+
+      associate (domain => surrogate%basis%domain, candidates => build%candidates)
+         do i = 1, size(relative)
+            call predict(surrogate, domain%class%stiffness(candidates%constants(:, i)), degree*candidates%euler_deg(:, i), &
+               & modulus, sd)
+            relative(i) = sd/modulus
+         end do
+         worst = maxloc(relative, 1)
+         call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), anisotropy(1), scale(1))
+         words = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
+         if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
+         call page%begin_object('domain')
+         call page%put_numbers('mean_relative_sd, largest_relative_sd', [sum(relative)/size(relative), relative(worst)])
+         call page%put('words', 'the sd of a modulus in the domain is '//to_text(100.0_wp*sum(relative)/size(relative), 2) &
+            & //' % on average, '//to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
+            & //to_text(anisotropy(1), 3)//words)
+         call page%end_object()
+         if (domain%log_anisotropy_max >= huge(1.0_wp)) return
+         do i = 1, size(stiffness, 3)
+            call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
+         end do
+         if (maxval(anisotropy) < near*domain%log_anisotropy_max) call warn(build%warnings, 'no crystal above a ' &
+            & //'log-anisotropy of '//to_text(maxval(anisotropy), 3)//' was simulated; the domain reaches ' &
+            & //to_text(domain%log_anisotropy_max, 3))
+         if (maxval(poisson) - minval(poisson) < near*(domain%poisson(2) - domain%poisson(1))) call warn(build%warnings, &
+            & 'only crystals with Poisson''s ratios from '//to_text(minval(poisson), 2)//' to '//to_text(maxval(poisson), 2) &
+            & //' were simulated; the domain reaches from '//to_text(domain%poisson(1), 2)//' to '//to_text(domain%poisson(2), 2))
+         if (.not. domain%has_scale()) return
+         if (log(maxval(scale)/minval(scale)) < near*log(domain%stiffness(2)/domain%stiffness(1))) call warn(build%warnings, &
+            & 'only crystals of a scale (geometric mean of the stiffness'' eigenvalues) from '//fixed(minval(scale), 1)//' to ' &
+            & //fixed(maxval(scale), 1)//' GPa were simulated; the domain reaches from '//to_text(domain%stiffness(1))//' to ' &
+            & //to_text(domain%stiffness(2))//' GPa')
+      end associate
+   end subroutine put_domain
+
+   !> Evidence and leave-one-out errors of other truncations as the number of simulations grows (Figs. 1 and 6).
+   subroutine put_scan(page, asked, learning, error)
+      type(json_type), intent(inout) :: page
+      type(surrogate_settings_type), intent(in) :: asked
+      type(learning_type), intent(in) :: learning
+      type(error_type), allocatable, intent(out) :: error
+      !> Numbers of simulations at which the error is computed.
+      integer, parameter :: n_counts = 6
+      type(surrogate_settings_type) :: settings
+      type(learner_type) :: learner
+      class(basis_type), allocatable :: basis
+      integer, allocatable :: pairs(:, :)
+      real(wp) :: errors(n_counts)
+      integer :: counts(0:n_counts), i, j, k
+
+      settings = asked
+      call read_scan(settings%scan, pairs, error)
+      if (allocated(error) .or. size(pairs) == 0) return
+      counts = [0, (learning%first + ((i - 1)*(learning%n() - learning%first))/(n_counts - 1), i=1, n_counts)]
+      call page%begin_array('scan')
+      do k = 1, size(pairs, 2)
+         settings%degree = pairs(1, k)
+         settings%bandlimit = pairs(2, k)
+         call new_basis(learning%learner%basis%domain, settings, basis, error)
+         if (.not. allocated(error)) call new_learner(basis, learner, error)
+         do i = 1, n_counts
+            if (allocated(error)) return
+            associate (known => learning%learner%simulations, first => counts(i - 1) + 1, last => counts(i))
+               call add_simulations(learner, known%constants(:, first:last), known%euler_deg(:, first:last), &
+                  & known%modulus(first:last), .true., error)
+               if (.not. allocated(error)) call fit_learner(learner, error)
+               if (.not. allocated(error)) call left_out(learner, [(j, j=1, last)], errors(i), error)
+            end associate
+         end do
+         if (allocated(error)) return
+         call page%begin_object()
+         call page%put('degree', settings%degree)
+         call page%put('bandlimit', settings%bandlimit)
+         call page%put('terms', basis%n_terms)
+         call page%put_numbers('alpha, beta, log_evidence, loocv_gpa', [learner%design%regression%alpha, &
+            & learner%design%regression%beta, learner%log_evidence, errors(n_counts)])
+         call page%begin_object('curve')
+         call page%put('simulations', real(counts(1:), wp))
+         call page%put('loocv_gpa', errors)
+         call page%end_object()
+         call page%end_object()
+      end do
+      call page%end_array()
+   end subroutine put_scan
+
+   !> The surrogate on simulations that it has not seen.
+   subroutine put_validation(page, build, surrogate)
+      type(json_type), intent(inout) :: page
+      class(build_type), intent(in) :: build
+      type(surrogate_type), intent(in) :: surrogate
+      real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
+      integer :: i, n
+
+      n = size(mean)
+      do i = 1, n
+         call predict(surrogate, surrogate%basis%domain%class%stiffness(build%unseen_constants(:, i)), &
+            & degree*build%unseen_euler_deg(:, i), mean(i), sd(i))
+      end do
+      miss = abs(mean - build%unseen_modulus)
+      call page%begin_object('validation')
+      call page%put('points', n)
+      call page%put('constants', transpose(build%unseen_constants))
+      call page%put('euler_deg', transpose(build%unseen_euler_deg))
+      call page%put_numbers('mean_absolute_gpa, within_1_sd, within_2_sd', [sum(miss), real(count(miss <= sd), wp), &
+         & real(count(miss <= 2*sd), wp)]/max(1, n))
+      call page%put('simulated', build%unseen_modulus)
+      call page%put('predicted', mean)
+      call page%put('sd', sd)
+      call page%end_object()
+   end subroutine put_validation
 end module build_stage

@@ -9,7 +9,7 @@ module choices
    use paper_basis, only: truncation_names
    use samplers, only: sampler_names
    use specimens, only: geometry_names
-   use settings_visitor, only: choice_list_type
+   use settings_list, only: choice_list_type
    implicit none
    private
    public :: all_choices

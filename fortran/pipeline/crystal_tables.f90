@@ -8,18 +8,16 @@ module crystal_tables
    use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
-   use observables, only: new_observable, observable_names
+   use observables, only: moduli_of_indentation, new_observable
    use numbers, only: short_text
    use point_tables, only: points_type
    use problem, only: problem_type
    use simulate, only: outcome_done
    use tables, only: write_table
-   use text, only: split_list, to_text
+   use text, only: newline, split_list, to_text
    implicit none
    private
    public :: write_moduli, write_curves, begin_crystal, put_outcome
-
-   character, parameter :: newline = achar(10)
 
 contains
 
@@ -32,10 +30,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: kinds(:), names
       class(observable_type), allocatable :: observable
-      real(wp) :: moduli(size(modulus), 3), slope(size(modulus))
+      real(wp), allocatable :: moduli(:, :)
+      real(wp) :: slope(size(modulus))
       integer :: j
 
-      allocate (kinds, source=split_list(observable_names))
+      allocate (kinds, source=split_list(moduli_of_indentation))
+      allocate (moduli(size(modulus), size(kinds)))
       names = ''
       associate (measured => problem%settings%measurements)
          do j = 1, size(kinds)

@@ -4,27 +4,27 @@ module extract_stage
    use constants_posterior, only: posterior_type
    use errors, only: error_type
    use extraction, only: extract, extraction_type
-   use extraction_document, only: write_extraction
+   use extraction_document, only: describe_prior, write_extraction
    use files, only: new_file_type
    use chain_checkpoints, only: chain_prefix
    use namelist_file, only: place
    use numbers, only: number_text
    use posterior_file, only: save_posterior
-   use prior_text, only: describe_prior
    use posterior_diagnostics, only: check_extraction
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of
    use surrogate_lookup, only: load_named_surrogate
    use surrogate_model, only: surrogate_type
-   use text, only: join, to_text
+   use text, only: join, newline, to_text
    use warning_lists, only: warning_type
    implicit none
    private
-   public :: extract_stage_type, load_stage_surrogate
+   public :: extract_stage_type
 
    type, extends(stage_type) :: extract_stage_type
       type(surrogate_type) :: surrogate
+      type(posterior_type) :: posterior
       !> The prior that was in effect, in a few lines.
       type(warning_type), allocatable :: prior(:)
    contains
@@ -34,27 +34,20 @@ module extract_stage
 
 contains
 
-   !> The surrogate that &surrogate names, for crystals of the problem's class.
-   subroutine load_stage_surrogate(stage, surrogate, error)
-      class(stage_type), intent(in) :: stage
-      type(surrogate_type), intent(out) :: surrogate
+   !> Load the surrogate that &surrogate names, for crystals of the problem's class, and refuse what would be refused before the first
+   !> sample.
+   subroutine begin(self, error)
+      class(extract_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: class
 
       class = ''
-      if (allocated(stage%problem%class%name)) class = stage%problem%class%name
-      call load_named_surrogate(stage%problem%settings%surrogate%file, class, stage%places, surrogate, error)
-      if (allocated(error)) error%message = place(stage%problem%path, 'surrogate', 'file')//error%message
-   end subroutine load_stage_surrogate
-
-   !> Refuse what would be refused before the first sample.
-   subroutine begin(self, error)
-      class(extract_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(posterior_type) :: posterior
-
-      call load_stage_surrogate(self, self%surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., posterior, error)
+      associate (problem => self%problem)
+         if (allocated(problem%class%name)) class = problem%class%name
+         call load_named_surrogate(problem%settings%surrogate%file, class, self%places, self%surrogate, error)
+         if (allocated(error)) error%message = place(problem%path, 'surrogate', 'file')//error%message
+         if (.not. allocated(error)) call new_problem_posterior(problem, self%surrogate, .false., self%posterior, error)
+      end associate
    end subroutine begin
 
    !> posterior.bin with all numbers, posterior.csv with the draws, and the document.
@@ -83,7 +76,6 @@ contains
       type(extraction_type), intent(in) :: found
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
-      character, parameter :: newline = achar(10)
       type(new_file_type) :: file
       character(len=:), allocatable :: line
       integer :: i, j, chain

@@ -6,7 +6,8 @@ module extraction
    use errors, only: error_type
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
-   use kinds, only: i8, wp
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use kinds, only: degree, i8, wp
    use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
@@ -18,7 +19,6 @@ module extraction
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use size_diagnostics, only: mean_correction
    use support_limits, only: limit_type, list_limits
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
@@ -147,6 +147,25 @@ contains
       end do
    end subroutine describe_surrogate
 
+   !> How far the simulations of a surrogate are from the theory on average, relative.
+   real(wp) function mean_correction(surrogate)
+      type(surrogate_type), intent(in) :: surrogate
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
+      integer :: i, n
+
+      mean_correction = 0.0_wp
+      n = size(surrogate%simulations%modulus)
+      do i = 1, n
+         associate (simulations => surrogate%simulations)
+            call halfspace_modulus(surrogate%basis%domain%class%stiffness(simulations%constants(:, i)), &
+               & simulations%euler_deg(:, i)*degree, theory, error)
+            if (allocated(error)) cycle
+            mean_correction = mean_correction + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
+         end associate
+      end do
+   end function mean_correction
+
    !> What theory alone would say, without the correction of the specimen.
    subroutine compare_theory(problem, self, error)
       type(problem_type), intent(in) :: problem
@@ -242,8 +261,7 @@ contains
       self%limits = list_limits(self%posterior%prior, draws)
       call measure_sensitivity(self%posterior, draws, self%limits, self%changes)
       self%correlation = correlate(self%chains, k)
-      call expect_gains(self%posterior%prior, self%chains%draws, self%gains, error)
-      if (allocated(error)) return
+      call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
       call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
       call compare_quantities(values, prior_values, self%known)
       ! Of the constants, which come first, all draws are there.

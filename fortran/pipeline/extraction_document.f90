@@ -1,18 +1,18 @@
 !> What Step 2 found, as the document of `extract`, with what a person should know of it.
 module extraction_document
+   use constants_posterior, only: error_sources
    use constants_prior, only: prior_type
    use extraction, only: extraction_type
    use json, only: json_type
    use kinds, only: wp
-   use constants_posterior, only: error_sources
-   use posterior_diagnostics, only: check_extraction, find_reasons, powers_text
-   use prior_text, only: describe_prior
+   use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
    use problem, only: problem_type
+   use text, only: fixed, join, to_text
    use variance_shares, only: shares_type, verdict_of
-   use warning_lists, only: warning_type
+   use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: write_extraction
+   public :: write_extraction, describe_prior
 
 contains
 
@@ -36,7 +36,7 @@ contains
       if (size(found%theory_mean) > 0) then
          call document%begin_object('theory_alone')
          do i = 1, size(found%theory_mean)
-            call put_numbers(document, ['mean', 'sd  '], [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
+            call document%put_numbers('mean, sd', [found%theory_mean(i), found%theory_sd(i)], trim(found%names(i)))
          end do
          call document%end_object()
       end if
@@ -51,15 +51,14 @@ contains
       call document%begin_object('checks')
       associate (checks => found%checks)
          call document%put('draws', size(checks%log_prior))
-         call put_numbers(document, ['mean', 'p   '], [checks%chi_square, checks%chi_square_p], 'chi_square')
+         call document%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
          call document%begin_object('extreme_grain')
          call document%put('grain', checks%extreme_grain)
-         call put_numbers(document, ['residual_sd', 'p          '], [checks%extreme_residual, checks%extreme_p])
+         call document%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
          call document%end_object()
       end associate
       call document%end_object()
-      if (allocated(found%evidence)) call put_numbers(document, ['log_z', 'sd   '], &
-         & [found%evidence%log_z, found%evidence%sd], 'evidence')
+      if (allocated(found%evidence)) call document%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
       call write_changes(document, found)
       if (found%field_degree > 0) then
          call document%begin_object('theory')
@@ -79,21 +78,6 @@ contains
       text = document%text()
    end function write_extraction
 
-   !> A number for each name, in the object that is open or in one of their own.
-   subroutine put_numbers(document, names, values, key)
-      type(json_type), intent(inout) :: document
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: values(:)
-      character(len=*), intent(in), optional :: key
-      integer :: i
-
-      if (present(key)) call document%begin_object(key)
-      do i = 1, size(values)
-         call document%put(trim(names(i)), values(i))
-      end do
-      if (present(key)) call document%end_object()
-   end subroutine put_numbers
-
    subroutine write_parameters(document, found)
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
@@ -101,14 +85,12 @@ contains
 
       call document%begin_object('parameters')
       do i = 1, size(found%names)
-         associate (parameter => found%parameters(i))
+         associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
             call document%begin_object(trim(found%names(i)))
-            call put_numbers(document, ['mean', 'sd  '], [parameter%mean, parameter%sd])
+            call document%put_numbers('mean, sd', [parameter%mean, parameter%sd])
             call document%put('map', found%most_probable(i))
             call document%put('hdi_95', parameter%hdi_95)
-            associate (d => parameter%diagnostics)
-               call put_numbers(document, ['ess_bulk', 'ess_tail', 'r_hat   '], [d%ess_bulk, d%ess_tail, d%r_hat])
-            end associate
+            call document%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
             call write_share(document, found%parameter_shares(i), found%verdict(i))
             call document%end_object()
          end associate
@@ -122,8 +104,7 @@ contains
       type(shares_type), intent(in) :: share
       character(len=*), intent(in) :: verdict
 
-      call put_numbers(document, ['measurements', 'knowledge   ', 'prior       '], &
-         & [share%measurements, share%knowledge, share%prior], 'share')
+      call document%put_numbers('measurements, knowledge, prior', [share%measurements, share%knowledge, share%prior], 'share')
       call document%put('verdict', verdict)
    end subroutine write_share
 
@@ -165,7 +146,7 @@ contains
                call document%put('name', trim(limit%name))
                call document%put('side', merge('upper', 'lower', side == 2))
                call document%put('stated', limit%stated)
-               call put_numbers(document, ['value', 'share'], [limit%range(side), limit%share(side)])
+               call document%put_numbers('value, share', [limit%range(side), limit%share(side)])
                call document%end_object()
             end do
          end associate
@@ -183,8 +164,8 @@ contains
       associate (table => problem%measurements)
          do i = 1, found%posterior%n_grains
             call document%begin_object()
-            call put_numbers(document, ['mean       ', 'sd         ', 'measured   ', 'measured_sd'], [found%predicted_mean(i), &
-               & found%predicted_sd(i), found%posterior%measured(i), found%posterior%sd(i)])
+            call document%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
+               & found%posterior%measured(i), found%posterior%sd(i)])
             call document%put('euler_deg', table%euler_deg(:, i))
             if (table%named_by > 0) call document%put('grain', table%name(i))
             if (allocated(table%tests)) then
@@ -202,18 +183,18 @@ contains
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
       !> Of a quantity, and some of a combination.
-      character(len=10), parameter :: in_both(*) = [character(len=10) :: 'mean', 'sd', 'prior_mean', 'prior_sd']
+      character(len=:), allocatable :: names
       integer :: i
 
+      names = join(found%names, ', ')
       call document%begin_array('identifiability')
       do i = 1, size(found%combinations)
-         associate (combination => found%combinations(i), names => found%names(:size(found%combinations)))
-            call begin('combination', powers_text(names, combination%exponents))
-            call put_numbers(document, names, combination%exponents, 'exponents')
-            call put_numbers(document, names, combination%correlations, 'correlations')
-            call put_numbers(document, in_both([2, 4]), [combination%sd, combination%prior_sd])
-            call write_share(document, found%combination_shares(i), verdict_of(1.0_wp, combination%sd, 1.0_wp, &
-               & found%combination_shares(i)))
+         associate (combination => found%combinations(i), share => found%combination_shares(i))
+            call begin('combination', powers_text(found%names(:size(found%combinations)), combination%exponents))
+            call document%put_numbers(names, combination%exponents, 'exponents')
+            call document%put_numbers(names, combination%correlations, 'correlations')
+            call document%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
+            call write_share(document, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
             call document%end_object()
          end associate
       end do
@@ -221,7 +202,7 @@ contains
          associate (known => found%known(i))
             call begin('quantity', found%quantities(i)%name)
             call document%put('unit', found%quantities(i)%unit)
-            call put_numbers(document, in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd])
+            call document%put_numbers('mean, sd, prior_mean, prior_sd', [known%mean, known%sd, known%prior_mean, known%prior_sd])
             call write_share(document, found%quantity_shares(i), verdict_of(known%mean, known%sd, &
                & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
             call document%end_object()
@@ -230,7 +211,7 @@ contains
       do i = 1, size(found%gains)
          call begin('knowledge', trim(found%gains(i)%name))
          call document%put('relative_sd', found%gains(i)%relative_sd)
-         call put_numbers(document, found%names, found%gains(i)%sd_then, 'sd_then')
+         call document%put_numbers(names, found%gains(i)%sd_then, 'sd_then')
          call document%end_object()
       end do
       call document%end_array()
@@ -259,12 +240,12 @@ contains
             call document%put('name', trim(change%name))
             if (change%name /= 'measure') then
                call document%put('side', merge('upper', 'lower', change%is_upper))
-               call put_numbers(document, ['from', 'to  '], [change%from, change%to])
+               call document%put_numbers('from, to', [change%from, change%to])
             end if
             call document%put('exact', change%exact)
             call document%put('effective_draws', change%effective)
-            call put_numbers(document, found%names, change%shift, 'shift_sd')
-            call put_numbers(document, found%names, change%sd_ratio, 'sd_ratio')
+            call document%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
+            call document%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
             call document%end_object()
          end associate
       end do
@@ -285,8 +266,7 @@ contains
             call document%begin_object()
             call document%put('name', known%quantities(j)%name)
             call document%put('unit', known%quantities(j)%unit)
-            call put_numbers(document, ['mean       ', 'sd         ', 'conflict_sd'], &
-               & [known%mean(j), sd(j), found%conflict%of_quantity(j)])
+            call document%put_numbers('mean, sd, conflict_sd', [known%mean(j), sd(j), found%conflict%of_quantity(j)])
             call document%end_object()
          end do
          call document%end_array()
@@ -306,11 +286,59 @@ contains
          if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
       end do
       call document%end_object()
-      if (prior%anisotropy_cap < huge(1.0_wp)) then
-         call document%put('anisotropy_cap', prior%anisotropy_cap)
-      else
-         call document%put_null('anisotropy_cap')
-      end if
+      call document%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
       call document%put('share_covered', prior%share_inside)
    end subroutine write_limits
+
+   !> The prior that was in effect, and the surrogate, in a few lines for people: measure and limits; bounds; what is known; the surrogate;
+   !> the evidence, which depends on all of these.
+   subroutine describe_prior(found, lines)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(out) :: lines(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      allocate (lines(0))
+      associate (prior => found%posterior%prior)
+         if (prior%has_default) then
+            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &
+               & //'scale is that of the mean measurement within a factor of 5'
+         else
+            line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+         end if
+         if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
+            & //to_text(prior%anisotropy_cap)
+         call warn(lines, line)
+         line = ''
+         do j = 1, prior%n_constants
+            if (prior%is_stated(j)) line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
+               & //to_text(prior%upper(j))
+         end do
+         if (len(line) > 0) call warn(lines, 'bounds in GPa: '//line(3:))
+         line = ''
+         do j = 1, size(prior%knowledge%mean)
+            line = line//', '//known_text(prior%knowledge, j)
+         end do
+         if (len(line) > 0) call warn(lines, 'known: '//line(3:))
+      end associate
+      call warn(lines, 'surrogate: '//surrogate_text(found))
+      if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
+         & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
+         & //'where the data decide, a prior twice as wide has a log Z that is lower by 0.69')
+   end subroutine describe_prior
+
+   function surrogate_text(found) result(text)
+      type(extraction_type), intent(in) :: found
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (found%field_degree > 0) text = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
+         & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
+      if (found%simulations == 0) return
+      if (len(text) > 0) text = text//'; times what was learnt from '
+      text = text//to_text(found%simulations)//' simulations'
+      if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
+      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
+         & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
+   end function surrogate_text
 end module extraction_document

@@ -18,7 +18,7 @@ module next_grains
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
-   use statistics, only: median, moments
+   use statistics, only: median
    use text, only: fixed, to_text
    use parallelism, only: thread_count
    use warning_lists, only: warn, warning_type
@@ -65,7 +65,7 @@ contains
          call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
          if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)
          if (.not. allocated(error)) call choose_measurements(candidates, wanted%count, scenarios, &
-            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions, error)
+            & problem%settings%problem%seed, thread_count(problem%settings%execution%workers), suggestions)
       end associate
       if (allocated(error)) then
          error%message = place(problem%path, 'next', '')//error%message
@@ -199,9 +199,8 @@ contains
             if (allocated(problem%grains)) call document%put('grain', problem%grains%name(c))
             call document%put('euler_deg', euler_deg(:, c))
             call put_direction(document, problem, euler_deg(:, c))
-            call document%put('gain', suggestions%gains(i))
-            call document%put('predicted', mean)
-            call document%put('sd', sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws))
+            call document%put_numbers('gain, predicted, sd', [suggestions%gains(i), mean, &
+               & sqrt(sum((candidates%predicted(:, c) - mean)**2)/draws)])
             call document%end_object()
          end associate
       end do

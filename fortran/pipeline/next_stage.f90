@@ -1,39 +1,25 @@
 !> `next`: the grains worth measuring next.
 module next_stage
-   use abstract_stage, only: stage_type
-   use constants_posterior, only: posterior_type
    use errors, only: error_type
-   use extract_stage, only: load_stage_surrogate
+   use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use chain_checkpoints, only: chain_prefix
    use kinds, only: wp
    use next_grains, only: next_document
    use posterior_file, only: stored_draws
-   use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of
-   use surrogate_model, only: surrogate_type
+   use statistics, only: flattened
    implicit none
    private
    public :: next_stage_type
 
-   type, extends(stage_type) :: next_stage_type
-      type(surrogate_type) :: surrogate
-      type(posterior_type) :: posterior
+   type, extends(extract_stage_type) :: next_stage_type
    contains
-      procedure :: begin
       procedure :: finish
    end type next_stage_type
 
 contains
-
-   subroutine begin(self, error)
-      class(next_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call load_stage_surrogate(self, self%surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(self%problem, self%surrogate, .false., self%posterior, error)
-   end subroutine begin
 
    !> The document, from the draws that `extract` left in the folder, or from new ones.
    subroutine finish(self, document, error)
@@ -49,7 +35,7 @@ contains
          self%problem%kept_in = self%output
          call extract(self%problem, self%surrogate, found, error)
          if (allocated(error)) return
-         draws = reshape(found%chains%draws, [size(found%chains%draws, 1), size(found%chains%draws)/size(found%chains%draws, 1)])
+         draws = flattened(found%chains%draws)
          self%posterior = found%posterior
          call remove_files(self%output, chain_prefix)
       end if

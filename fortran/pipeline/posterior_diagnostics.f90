@@ -1,13 +1,15 @@
 !> What a person should know of a posterior before using it: reasons for which it cannot be used, and warnings, by consequence.
 module posterior_diagnostics
+   use abstract_indenter, only: indenter_type
    use constants_prior, only: knowledge_type
+   use errors, only: error_type
    use extraction, only: extraction_type, unmixed
    use field_degree, only: allowed_error
    use files, only: printable
+   use indenters, only: new_indenter
    use kinds, only: wp
    use prior_sensitivity, only: change_type
    use problem, only: problem_type
-   use size_diagnostics, only: check_sizes
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
@@ -20,6 +22,11 @@ module posterior_diagnostics
    integer, parameter :: least_size = 100
    !> Knowledge that is further off, sds, belongs to another crystal or is in another unit.
    real(wp), parameter :: furthest = 10.0_wp
+   !> A bias is small, and two contact radii are alike, below these.
+   real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
+   !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10
+   !> and 20 contact radii among neighbours 0.8 and 1.25 times as stiff (docs/case_studies/films.md).
+   real(wp), parameter :: slope = 0.95_wp
 
 contains
 
@@ -32,7 +39,7 @@ contains
 
       call check_limits(found, .true., warnings)
       call check_theory(found, warnings)
-      call check_sizes(problem, found%surrogate_contact_radius, found%surrogate_correction, warnings)
+      call check_sizes(problem, found, warnings)
       if (.not. is_truncated(found)) call check_knowledge(found, warnings)
       do i = 1, size(found%names)
          call check_mixing(found, i, problem%settings%sampler%method, warnings)
@@ -171,7 +178,7 @@ contains
       names = ''
       do i = 1, found%posterior%n_constants
          if (found%verdict(i) /= 'not_determined') cycle
-         names = listed(names, trim(found%names(i)))
+         names = listed(names, trim(found%names(i)), ', ')
          associate (share => found%parameter_shares(i)%prior)
             if (share > 0.0_wp) names = names//' (prior '//fixed(100.0_wp*share, 0)//' %)'
          end associate
@@ -182,9 +189,8 @@ contains
          associate (gain => found%gains(i))
             j = minloc(gain%sd_then/gain%sd_now, dim=1)
             if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
-            if (len(advice) > 0) advice = advice//'; '
-            advice = advice//trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
-               & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa'
+            advice = listed(advice, trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
+               & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa', '; ')
          end associate
       end do
       if (len(advice) > 0) advice = '. State in &knowledge what else is known: '//advice
@@ -248,12 +254,13 @@ contains
       text = text(2:)
    end function powers_text
 
-   pure function listed(list, item) result(longer)
-      character(len=*), intent(in) :: list, item
+   !> A list with one more item after a mark.
+   pure function listed(list, item, mark) result(longer)
+      character(len=*), intent(in) :: list, item, mark
       character(len=:), allocatable :: longer
 
       longer = item
-      if (len(list) > 0) longer = list//', '//item
+      if (len(list) > 0) longer = list//mark//item
    end function listed
 
    !> Grains whose modulus disagrees with all others; the likelihood may take that into account.
@@ -344,8 +351,7 @@ contains
          do round = 1, most
             i = maxloc(largest, dim=1)
             if (.not. largest(i) > matters) exit
-            if (len(line) > 0) line = line//'; '
-            line = line//change_text(changes(i))
+            line = listed(line, change_text(changes(i)), '; ')
             ! In or out, the same limit is told of once.
             where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
@@ -371,4 +377,44 @@ contains
          end if
       end function change_text
    end subroutine check_sensitivity
+
+   !> Warnings of the columns depth_um and grain_radius_um.
+   subroutine check_sizes(problem, found, warnings)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      class(indenter_type), allocatable :: indenter
+      type(error_type), allocatable :: error
+      real(wp), dimension(problem%measurements%n) :: contact_radius, bias
+      real(wp) :: ratio
+      integer :: worst, biased
+
+      call new_indenter(problem%settings%indenter, indenter, error)
+      if (allocated(error)) return
+      associate (measured => problem%measurements, modulus => problem%measurements%modulus_gpa, &
+         & radius => problem%measurements%grain_radius_um, trained => found%surrogate_contact_radius, &
+         & addition => found%surrogate_correction)
+         contact_radius = indenter%contact_radius
+         where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
+         if (trained > 0.0_wp) then
+            ! What a film, say, adds to the theory grows with the contact radius.
+            ratio = maxval(abs(contact_radius/trained - 1.0_wp))
+            if (any(measured%depth_um > 0.0_wp) .and. ratio > alike) call warn(warnings, 'the measurements have contact radii of ' &
+               & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
+               & //to_text(trained, 3)//' um: what its specimen adds to the theory, '//fixed(100.0_wp*addition, 1) &
+               & //' % on average, grows about as the contact radius, so that moduli are expected to be off by up to ' &
+               & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+         else
+            ! Neighbours are taken to be as stiff as the mean measurement.
+            bias = 0.0_wp
+            where (radius > 0.0_wp) bias = (sum(modulus)/size(modulus)/modulus)**(slope*contact_radius/radius) - 1.0_wp
+            biased = count(abs(bias) > small_bias)
+            worst = maxloc(abs(bias), dim=1)
+            if (biased > 0) call warn(warnings, to_text(biased)//' of '//to_text(size(bias))//' grains are so small that their ' &
+               & //'neighbours are expected to change the modulus by more than 1 % (grain '//printable(measured%name(worst)) &
+               & //': '//fixed(100.0_wp*bias(worst), 1)//' %): see the command size, or build a correction with ' &
+               & //'geometry = ''grain''')
+         end if
+      end associate
+   end subroutine check_sizes
 end module posterior_diagnostics

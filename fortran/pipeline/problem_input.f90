@@ -2,7 +2,7 @@
 module problem_input
    use build_checks, only: check_build, question_candidates
    use choices, only: all_choices
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
@@ -21,15 +21,16 @@ contains
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(namelist_file_type) :: namelist
-      character(len=:), allocatable :: names, groups
+      character(len=:), allocatable :: groups
+      character(len=8), allocatable :: names(:)
 
       call read_namelist_file(path, namelist, error)
       if (.not. allocated(error)) call plan_stages(namelist, command, names, groups, error)
       if (.not. allocated(error)) call new_problem(path, namelist, command, groups, all_choices(), self, error)
       if (allocated(error)) return
-      if (len(names) == 0) then
-         call raise(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design ' &
-            & //'for a surrogate, &measurements for the constants', exit_bad_input)
+      if (size(names) == 0) then
+         call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
+            & //'&measurements for the constants')
          return
       end if
       self%stages = names
@@ -58,14 +59,14 @@ contains
       if (allocated(error)) return
       if (.not. has_theory) call do_without_theory(self, error)
       if (allocated(error)) return
-      if (self%settings%simulation%simulator == 'import' .and. has_stage(self, 'simulate')) then
-         call raise(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
-            & //'''fe'', ''theory''', exit_bad_input)
-      else if (has_stage(self, 'build')) then
+      if (self%settings%simulation%simulator == 'import' .and. any(self%stages == 'simulate')) then
+         call refuse(error, place(self%path, 'simulation', 'simulator')//'''import'' cannot indent the &crystals; allowed ' &
+            & //'''fe'', ''theory''')
+      else if (any(self%stages == 'build')) then
          call check_build(self, error)
       end if
-      if (.not. allocated(error) .and. (has_stage(self, 'extract') .or. has_stage(self, 'next'))) call check_step_2(self, error)
-      if (.not. allocated(error) .and. has_stage(self, 'next')) call check_target(self, error)
+      if (.not. allocated(error) .and. any(self%stages == 'extract' .or. self%stages == 'next')) call check_step_2(self, error)
+      if (.not. allocated(error) .and. any(self%stages == 'next')) call check_target(self, error)
       if (.not. allocated(error) .and. allocated(self%candidates)) call question_candidates(self, error)
    end subroutine check_problem
 
@@ -73,20 +74,9 @@ contains
    subroutine do_without_theory(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: stage = ' theory '
-      integer :: at
 
-      at = index(' '//self%stages//' ', stage)
-      if (at > 0 .and. self%command == 'run') self%stages = trim(self%stages(:at - 1)//self%stages(at + len(stage) - 1:))
-      if (has_stage(self, 'theory') .or. self%settings%simulation%simulator == 'theory') call raise(error, place(self%path, &
-         & 'specimen', 'geometry')//''''//self%settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''', &
-         & exit_bad_input)
+      if (self%command == 'run') self%stages = pack(self%stages, self%stages /= 'theory')
+      if (any(self%stages == 'theory') .or. self%settings%simulation%simulator == 'theory') call refuse(error, place(self%path, &
+         & 'specimen', 'geometry')//''''//self%settings%specimen%geometry//''' has no exact theory; allowed ''halfspace''')
    end subroutine do_without_theory
-
-   pure logical function has_stage(self, name)
-      type(problem_type), intent(in) :: self
-      character(len=*), intent(in) :: name
-
-      has_stage = index(' '//self%stages//' ', ' '//name//' ') > 0
-   end function has_stage
 end module problem_input

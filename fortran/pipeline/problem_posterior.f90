@@ -4,7 +4,7 @@ module problem_posterior
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use abstract_observable, only: observable_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, refuse
    use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: degree, wp
    use measured_grains, only: measured_type
@@ -14,7 +14,7 @@ module problem_posterior
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
-   use settings_lists, only: settings_namelist
+   use settings_output, only: settings_namelist
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    use parallelism, only: thread_count
@@ -115,8 +115,7 @@ contains
       type(measured_type) :: measured
 
       if (.not. allocated(problem%measurements)) then
-         call raise(error, place(problem%path, 'measurements', '')//'there are no measurements: at least one grain is needed', &
-            & exit_bad_input)
+         call refuse(error, place(problem%path, 'measurements', '')//'there are no measurements: at least one grain is needed')
          return
       end if
       associate (table => problem%measurements)

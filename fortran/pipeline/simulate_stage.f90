@@ -2,7 +2,7 @@
 module simulate_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_stage, only: job_type, stage_type
-   use campaign, only: campaign_name, campaign_type, row_type
+   use campaign, only: campaign_name, row_type
    use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
    use errors, only: error_type, raise
    use abstract_indenter, only: indenter_type
@@ -12,8 +12,7 @@ module simulate_stage
    use namelist_file, only: place
    use physics_identity, only: identity_text
    use point_index, only: number_equal
-   use row_buffer, only: row_buffer_type
-   use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting, simulation_error
+   use simulate, only: outcome_done, outcome_failed, outcome_waiting, simulation_error
    use text, only: to_text
    use warning_lists, only: warn
    implicit none
@@ -22,24 +21,19 @@ module simulate_stage
 
    type, extends(stage_type) :: simulate_stage_type
       private
-      type(campaign_type) :: campaign
-      type(row_buffer_type) :: buffer
       !> Of each crystal, and which row has the same crystal in the same orientation first.
-      type(row_type), allocatable :: rows(:)
+      type(row_type), allocatable :: crystals(:)
       integer, allocatable :: first(:)
-      !> The rows of the batch.
+      !> The crystals of the batch.
       integer, allocatable :: chosen(:)
    contains
       procedure :: begin
-      procedure :: choose
-      procedure :: keep
-      procedure :: leave
       procedure :: finish
    end type simulate_stage_type
 
 contains
 
-   !> What the campaign has.
+   !> What the campaign has; all that is missing is the batch, once.
    subroutine begin(self, error)
       class(simulate_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -48,12 +42,12 @@ contains
       integer :: i, position
 
       associate (points => self%problem%crystals)
-         allocate (self%rows(points%n))
+         allocate (self%crystals(points%n))
          call self%campaign%open(self%output//'/'//campaign_name, identity_text(self%problem%settings), error)
          if (.not. allocated(error)) call self%campaign%next_position(position, error)
          if (allocated(error)) return
          do i = 1, points%n
-            associate (row => self%rows(i), class => points%classes(points%class(i)))
+            associate (row => self%crystals(i), class => points%classes(points%class(i)))
                row%symmetry = class%name
                row%constants = points%constants(:class%n_constants, i)
                row%euler_deg = points%euler_deg(:, i)
@@ -62,51 +56,18 @@ contains
                if (found) row = stored
             end associate
          end do
+         self%first = first_of_equals(self%crystals)
+         self%chosen = [(i, i=1, points%n)]
+         self%chosen = pack(self%chosen, self%crystals%outcome%status == outcome_waiting .and. self%first == self%chosen)
+         self%n_expected = size(self%chosen)
+         allocate (self%batch(self%n_expected), self%rows(self%n_expected))
+         do i = 1, self%n_expected
+            self%rows(i) = self%crystals(self%chosen(i))
+            self%rows(i)%position = position + i - 1
+            self%batch(i) = job_type(points%stiffness(:, :, self%chosen(i)), self%rows(i)%euler_deg)
+         end do
       end associate
-      self%first = first_of_equals(self%rows)
-      self%chosen = pack([(i, i=1, size(self%rows))], self%rows%outcome%status == outcome_waiting .and. self%first == [(i, i=1, &
-         & size(self%rows))])
-      do i = 1, size(self%chosen)
-         self%rows(self%chosen(i))%position = position + i - 1
-      end do
-      self%n_expected = size(self%chosen)
    end subroutine begin
-
-   !> All that is missing, once.
-   subroutine choose(self, batch, error)
-      class(simulate_stage_type), intent(inout) :: self
-      type(job_type), allocatable, intent(inout) :: batch(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i
-
-      if (size(batch) > 0) then
-         call self%buffer%flush(self%campaign, error)
-         batch = [job_type ::]
-      else
-         batch = [(job_type(self%problem%crystals%stiffness(:, :, self%chosen(i)), self%rows(self%chosen(i))%euler_deg), &
-            & i=1, size(self%chosen))]
-      end if
-   end subroutine choose
-
-   subroutine keep(self, number, outcome, error)
-      class(simulate_stage_type), intent(inout) :: self
-      !> In the batch.
-      integer, intent(in) :: number
-      type(outcome_type), intent(in) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (row => self%rows(self%chosen(number)))
-         row%outcome = outcome
-         call self%buffer%add(self%campaign, row, error)
-      end associate
-   end subroutine keep
-
-   subroutine leave(self, error)
-      class(simulate_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%buffer%flush(self%campaign, error)
-   end subroutine leave
 
    !> moduli.csv, curves.csv, and the document.
    subroutine finish(self, document, error)
@@ -117,13 +78,13 @@ contains
       type(json_type) :: page
       class(indenter_type), allocatable :: indenter
       character(len=:), allocatable :: warning
-      real(wp) :: largest(size(self%rows)), modulus(size(self%rows))
+      real(wp) :: largest(size(self%crystals)), modulus(size(self%crystals))
       integer :: i, failed
 
-      call self%buffer%flush(self%campaign, error)
-      if (allocated(error)) return
-      call self%campaign%close()
-      associate (rows => self%rows, problem => self%problem)
+      associate (rows => self%crystals, problem => self%problem)
+         do i = 1, size(self%chosen)
+            rows(self%chosen(i)) = self%rows(i)
+         end do
          do i = 1, size(rows)
             if (self%first(i) /= i) rows(i) = rows(self%first(i))
          end do

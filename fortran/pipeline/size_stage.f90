@@ -5,14 +5,14 @@ module size_stage
    use abstract_stage, only: job_type, stage_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
    use crystal_tables, only: begin_crystal
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_groups, only: specimen_settings_type
-   use simulate, only: outcome_done, outcome_type
+   use settings_schema, only: specimen_settings_type
+   use simulate, only: outcome_done
    use text, only: to_text
    use warning_lists, only: warn
    implicit none
@@ -41,29 +41,25 @@ module size_stage
       private
       real(wp) :: contact_radius = 0.0_wp, sizes(n_sizes) = 0.0_wp
       type(case_type), allocatable :: cases(:)
-      !> Indentation moduli, GPa, 0 where there is none: of the half-space of each crystal, then of each size of each case.
-      real(wp), allocatable :: moduli(:)
    contains
       procedure :: begin
-      procedure :: choose
-      procedure :: keep
       procedure :: finish
    end type size_stage_type
 
 contains
 
-   !> What is to be simulated.
+   !> All is to be simulated at once: the half-space of each crystal, then each size of each case.
    subroutine begin(self, error)
       class(size_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       class(indenter_type), allocatable :: indenter
-      integer :: i, k, ways
+      integer :: i, k, ways, number
       logical :: rigid
 
       associate (stated => self%problem%settings%specimen, points => self%problem%crystals)
          if (stated%geometry /= 'film' .and. stated%geometry /= 'grain') then
-            call raise(error, place(self%problem%path, 'specimen', 'geometry')//'a '''//stated%geometry//''' has no neighbours; ' &
-               & //'allowed: film, grain', exit_bad_input)
+            call refuse(error, place(self%problem%path, 'specimen', 'geometry')//'a '''//stated%geometry//''' has no neighbours; ' &
+               & //'allowed: film, grain')
             return
          end if
          call new_indenter(self%problem%settings%indenter, indenter, error)
@@ -76,33 +72,24 @@ contains
          allocate (self%cases(points%n*ways), self%physics(1 + points%n*ways*n_sizes))
          self%physics = self%problem%settings
          self%physics(1)%specimen%geometry = 'halfspace'
+         self%n_expected = points%n + size(self%cases)*n_sizes
+         allocate (self%batch(self%n_expected))
+         self%batch(:points%n) = [(job_type(points%stiffness(:, :, i), points%euler_deg(:, i), 1), i=1, points%n)]
          do i = 1, size(self%cases)
             associate (one => self%cases(i), specimens => self%physics(2 + (i - 1)*n_sizes:1 + i*n_sizes)%specimen)
                one%crystal = 1 + (i - 1)/ways
                if (.not. rigid) one%name = names(1 + mod(i - 1, ways))
                do k = 1, n_sizes
-                  if (.not. rigid) call surround(specimens(k), points%stiffness(:, :, one%crystal), factors(1 + mod(i - 1, ways)))
+                  call surround(specimens(k), points%stiffness(:, :, one%crystal), factors(1 + mod(i - 1, ways)), one%young)
                   call set_size(specimens(k), stated, self%sizes(k))
+                  number = (i - 1)*n_sizes + k
+                  self%batch(points%n + number) = job_type(points%stiffness(:, :, one%crystal), &
+                     & points%euler_deg(:, one%crystal), 1 + number)
                end do
-               one%young = young_around(specimens(1))
             end associate
          end do
-         self%n_expected = points%n + size(self%cases)*n_sizes
-         allocate (self%moduli(self%n_expected), source=0.0_wp)
       end associate
    end subroutine begin
-
-   !> Young's modulus of what is around, GPa; 0 where it is not stated.
-   pure real(wp) function young_around(specimen) result(young)
-      type(specimen_settings_type), intent(in) :: specimen
-
-      young = 0.0_wp
-      if (specimen%geometry == 'film') then
-         if (specimen%substrate == 'isotropic') young = specimen%substrate_young_gpa
-      else if (specimen%matrix == 'isotropic') then
-         young = specimen%matrix_young_gpa
-      end if
-   end function young_around
 
    !> Let a specimen be so large, um; a cylinder keeps its proportions.
    subroutine set_size(specimen, stated, size)
@@ -116,16 +103,21 @@ contains
       if (allocated(stated%grain_depth_um)) specimen%grain_depth_um = size*stated%grain_depth_um/stated%grain_radius_um
    end subroutine set_size
 
-   !> Let what is around a crystal have `factor` times the Young's modulus that is stated.
-   subroutine surround(specimen, stiffness, factor)
+   !> Let what is around a crystal have `factor` times the Young's modulus that is stated: then it is `young`, GPa; 0 where none is stated.
+   subroutine surround(specimen, stiffness, factor, young)
       type(specimen_settings_type), intent(inout) :: specimen
       !> Of the crystal, GPa.
       real(wp), intent(in) :: stiffness(6, 6), factor
+      real(wp), intent(out) :: young
       type(averages_type) :: averages
       real(wp) :: bulk, shear
 
+      young = 0.0_wp
       if (specimen%geometry == 'film') then
+         if (specimen%substrate == 'rigid') return
          specimen%substrate_young_gpa = factor*specimen%substrate_young_gpa
+         young = specimen%substrate_young_gpa
+         return
       else if (specimen%matrix == 'self') then
          ! As it is stated it stays the average.
          if (.not. abs(factor - 1.0_wp) > 0.0_wp) return
@@ -133,43 +125,12 @@ contains
          bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
          shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
          specimen%matrix = 'isotropic'
-         specimen%matrix_young_gpa = factor*9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
+         specimen%matrix_young_gpa = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
          specimen%matrix_nu = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
-      else
-         specimen%matrix_young_gpa = factor*specimen%matrix_young_gpa
       end if
+      specimen%matrix_young_gpa = factor*specimen%matrix_young_gpa
+      young = specimen%matrix_young_gpa
    end subroutine surround
-
-   !> All at once.
-   subroutine choose(self, batch, error)
-      class(size_stage_type), intent(inout) :: self
-      type(job_type), allocatable, intent(inout) :: batch(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i, k
-
-      associate (points => self%problem%crystals, unused => error)
-         if (size(batch) > 0) then
-            batch = [job_type ::]
-            return
-         end if
-         batch = [(job_type(points%stiffness(:, :, i), points%euler_deg(:, i), 1), i=1, points%n)]
-         do i = 1, size(self%cases)
-            batch = [batch, (job_type(points%stiffness(:, :, self%cases(i)%crystal), points%euler_deg(:, self%cases(i)%crystal), &
-               & 1 + (i - 1)*n_sizes + k), k=1, n_sizes)]
-         end do
-      end associate
-   end subroutine choose
-
-   subroutine keep(self, number, outcome, error)
-      class(size_stage_type), intent(inout) :: self
-      integer, intent(in) :: number
-      type(outcome_type), intent(in) :: outcome
-      type(error_type), allocatable, intent(out) :: error
-
-      associate (unused => error)
-      end associate
-      if (outcome%status == outcome_done) self%moduli(number) = outcome%modulus
-   end subroutine keep
 
    !> The document: of each case the bias against the half-space by the size, and from what size on it is within the limit.
    subroutine finish(self, document, error)
@@ -177,12 +138,14 @@ contains
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
       type(json_type) :: page
-      real(wp) :: bias(n_sizes), smallest
+      !> GPa, 0 where there is none.
+      real(wp) :: all_moduli(size(self%rows)), bias(n_sizes), smallest
       logical :: known(n_sizes)
       integer :: i, lacking
 
       associate (unused => error)
       end associate
+      all_moduli = merge(self%rows%outcome%modulus, 0.0_wp, self%rows%outcome%status == outcome_done)
       lacking = 0
       call page%begin_object()
       call page%put('variable', trim(merge('thickness_um   ', 'grain_radius_um', &
@@ -191,8 +154,8 @@ contains
       call page%put('limit', limit)
       call page%begin_array('results')
       do i = 1, size(self%cases)
-         associate (one => self%cases(i), moduli => self%moduli(self%problem%crystals%n + (i - 1)*n_sizes + 1: &
-            & self%problem%crystals%n + i*n_sizes), ideal => self%moduli(self%cases(i)%crystal))
+         associate (one => self%cases(i), moduli => all_moduli(self%problem%crystals%n + (i - 1)*n_sizes + 1: &
+            & self%problem%crystals%n + i*n_sizes), ideal => all_moduli(self%cases(i)%crystal))
             known = moduli > 0.0_wp .and. ideal > 0.0_wp
             bias = 0.0_wp
             where (known) bias = moduli/ideal - 1.0_wp

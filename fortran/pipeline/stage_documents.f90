@@ -5,18 +5,18 @@
 !> all that both name are the same. Every document ends with a checksum of all before it.
 module stage_documents
    use checksums, only: checksum
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: file_exists, full_path, read_bytes, replace_file
    use json, only: quoted
    use point_tables, only: points_type
    use problem, only: problem_type
-   use settings_lists, only: settings_namelist
+   use settings_output, only: settings_namelist
    use surrogate_lookup, only: find_surrogate, places_type
+   use text, only: newline, split_list
    implicit none
    private
    public :: begin_results, inputs_of, keep_document, write_document, read_document, read_resolved
 
-   character, parameter :: newline = achar(10)
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
    character(len=*), parameter :: tail = newline//'}'//newline
@@ -32,8 +32,8 @@ contains
       !> The folder of the results among them.
       type(places_type), intent(in) :: places
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: manifest, inputs, name, resolved, output
-      integer :: at, length
+      character(len=:), allocatable :: manifest, inputs, resolved, output, entries(:)
+      integer :: at, i
 
       output = places%output(:len(places%output) - 1)
       inputs = inputs_of(problem, groups, places)
@@ -41,17 +41,10 @@ contains
       if (file_exists(output//manifest_name)) call read_document(output//manifest_name, manifest, error)
       if (allocated(error)) return
       at = index(manifest, '"inputs": {') + len('"inputs": {')
-      manifest = manifest(at:at + index(manifest(at:), '}') - 1)
-      do
-         at = index(manifest, '"')
-         if (at == 0) exit
-         length = index(manifest(at + 1:), '"')
-         name = manifest(at:at + length)
-         manifest = manifest(at + length + 1:)
-         at = index(manifest, '"')
-         length = index(manifest(at + 1:), '"')
-         if (index(inputs, name//':') == 0) inputs = inputs//', '//name//': '//manifest(at:at + length)
-         manifest = manifest(at + length + 1:)
+      ! '"name": "digest"' each.
+      entries = split_list(manifest(at:at + index(manifest(at:), '}') - 2))
+      do i = 1, size(entries)
+         if (index(inputs, entries(i)(:index(entries(i), ':'))) == 0) inputs = inputs//', '//trim(entries(i))
       end do
       resolved = problem%resolved_text()
       call write_document(output//manifest_name, '{'//newline//' "namelist": '//quoted(full_path(problem%path))//','//newline &
@@ -73,8 +66,8 @@ contains
          call read_document(output//manifest_name, manifest, error)
       end if
       if (allocated(error) .or. index(manifest, '"resolved"') == 0) return
-      if (index(manifest, checksum(resolved)) == 0) call raise(error, output//resolved_name//': is not what the results beside ' &
-         & //'it came from: another run replaced it, or it is damaged; run again', exit_bad_input)
+      if (index(manifest, checksum(resolved)) == 0) call refuse(error, output//resolved_name//': is not what the results beside ' &
+         & //'it came from: another run replaced it, or it is damaged; run again')
    end subroutine read_resolved
 
    !> Keep a document, and the inputs that it follows from.
@@ -119,8 +112,8 @@ contains
       if (document(at:) == seal//checksum(document(:at - 1))//'"'//tail) then
          document = document(:at - 1)//tail
       else
-         call raise(error, path//': is damaged, or is no JSON document (it was changed since it was written); remove it, and run ' &
-            & //'the command again', exit_bad_input)
+         call refuse(error, path//': is damaged, or is no JSON document (it was changed since it was written); remove it, and ' &
+            & //'run the command again')
       end if
    end subroutine read_document
 

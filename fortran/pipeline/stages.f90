@@ -2,8 +2,9 @@
 !> order.
 module stages
    use abstract_stage, only: stage_type
-   use build_stage, only: build_stage_type, check_new_surrogate
-   use errors, only: error_type, exit_bad_input, raise
+   use build_checks, only: check_build
+   use build_stage, only: build_stage_type
+   use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use namelist_file, only: namelist_file_type
@@ -12,6 +13,7 @@ module stages
    use simulate_stage, only: simulate_stage_type
    use size_stage, only: size_stage_type
    use surrogate_lookup, only: places_type
+   use text, only: join
    use theory_stage, only: theory_stage_type
    implicit none
    private
@@ -66,49 +68,35 @@ module stages
 
 contains
 
-   !> The `names` of the stages of a command and the `groups` that they need, both separated by blanks; none if a file asks `run`
-   !> for nothing.
+   !> The `names` of the stages of a command and the `groups` that they need, separated by blanks; none if a file asks `run` for nothing.
    subroutine plan_stages(namelist, command, names, groups, error)
       type(namelist_file_type), intent(in) :: namelist
       !> A stage, or 'run'.
       character(len=*), intent(in) :: command
-      character(len=:), allocatable, intent(out) :: names, groups
+      character(len=8), allocatable, intent(out) :: names(:)
+      character(len=:), allocatable, intent(out) :: groups
       type(error_type), allocatable, intent(out) :: error
-      type(stage_row_type) :: stage
-      character(len=:), allocatable :: allowed
-      integer :: i, j
+      logical :: asked(size(all_stages))
+      integer :: i
 
-      names = ''
-      groups = trim(run_command%groups)
-      allowed = 'run'
-      do i = 1, size(all_stages)
-         stage = all_stages(i)
-         allowed = allowed//', '//trim(stage%name)
-         if (command == 'run') then
-            if (.not. any([(namelist%groups(j)%text == stage%trigger, j=1, size(namelist%groups))])) cycle
-         else if (command /= stage%name) then
-            cycle
-         end if
-         if (len(names) > 0) names = names//' '
-         names = names//trim(stage%name)
-         groups = groups//' '//trim(stage%groups)
+      asked = all_stages%name == command
+      do i = 1, size(namelist%groups)
+         if (command == 'run') asked = asked .or. all_stages%trigger == namelist%groups(i)%text
       end do
-      if (len(names) == 0 .and. command /= 'run') call raise(error, 'no command is named '''//printable(command) &
-         & //'''; allowed: '//allowed, exit_bad_input)
+      names = pack(all_stages%name, asked)
+      groups = trim(run_command%groups)//' '//groups_of(names)
+      if (size(names) == 0 .and. command /= 'run') call refuse(error, 'no command is named '''//printable(command) &
+         & //'''; allowed: run, '//join(all_stages%name, ', '))
    end subroutine plan_stages
 
    !> The groups of the namelist that stages need, separated by blanks.
-   function groups_of(names) result(groups)
-      !> Separated by blanks.
-      character(len=*), intent(in) :: names
+   pure function groups_of(names) result(groups)
+      !> Of stages.
+      character(len=*), intent(in) :: names(:)
       character(len=:), allocatable :: groups
       integer :: i
 
-      groups = ''
-      do i = 1, size(all_stages)
-         if (index(' '//names//' ', ' '//trim(all_stages(i)%name)//' ') > 0) groups = groups//' '//trim(all_stages(i)%groups)
-      end do
-      groups = adjustl(groups)
+      groups = join(pack(all_stages%groups, [(any(names == all_stages(i)%name), i=1, size(all_stages))]), ' ')
    end function groups_of
 
    !> Refuse what the stages of a problem would refuse before their first simulation or sample, as far as no stage before makes what it
@@ -117,14 +105,11 @@ contains
       type(problem_type), intent(in), target :: problem
       type(places_type), intent(in) :: places
       type(error_type), allocatable, intent(out) :: error
-      type(build_stage_type) :: build
       type(extract_stage_type) :: extract
 
-      if (index(' '//problem%stages//' ', ' build ') > 0) then
-         build%problem => problem
-         build%output = places%output(:len(places%output) - 1)
-         call check_new_surrogate(build, error)
-      else if (index(' '//problem%stages//' ', ' extract ') > 0 .or. index(' '//problem%stages//' ', ' next ') > 0) then
+      if (any(problem%stages == 'build')) then
+         call check_build(problem, error, places%output(:len(places%output) - 1))
+      else if (any(problem%stages == 'extract' .or. problem%stages == 'next')) then
          call extract%open(problem, places, error)
       end if
    end subroutine check_stages
@@ -150,16 +135,13 @@ contains
       case ('next')
          allocate (next_stage_type :: stage)
       case default
-         call raise(error, 'no stage is named '//printable(name), exit_bad_input)
+         call refuse(error, 'no stage is named '//printable(name))
          return
       end select
-      do i = 1, size(all_stages)
-         if (all_stages(i)%name == name) then
-            stage%groups = trim(all_stages(i)%groups)
-            stage%document_file = trim(all_stages(i)%document)
-         end if
-         if (all_stages(i)%name == 'extract') stage%groups_of_posterior = trim(all_stages(i)%groups)
-      end do
+      i = findloc(all_stages%name, name, 1)
       stage%name = name
+      stage%groups = trim(all_stages(i)%groups)
+      stage%groups_of_posterior = groups_of(['extract'])
+      stage%document_file = trim(all_stages(i)%document)
    end subroutine new_stage
 end module stages

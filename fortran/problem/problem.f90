@@ -5,24 +5,23 @@
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter
    use settings_checks, only: check_settings
-   use settings_groups, only: settings_type
-   use settings_lists, only: settings_namelist
+   use settings_schema, only: candidate_sources, settings_type
+   use settings_output, only: settings_namelist
    use settings_reader, only: read_settings
-   use settings_schema, only: candidate_sources
-   use settings_visitor, only: choice_list_type
+   use settings_list, only: choice_list_type
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
-   use text, only: lower, split_list, to_text
-   use warning_lists, only: add_warning => warn, warning_type
+   use text, only: lower, newline, split_list, to_text
+   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: problem_type, new_problem
@@ -32,8 +31,9 @@ module problem
       character(len=:), allocatable :: path, folder
       !> What the file was read for, '' for keywords, and the groups that this needs, separated by blanks.
       character(len=:), allocatable :: command, needed
-      !> The groups of the file, and the stages that it asks for in order; separated by blanks.
-      character(len=:), allocatable :: groups, stages
+      !> The groups of the file, separated by blanks; and the stages that it asks for, in order.
+      character(len=:), allocatable :: groups
+      character(len=8), allocatable :: stages(:)
       type(settings_type) :: settings
       !> Of &problem symmetry.
       type(crystal_class_type) :: class
@@ -55,10 +55,8 @@ module problem
    contains
       procedure :: resolved_text
       procedure :: set_table
-      procedure :: warn
    end type problem_type
 
-   character, parameter :: newline = achar(10)
    !> Contact radius of the paper's indentations at the last depth, um.
    real(wp), parameter :: paper_contact = 0.5_wp
    !> As many angles below 2 pi are no chance.
@@ -84,7 +82,7 @@ contains
       self%folder = folder_of(path)
       self%command = command
       self%needed = needed
-      self%stages = ''
+      allocate (self%stages(0))
       self%groups = ''
       do i = 1, size(namelist%groups)
          self%groups = self%groups//namelist%groups(i)%text//' '
@@ -120,7 +118,7 @@ contains
             prefix = place(self%path, 'crystals', 'points')//printable(s%crystals%points)
             call read_crystals(resolve_path(self%folder, s%crystals%points), prefix//': ', self%class, self%crystals, error)
             if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) call self%warn(prefix//like_radians)
+            if (angles_look_like_radians(self%crystals)) call warn(self%warnings, prefix//like_radians)
          end if
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
@@ -154,7 +152,7 @@ contains
       integer :: i
 
       if (table == 'warning') then
-         call self%warn(page)
+         call warn(self%warnings, page)
          return
       end if
       call parse_table(page, parsed, error)
@@ -241,8 +239,8 @@ contains
       if (allocated(error) .or. .not. allocated(self%class%name)) return
       do i = 1, self%candidates%n
          if (self%candidates%classes(self%candidates%class(i))%name == self%class%name) cycle
-         call raise(error, prefix//'line '//to_text(self%candidates%table%line(i)) &
-            & //': the crystal is not of the symmetry of &problem', exit_bad_input)
+         call refuse(error, prefix//'line '//to_text(self%candidates%table%line(i))//': the crystal is not of the symmetry of ' &
+            & //'&problem')
          return
       end do
    end subroutine load_candidates
@@ -261,7 +259,7 @@ contains
       call read_table(resolve_path(self%folder, name), table, error)
       if (.not. allocated(error)) call read_grains(table, radians, self%class, self%settings%problem%lattice, self%grains, error)
       if (.not. allocated(error) .and. self%grains%n > most_grains) then
-         call raise(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains), exit_bad_input)
+         call refuse(error, to_text(self%grains%n)//' grains; allowed up to '//to_text(most_grains))
       else if (.not. (allocated(error) .or. radians)) then
          call refuse_radians(self%grains, error)
       end if
@@ -274,9 +272,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (points%n < few_grains .or. .not. angles_look_like_radians(points)) return
-      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call raise(error, 'no angle is above 2 pi, so ' &
-         & //'these look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 ' &
-         & //'to a phi1', exit_bad_input)
+      if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) call refuse(error, 'no angle is above 2 pi, so these ' &
+         & //'look like radians, and degrees are needed; if they are radians say angles = ''radians'', if degrees add 360 to a ' &
+         & //'phi1')
    end subroutine refuse_radians
 
    !> What is odd about measurements, but may be meant; and angles in radians that nobody said are.
@@ -302,17 +300,17 @@ contains
       associate (table => self%measurements%table)
          do i = 1, table%columns
             hint = column_hint(table, i)
-            if (len(hint) > 0) call self%warn(prefix//': the column '//printable(table%name(i))//' is not read'//hint)
+            if (len(hint) > 0) call warn(self%warnings, prefix//': the column '//printable(table%name(i))//' is not read'//hint)
          end do
       end associate
       if (self%measurements%n == 1) then
-         call self%warn(prefix//' has one grain; one modulus cannot decide the constants')
+         call warn(self%warnings, prefix//' has one grain; one modulus cannot decide the constants')
       else if (allocated(self%class%name) .and. .not. radians) then
          call question_directions(self, prefix, error)
          if (allocated(error)) return
       end if
-      if (radians) call self%warn(prefix//like_radians)
-      if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call self%warn(prefix &
+      if (radians) call warn(self%warnings, prefix//like_radians)
+      if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call warn(self%warnings, prefix &
          & //': an sd_gpa is more than half of its modulus_gpa')
    end subroutine question_measurements
 
@@ -334,8 +332,8 @@ contains
       if (region%dimension == 0) return
       directions = self%measurements%directions()
       if (all_alike(region, directions, alike*degree)) then
-         call self%warn(prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how the ' &
-            & //'modulus depends on orientation')
+         call warn(self%warnings, prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how ' &
+            & //'the modulus depends on orientation')
          return
       end if
       call new_harmonics(self%class, degree_seen, harmonics, error)
@@ -347,17 +345,10 @@ contains
          kept(n) = i
          if (n == harmonics%n) return
       end do
-      call self%warn(prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n)//' combinations of the ' &
-         & //to_text(self%class%n_constants)//' constants are visible to indentation, and so many directions are needed at least')
+      call warn(self%warnings, prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n) &
+         & //' combinations of the '//to_text(self%class%n_constants)//' constants are visible to indentation, and so many ' &
+         & //'directions are needed at least')
    end subroutine question_directions
-
-   !> Add a warning, `message`.
-   subroutine warn(self, message)
-      class(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: message
-
-      call add_warning(self%warnings, message)
-   end subroutine warn
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
    function resolved_text(self, name) result(page)

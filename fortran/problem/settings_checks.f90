@@ -2,10 +2,10 @@
 module settings_checks
    use crystal_class, only: crystal_class_names, crystal_class_type
    use crystal_elasticity, only: is_stable
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_groups, only: knowledge_settings_type, settings_type
+   use settings_schema, only: knowledge_settings_type, settings_type
    use text, only: join, to_text
    implicit none
    private
@@ -28,24 +28,23 @@ contains
       needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
          & (settings%design%given .or. settings%domain%given))
       if (needed .and. .not. allocated(settings%problem%symmetry)) then
-         call raise(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names(), &
-            & exit_bad_input)
+         call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
          return
       end if
       call check_knowledge(path, settings%knowledge, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
-         call raise(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
-            & //'contact_radius_um; one of them is allowed', exit_bad_input)
+         call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
+            & //'contact_radius_um; one of them is allowed')
          return
       end if
       associate (design => settings%design)
          if (design%initial > design%budget) then
-            call raise(error, place(path, 'design', 'initial')//to_text(design%initial)//' is more than the budget; allowed ' &
-               & //'0 to '//to_text(design%budget), exit_bad_input)
+            call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
+               & //' is more than the budget; allowed 0 to '//to_text(design%budget))
          else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
-            call raise(error, place(path, 'design', 'budget')//to_text(design%budget)//' is more than n_candidates; ' &
-               & //'allowed 1 to '//to_text(design%n_candidates), exit_bad_input)
+            call refuse(error, place(path, 'design', 'budget')//to_text(design%budget) &
+               & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
          end if
       end associate
    end subroutine check_settings
@@ -68,14 +67,14 @@ contains
       ! A prior whose bounds are equal fixes a constant.
       i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
       if (i > 0) then
-         call raise(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
-            & //to_text(high(i))//' GPa', exit_bad_input)
+         call refuse(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
+            & //to_text(high(i))//' GPa')
          return
       end if
       ! The most stable crystal of the box: large on the diagonal, small off it.
       best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
-      if (.not. is_stable(class%stiffness(best))) call raise(error, place(path, group, 'c_max') &
-         & //'no crystal between c_min and c_max is elastically stable; the stiffness must be positive definite', exit_bad_input)
+      if (.not. is_stable(class%stiffness(best))) call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and ' &
+         & //'c_max is elastically stable; the stiffness must be positive definite')
    end subroutine check_bounds
 
    !> A value for each constant, or none.
@@ -88,12 +87,11 @@ contains
 
       if (.not. allocated(values)) return
       if (class%n_constants == 0) then
-         call raise(error, prefix//'a value for each constant is needed, and so &problem symmetry', exit_bad_input)
+         call refuse(error, prefix//'a value for each constant is needed, and so &problem symmetry')
       else if (size(values) /= size(class%constants)) then
          found = to_text(size(values))//' values'
          if (size(values) == 1) found = 'one value'
-         call raise(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
-            & exit_bad_input)
+         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
       end if
    end subroutine check_count
 
@@ -110,16 +108,13 @@ contains
       if (allocated(knowledge%mean)) sizes(2) = size(knowledge%mean)
       if (allocated(knowledge%sd)) sizes(3) = size(knowledge%sd)
       i = maxloc(sizes, dim=1)
-      do j = 1, 3
-         if (sizes(j) == sizes(i)) cycle
-         if (sizes(j) == 0) then
-            call raise(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i)) &
-               & //' needs it', exit_bad_input)
-         else
-            call raise(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
-               & //' of '//trim(names(i))//'; the lists are of equal length', exit_bad_input)
-         end if
-         return
-      end do
+      j = findloc(sizes == sizes(i), .false., dim=1)
+      if (j == 0) return
+      if (sizes(j) == 0) then
+         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
+      else
+         call refuse(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
+            & //' of '//trim(names(i))//'; the lists are of equal length')
+      end if
    end subroutine check_knowledge
 end module settings_checks

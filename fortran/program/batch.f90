@@ -10,11 +10,12 @@ program batch
    use problem, only: problem_type
    use problem_input, only: read_problem
    use running_command, only: take_folder, watch_signals
-   use settings_lists, only: new_schema, schema_markdown
+   use settings_output, only: schema_markdown
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_stages, groups_of, new_stage
    use surrogate_lookup, only: places_type
+   use text, only: join
    use system, only: argument, data_folder, settle_blas, end_process
    use version, only: package_version, shipped_surrogates
    use warning_lists, only: warning_type
@@ -51,7 +52,7 @@ contains
             write (output_unit, '(2a)') 'bayesindent-batch ', package_version
             call end_process(0)
          case ('--schema')
-            write (output_unit, '(a)', advance='no') schema_markdown(new_schema(all_choices()))
+            write (output_unit, '(a)', advance='no') schema_markdown(all_choices())
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -77,8 +78,8 @@ contains
    subroutine perform()
       type(problem_type), target :: self
       type(error_type), allocatable :: error
-      character(len=:), allocatable :: left, name
       type(places_type) :: places
+      integer :: i
 
       call read_problem(path, command, self, error)
       if (.not. allocated(error) .and. allocated(self%spreadsheet)) call raise(error, place(path, 'measurements', 'file') &
@@ -97,17 +98,14 @@ contains
       call check_stages(self, places, error)
       call stop_on(error)
       if (check_only) then
-         write (output_unit, '(3a)') path, ' is right; it asks for: ', self%stages
+         write (output_unit, '(3a)') path, ' is right; it asks for: ', join(self%stages, ' ')
          return
       end if
       call take_folder(output, 0, .true., error)
       if (.not. allocated(error)) call begin_results(self, groups_of(self%stages), places, error)
       call stop_on(error)
-      left = self%stages//' '
-      do while (len(left) > 0)
-         name = left(:index(left, ' ') - 1)
-         left = left(len(name) + 2:)
-         call perform_stage(self, name, places)
+      do i = 1, size(self%stages)
+         call perform_stage(self, trim(self%stages(i)), places)
       end do
    end subroutine perform
 

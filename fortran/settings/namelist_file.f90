@@ -6,7 +6,7 @@ module namelist_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
    use numbers, only: read_integer
-   use text, only: lower, to_text
+   use text, only: lower, newline, to_text
    implicit none
    private
    public :: namelist_file_type, entry_type, value_type, read_namelist_file, parse_namelist, place
@@ -43,7 +43,6 @@ module namelist_file
       type(error_type), allocatable :: error
    end type parser_type
 
-   character, parameter :: newline = achar(10)
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
    !> More repetitions than any array of ours has elements are refused before they are made.

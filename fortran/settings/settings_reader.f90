@@ -2,34 +2,19 @@
 !>
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module settings_reader
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, place, value_type
    use numbers, only: number_malformed, number_ok, read_real
-   use settings_groups, only: longest_item, settings_type
-   use settings_lists, only: new_schema, schema_type
-   use settings_schema, only: visit_settings
-   use settings_visitor, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
-      & kind_logical, kind_source, settings_visitor_type, shape_list, shape_one, variable_type
+   use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
+      & kind_logical, kind_source, longest_item, settings_list_type, shape_list, shape_one, variable_type
+   use settings_schema, only: list_settings, set_settings, settings_type
    use spelling, only: suggestion
    use text, only: lower, to_text
    implicit none
    private
    public :: read_settings
-
-   type, extends(settings_visitor_type) :: reader_type
-      !> For messages: the path of the file, or the Python function whose keywords these are.
-      character(len=:), allocatable :: path
-      type(namelist_file_type) :: namelist
-      !> What the settings are for, '' if only for what is given; the groups that this needs, each between blanks.
-      character(len=:), allocatable :: command, needed
-      logical :: given = .false.
-      type(error_type), allocatable :: error, missing
-   contains
-      procedure :: begin_group => begin_group
-      procedure :: visit => read_variable
-   end type reader_type
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
@@ -47,18 +32,35 @@ contains
       type(choice_list_type), intent(in) :: choices(:)
       type(settings_type), intent(out) :: settings
       type(error_type), allocatable, intent(out) :: error
-      type(reader_type) :: reader
+      type(settings_list_type) :: list
+      type(error_type), allocatable :: missing
+      character(len=:), allocatable :: reason
+      integer :: i, j
 
-      call check_names(path, file, new_schema(choices), error)
+      list = list_settings(settings, choices)
+      call check_names(path, file, list, error)
       if (allocated(error)) return
-      reader%path = path
-      reader%namelist = file
-      reader%command = command
-      reader%needed = ' '//needed//' '
-      reader%choices = choices
-      call visit_settings(reader, settings)
-      if (.not. allocated(reader%error)) call move_alloc(reader%missing, reader%error)
-      call move_alloc(reader%error, error)
+      do i = 1, size(list%groups)
+         list%groups(i)%given = any([(file%groups(j)%text == list%groups(i)%name, j=1, size(file%groups))])
+      end do
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i), given => list%groups(list%variables(i)%group_number)%given)
+            call read_variable(path, file, v, error)
+            if (allocated(error)) return
+            ! What is there and wrong comes before what is not there.
+            if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
+            if (len(command) == 0 .and. v%kind == kind_file) cycle
+            if (given) then
+               call refuse(missing, place(path, v%group, v%name)//'the variable is missing; '//v%meaning//allowed_part(v))
+            else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then
+               reason = command
+               if (v%group == 'problem') reason = 'every file'
+               call refuse(missing, place(path, v%group, '')//'the group is missing; '//reason//' needs it')
+            end if
+         end associate
+      end do
+      call move_alloc(missing, error)
+      call set_settings(list, settings)
    end subroutine read_settings
 
    !> Every group and variable of the file is in the schema; else what was probably meant.
@@ -66,19 +68,20 @@ contains
       !> For messages.
       character(len=*), intent(in) :: path
       type(namelist_file_type), intent(in) :: file
-      type(schema_type), intent(in) :: schema
+      type(settings_list_type), intent(in) :: schema
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: names, near
       integer :: i, j
 
       do i = 1, size(file%groups)
-         if (schema%find_group(file%groups(i)%text) > 0) cycle
          names = ''
          do j = 1, size(schema%groups)
+            if (schema%groups(j)%name == file%groups(i)%text) exit
             names = names//', &'//schema%groups(j)%name
          end do
-         call raise(error, place(path, file%groups(i)%text, '')//'unknown group' &
-            & //suggestion('&'//file%groups(i)%text, names(3:))//'; allowed: '//names(3:), exit_bad_input)
+         if (j <= size(schema%groups)) cycle
+         call refuse(error, place(path, file%groups(i)%text, '')//'unknown group'//suggestion('&'//file%groups(i)%text, names(3:)) &
+            & //'; allowed: '//names(3:))
          return
       end do
       do i = 1, size(file%entries)
@@ -94,78 +97,44 @@ contains
             end do
             if (j <= size(schema%variables)) cycle
             if (len(suggestion(entry%name, names(3:))) > 0) near = suggestion(entry%name, names(3:))
-            call raise(error, place(path, entry%group, entry%name)//'unknown variable'//near//'; allowed: '//names(3:), &
-               & exit_bad_input)
+            call refuse(error, place(path, entry%group, entry%name)//'unknown variable'//near//'; allowed: '//names(3:))
             return
          end associate
       end do
    end subroutine check_names
 
-   subroutine begin_group(self, given)
-      class(reader_type), intent(inout) :: self
-      logical, intent(inout) :: given
-      integer :: i
-
-      self%given = any([(self%namelist%groups(i)%text == self%group_name, i=1, size(self%namelist%groups))])
-      given = self%given
-   end subroutine begin_group
-
-   !> The values of the file, checked, or the default; unallocated: unset, or refused.
-   subroutine read_variable(self, variable, values)
-      class(reader_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(value_type), allocatable, intent(inout) :: values(:)
+   !> The values of the file, checked, or the default; unallocated: unset.
+   subroutine read_variable(path, file, variable, error)
+      !> For messages.
+      character(len=*), intent(in) :: path
+      type(namelist_file_type), intent(in) :: file
+      type(variable_type), intent(inout) :: variable
+      type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: message
       integer :: i, j
 
-      if (allocated(values)) deallocate (values)
-      if (allocated(self%error)) return
-      do i = 1, size(self%namelist%entries)
-         associate (entry => self%namelist%entries(i))
-            if (entry%group /= variable%group .or. entry%name /= variable%name) cycle
-            values = entry%values
-         end associate
+      if (allocated(variable%values)) deallocate (variable%values)
+      do i = 1, size(file%entries)
+         if (file%entries(i)%group /= variable%group .or. file%entries(i)%name /= variable%name) cycle
+         variable%values = file%entries(i)%values
          message = ''
-         if (variable%shape == shape_one .and. size(values) > 1) message = to_text(size(values))//' values; one is needed' &
-            & //allowed_part(variable)
-         do j = 1, size(values)
+         if (variable%shape == shape_one .and. size(variable%values) > 1) message = to_text(size(variable%values)) &
+            & //' values; one is needed'//allowed_part(variable)
+         do j = 1, size(variable%values)
             if (len(message) > 0) exit
             if (is_text(variable)) then
-               call check_text(variable, values(j), message)
+               call check_text(variable, variable%values(j), message)
             else
-               call check_number(variable, values(j), message)
+               call check_number(variable, variable%values(j), message)
             end if
          end do
-         if (len(message) == 0) return
-         call raise(self%error, place(self%path, variable%group, variable%name)//message, exit_bad_input)
-         deallocate (values)
+         if (len(message) > 0) call refuse(error, place(path, variable%group, variable%name)//message)
          return
       end do
-      if (variable%default == '*') then
-         call note_missing(self, variable)
-      else if (variable%default /= 'unset') then
-         allocate (values(1))
-         values(1)%text = variable%default
-      end if
+      if (variable%default == '*' .or. variable%default == 'unset') return
+      allocate (variable%values(1))
+      variable%values(1)%text = variable%default
    end subroutine read_variable
-
-   !> What is there and wrong comes before what is not there.
-   subroutine note_missing(self, variable)
-      class(reader_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      character(len=:), allocatable :: reason
-
-      if (allocated(self%missing) .or. (len(self%command) == 0 .and. variable%kind == kind_file)) return
-      if (self%given) then
-         call raise(self%missing, place(self%path, variable%group, variable%name)//'the variable is missing; ' &
-            & //variable%meaning//allowed_part(variable), exit_bad_input)
-      else if (index(self%needed, ' '//variable%group//' ') > 0) then
-         reason = self%command
-         if (variable%group == 'problem') reason = 'every file'
-         call raise(self%missing, place(self%path, variable%group, '')//'the group is missing; '//reason//' needs it', &
-            & exit_bad_input)
-      end if
-   end subroutine note_missing
 
    !> A text in quotes; words in lower case.
    subroutine check_text(v, value, message)

@@ -1,24 +1,169 @@
-!> What may stand in a namelist: one call a variable, which names it, binds its component of the settings, and says default, range
-!> or words, unit and meaning. Reading and its checks, `resolved.nml`, help, docs/namelists.md and Python's settings come from this
-!> table and from nothing else.
+!> What may stand in a namelist. A type for each group has a component for each variable, named as the variable; numbers are zero until
+!> they are read, and an allocatable component that is not allocated is unset. One call a variable names it, binds its component, and says
+!> default, range or words, unit and meaning: reading and its checks, `resolved.nml`, help, docs/namelists.md and Python's settings come
+!> from this table and from nothing else.
 module settings_schema
-   use settings_groups, only: settings_type
-   use settings_visitor, only: kind_choice, kind_file, kind_source, kind_text, settings_visitor_type, shape_constants, &
-      & shape_list
+   use kinds, only: wp
+   use settings_list, only: choice_list_type, kind_choice, kind_file, kind_source, kind_text, longest_item, &
+      & settings_list_type, shape_constants, shape_list
    implicit none
    private
-   public :: visit_settings, candidate_sources
+   public :: list_settings, set_settings, candidate_sources
+   public :: problem_settings_type, crystals_settings_type, specimen_settings_type, indenter_settings_type, &
+      & simulation_settings_type, domain_settings_type, surrogate_settings_type, design_settings_type, &
+      & measurements_settings_type, prior_settings_type, knowledge_settings_type, sampler_settings_type, next_settings_type, &
+      & execution_settings_type, settings_type
 
    !> What `&design candidates` knows beside the name of a CSV file.
    character(len=*), parameter :: candidate_sources = 'latin, factorial'
 
+   type :: group_settings_type
+      !> The file has the group.
+      logical :: given = .false.
+   end type group_settings_type
+
+   type, extends(group_settings_type) :: problem_settings_type
+      character(len=:), allocatable :: symmetry, title
+      !> Lengths in any unit, angles in degrees.
+      real(wp), allocatable :: lattice(:)
+      logical :: synthetic = .false.
+      integer :: seed = 0
+   end type problem_settings_type
+
+   type, extends(group_settings_type) :: crystals_settings_type
+      character(len=:), allocatable :: points
+   end type crystals_settings_type
+
+   type, extends(group_settings_type) :: specimen_settings_type
+      character(len=:), allocatable :: geometry, substrate, matrix
+      real(wp) :: width_um = 0.0_wp, height_um = 0.0_wp, substrate_nu = 0.0_wp, matrix_nu = 0.0_wp
+      real(wp), allocatable :: thickness_um, substrate_young_gpa, grain_radius_um, grain_depth_um, matrix_young_gpa
+   end type specimen_settings_type
+
+   type, extends(group_settings_type) :: indenter_settings_type
+      character(len=:), allocatable :: shape
+      real(wp) :: radius_um = 0.0_wp, half_angle_deg = 0.0_wp
+      !> The last point of the curve: one of the two is allocated in a resolved problem.
+      real(wp), allocatable :: depth_um, contact_radius_um
+   end type indenter_settings_type
+
+   type, extends(group_settings_type) :: simulation_settings_type
+      character(len=:), allocatable :: simulator, element, integration
+      real(wp) :: refine = 0.0_wp, outer = 0.0_wp
+      real(wp), allocatable :: growth
+      integer :: depths = 0
+      logical :: extrapolate = .false., vtu = .false., inp = .false.
+   end type simulation_settings_type
+
+   type, extends(group_settings_type) :: domain_settings_type
+      character(len=longest_item), allocatable :: classes(:)
+      !> One for each constant of the crystal class, GPa.
+      real(wp), allocatable :: c_min(:), c_max(:)
+      real(wp), allocatable :: anisotropy_cap
+      real(wp) :: log_anisotropy_max = 0.0_wp, poisson_min = 0.0_wp, poisson_max = 0.0_wp
+      !> GPa.
+      real(wp), allocatable :: stiffness_min_gpa, stiffness_max_gpa
+   end type domain_settings_type
+
+   type, extends(group_settings_type) :: surrogate_settings_type
+      character(len=:), allocatable :: file, model, truncation, scan
+      integer :: degree = 0, bandlimit = 0
+   end type surrogate_settings_type
+
+   type, extends(group_settings_type) :: design_settings_type
+      character(len=:), allocatable :: candidates, initial_set, orientations, variance_of, reuse
+      integer :: n_candidates = 0, initial = 0, n_directions = 0, budget = 0, batch = 0, refit = 0, patience = 0, validation = 0
+      real(wp) :: target_gpa = 0.0_wp
+   end type design_settings_type
+
+   type, extends(group_settings_type) :: measurements_settings_type
+      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
+      character(len=longest_item), allocatable :: columns(:)
+      real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
+         & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
+   end type measurements_settings_type
+
+   type, extends(group_settings_type) :: prior_settings_type
+      !> One for each constant of the crystal class, GPa.
+      real(wp), allocatable :: c_min(:), c_max(:)
+      real(wp), allocatable :: anisotropy_cap
+      character(len=:), allocatable :: measure
+   end type prior_settings_type
+
+   type, extends(group_settings_type) :: knowledge_settings_type
+      !> Of equal length: what is known, its mean and its sd.
+      character(len=longest_item), allocatable :: quantity(:)
+      real(wp), allocatable :: mean(:), sd(:)
+      character(len=:), allocatable :: stiffness_file
+   end type knowledge_settings_type
+
+   type, extends(group_settings_type) :: sampler_settings_type
+      character(len=:), allocatable :: method, surrogate_variance
+      integer :: samples = 0, burn_in = 0, chains = 0
+      logical :: evidence = .false.
+   end type sampler_settings_type
+
+   type, extends(group_settings_type) :: next_settings_type
+      character(len=:), allocatable :: target, candidates
+      real(wp) :: sd_gpa = 0.0_wp
+      integer :: count = 0
+   end type next_settings_type
+
+   type, extends(group_settings_type) :: execution_settings_type
+      character(len=:), allocatable :: engine, scheduler
+      integer :: workers = 0
+   end type execution_settings_type
+
+   type :: settings_type
+      type(problem_settings_type) :: problem
+      type(crystals_settings_type) :: crystals
+      type(specimen_settings_type) :: specimen
+      type(indenter_settings_type) :: indenter
+      type(simulation_settings_type) :: simulation
+      type(domain_settings_type) :: domain
+      type(surrogate_settings_type) :: surrogate
+      type(design_settings_type) :: design
+      type(measurements_settings_type) :: measurements
+      type(prior_settings_type) :: prior
+      type(knowledge_settings_type) :: knowledge
+      type(sampler_settings_type) :: sampler
+      type(next_settings_type) :: next
+      type(execution_settings_type) :: execution
+   end type settings_type
+
 contains
+
+   !> All groups and variables, in order, with the values of `settings`; `choices`: the words that modules above the settings own.
+   function list_settings(settings, choices) result(list)
+      type(settings_type), intent(in) :: settings
+      type(choice_list_type), intent(in), optional :: choices(:)
+      type(settings_list_type) :: list
+      type(settings_type) :: copy
+
+      copy = settings
+      allocate (list%choices(0))
+      if (present(choices)) list%choices = choices
+      call visit_settings(list, copy)
+      allocate (list%groups(list%n_groups), list%variables(list%n_variables))
+      call visit_settings(list, copy)
+   end function list_settings
+
+   !> Let settings have the values of a list.
+   subroutine set_settings(list, settings)
+      type(settings_list_type), intent(inout) :: list
+      type(settings_type), intent(inout) :: settings
+
+      list%giving = .true.
+      call visit_settings(list, settings)
+   end subroutine set_settings
 
    !> Default: namelist text; '*' is required, 'unset' has no value. `words`: of a choice that a module above the settings owns.
    subroutine visit_settings(v, s)
-      class(settings_visitor_type), intent(inout) :: v
+      type(settings_list_type), intent(inout) :: v
       type(settings_type), intent(inout) :: s
 
+      v%n_groups = 0
+      v%n_variables = 0
       call v%group('problem', s%problem%given, 'What the file is about.')
       call v%text('symmetry', s%problem%symmetry, kind_choice, 'unset', v%words('symmetry'), &
          & 'crystal symmetry of the material; a correction that is learnt from all classes needs none')
@@ -39,18 +184,18 @@ contains
       call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
       call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
 
-      call v%optional_real('thickness_um', s%specimen%thickness_um, 'unset', '[1e-6, 1e6]', 'um', 'film: its thickness')
+      call v%optional_real('thickness_um', s%specimen%thickness_um, '[1e-6, 1e6]', 'um', 'film: its thickness')
       call v%text('substrate', s%specimen%substrate, kind_choice, 'isotropic', 'isotropic, rigid', 'film: what it is bonded to')
-      call v%optional_real('substrate_young_gpa', s%specimen%substrate_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
+      call v%optional_real('substrate_young_gpa', s%specimen%substrate_young_gpa, '(0, 1e5]', 'GPa', &
          & 'film: Young''s modulus of an isotropic substrate')
       call v%real('substrate_nu', s%specimen%substrate_nu, '0.3', '(-1, 0.5)', '', 'film: Poisson''s ratio of the substrate')
-      call v%optional_real('grain_radius_um', s%specimen%grain_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
+      call v%optional_real('grain_radius_um', s%specimen%grain_radius_um, '[1e-6, 1e6]', 'um', &
          & 'grain: radius of the hemisphere, or of a cylinder')
-      call v%optional_real('grain_depth_um', s%specimen%grain_depth_um, 'unset', '[1e-6, 1e6]', 'um', &
+      call v%optional_real('grain_depth_um', s%specimen%grain_depth_um, '[1e-6, 1e6]', 'um', &
          & 'grain: depth of a cylinder; unset: a hemisphere')
       call v%text('matrix', s%specimen%matrix, kind_choice, 'self', 'self, isotropic', &
          & 'grain: what is around it, the average of a polycrystal of its own crystal (Hill) or what is stated')
-      call v%optional_real('matrix_young_gpa', s%specimen%matrix_young_gpa, 'unset', '(0, 1e5]', 'GPa', &
+      call v%optional_real('matrix_young_gpa', s%specimen%matrix_young_gpa, '(0, 1e5]', 'GPa', &
          & 'grain: Young''s modulus of an isotropic matrix')
       call v%real('matrix_nu', s%specimen%matrix_nu, '0.3', '(-1, 0.5)', '', 'grain: Poisson''s ratio of an isotropic matrix')
 
@@ -61,8 +206,8 @@ contains
          & 'sphere: its radius; paraboloid: the radius of its tip')
       call v%real('half_angle_deg', s%indenter%half_angle_deg, '70.3', '[5, 89]', 'degrees', &
          & 'cone: the angle between axis and surface; 70.3 has the area of a Berkovich tip at each depth')
-      call v%optional_real('depth_um', s%indenter%depth_um, 'unset', '[1e-9, 1e6]', 'um', 'depth of the last point of the curve')
-      call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, 'unset', '[1e-6, 1e6]', 'um', &
+      call v%optional_real('depth_um', s%indenter%depth_um, '[1e-9, 1e6]', 'um', 'depth of the last point of the curve')
+      call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, '[1e-6, 1e6]', 'um', &
          & 'or its contact radius, as an isotropic half-space has it; 0.5 where neither is stated')
 
       call v%group('simulation', s%simulation%given, 'The indentation simulation.')
@@ -72,13 +217,12 @@ contains
          & 'the brick element; empty: the one the mesh was made for')
       call v%text('integration', s%simulation%integration, kind_choice, 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
-      call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', &
-         & 'elements per contact radius, relative to the default mesh')
+      call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', 'elements per contact radius, relative to the default mesh')
       call v%logical('extrapolate', s%simulation%extrapolate, '.false.', &
          & 'solve on a second, coarser mesh too and extrapolate in mesh size')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
-      call v%optional_real('growth', s%simulation%growth, 'unset', '[1.01, 2]', '', &
+      call v%optional_real('growth', s%simulation%growth, '[1.01, 2]', '', &
          & 'half-space, for studies: growth of the layers of bricks before them; unset: 1.35 with c3d8i, 1.13 with c3d8')
       call v%integer('depths', s%simulation%depths, '10', '[1, 1000]', 'points of the load-depth curve')
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
@@ -93,22 +237,19 @@ contains
          & 'correction: least Poisson''s ratio of its isotropic part')
       call v%real('poisson_max', s%domain%poisson_max, '0.45', '(-1, 0.5)', '', &
          & 'correction: greatest Poisson''s ratio of its isotropic part')
-      call v%optional_real('stiffness_min_gpa', s%domain%stiffness_min_gpa, 'unset', '[0.1, 1e4]', 'GPa', &
-         & 'correction: least scale, the geometric mean of the six eigenvalues of the Kelvin stiffness (near Young''s modulus: ' &
-         & //'187 for 200 and a Poisson''s ratio of 0.3); given both, the correction depends on the scale, as where the specimen ' &
-         & //'has a stiffness of its own')
-      call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, 'unset', '[0.1, 1e4]', 'GPa', &
-         & 'correction: greatest scale')
+      call v%optional_real('stiffness_min_gpa', s%domain%stiffness_min_gpa, '[0.1, 1e4]', 'GPa', 'correction: least scale, the ' &
+         & //'geometric mean of the six eigenvalues of the Kelvin stiffness (near Young''s modulus: 187 for 200 and a Poisson''s ' &
+         & //'ratio of 0.3); given both, the correction depends on the scale, as where the specimen has a stiffness of its own')
+      call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, '[0.1, 1e4]', 'GPa', 'correction: greatest scale')
       call v%reals('c_min', s%domain%c_min, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants: with these the crystals are those of &problem symmetry (the paper''s model needs them)')
       call v%reals('c_max', s%domain%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
-      call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, 'unset', '(0, 1e6]', '', &
+      call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14) within the bounds')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
-      call v%text('file', s%surrogate%file, kind_text, '', '', &
-         & 'halfspace: the exact theory; a name that comes with the package; else its file; empty: surrogate.txt if there is a ' &
-         & //'&domain, else halfspace')
+      call v%text('file', s%surrogate%file, kind_text, '', '', 'halfspace: the exact theory; a name that comes with the package; ' &
+         & //'else its file; empty: surrogate.txt if there is a &domain, else halfspace')
       call v%text('model', s%surrogate%model, kind_choice, 'correction', v%words('basis'), &
          & 'what the specimen adds to the exact theory, for all classes, or the paper''s polynomial of the constants of one')
       call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', &
@@ -130,8 +271,7 @@ contains
          & 'these first: of largest variance too, a Latin hypercube of their own, or of largest coordinate')
       call v%text('orientations', s%design%orientations, kind_choice, 'sphere', 'sphere, declination', &
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
-      call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', &
-         & 'directions of each crystal of factorial candidates')
+      call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', 'directions of each crystal of factorial candidates')
       call v%text('variance_of', s%design%variance_of, kind_choice, 'imse', v%words('acquisition'), &
          & 'what chooses the next simulation: the mean variance over all candidates that it leaves (imse; older name: ' &
          & //'all_moduli), its own variance (the paper; older name: modulus) or that of log M (older name: log_modulus)')
@@ -150,9 +290,8 @@ contains
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
          & 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row')
-      call v%names('columns', s%measurements%columns, 'unset', &
-         & 'which column of the file is which, where its header does not say: ''name = header'', such as ' &
-         & //'''modulus_gpa = E (raw)''; unset: by the names of the headers')
+      call v%names('columns', s%measurements%columns, 'unset', 'which column of the file is which, where its header does not ' &
+         & //'say: ''name = header'', such as ''modulus_gpa = E (raw)''; unset: by the names of the headers')
       call v%text('sheet', s%measurements%sheet, kind_text, '', '', &
          & 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
       call v%text('ebsd', s%measurements%ebsd, kind_file, 'unset', '', &
@@ -185,7 +324,7 @@ contains
          & 'lower bounds of the constants; unset: none')
       call v%reals('c_max', s%prior%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'upper bounds of the constants; unset: none; equal to the lower one: the constant is known')
-      call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, 'unset', '(0, 1e6]', '', &
+      call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14); unset: the log-anisotropy is limited instead')
       call v%text('measure', s%prior%measure, kind_choice, 'constants', 'constants, logarithms', &
          & 'uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
@@ -214,9 +353,8 @@ contains
       call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', 'sd of the next measurement; 0: the median of those made')
       call v%text('target', s%next%target, kind_text, 'all', '', &
          & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
-      call v%text('candidates', s%next%candidates, kind_file, 'unset', '', &
-         & 'CSV of the grains to choose from: orientations as &measurements has them, names in the column grain; unset: all ' &
-         & //'directions')
+      call v%text('candidates', s%next%candidates, kind_file, 'unset', '', 'CSV of the grains to choose from: orientations as ' &
+         & //'&measurements has them, names in the column grain; unset: all directions')
       call v%integer('count', s%next%count, '5', '[1, 1000]', 'how many orientations to suggest')
 
       call v%group('execution', s%execution%given, 'The machine.')

@@ -8,25 +8,13 @@ module physics_identity
    use errors, only: error_type
    use fe_indentation, only: numerics_revision
    use namelist_file, only: value_type
-   use settings_groups, only: settings_type
-   use settings_schema, only: visit_settings
-   use settings_visitor, only: is_text, kind_logical, settings_visitor_type, variable_type
+   use settings_schema, only: list_settings, settings_type
+   use settings_list, only: is_text, kind_logical, settings_list_type
    use specimens, only: new_indentation
    use text, only: split_list, to_text
    implicit none
    private
    public :: identity_text
-
-   !> Collects variables by name.
-   type, extends(settings_visitor_type) :: collector_type
-      !> Names that are wanted, separated by ', '.
-      character(len=:), allocatable :: wanted
-      !> `"name": value`, sorted.
-      type(value_type), allocatable :: pairs(:)
-   contains
-      procedure :: begin_group
-      procedure :: visit
-   end type collector_type
 
    !> What every simulation by finite elements reads.
    character(len=*), parameter :: common = 'geometry, shape, depth_um, contact_radius_um, simulator, element, integration, ' &
@@ -38,70 +26,59 @@ contains
    function identity_text(settings) result(identity)
       type(settings_type), intent(in) :: settings
       character(len=:), allocatable :: identity
-      type(collector_type) :: collector
-      type(settings_type) :: copy
+      !> Names that are wanted, separated by ', '; their values as JSON.
+      character(len=:), allocatable :: wanted, value
+      !> `"name": value`, sorted.
+      type(value_type), allocatable :: pairs(:)
+      type(settings_list_type) :: list
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       type(error_type), allocatable :: error
       integer :: i
 
-      allocate (collector%pairs(0), collector%choices(0))
-      collector%wanted = 'simulator'
+      allocate (pairs(0))
+      wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call add_pair(collector, 'estimator', '"least squares through the origin"')
-         call add_pair(collector, 'numerics', to_text(numerics_revision))
-         collector%wanted = common
+         call add_pair(pairs, 'estimator', '"least squares through the origin"')
+         call add_pair(pairs, 'numerics', to_text(numerics_revision))
+         wanted = common
          call new_indentation(settings, indenter, specimen, error)
-         if (allocated(indenter)) collector%wanted = collector%wanted//', '//indenter%variables
+         if (allocated(indenter)) wanted = wanted//', '//indenter%variables
          if (allocated(specimen)) then
-            collector%wanted = collector%wanted//', '//specimen%variables
-            if (settings%simulation%extrapolate) call add_pair(collector, 'coarse_ratio', to_text(specimen%coarse_ratio))
+            wanted = wanted//', '//specimen%variables
+            if (settings%simulation%extrapolate) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
-      copy = settings
-      call visit_settings(collector, copy)
+      list = list_settings(settings)
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            if (all(['specimen  ', 'indenter  ', 'simulation'] /= v%group) .or. .not. allocated(v%values)) cycle
+            if (all(split_list(wanted) /= v%name)) cycle
+            value = v%values(1)%text
+            if (is_text(v)) value = '"'//value//'"'
+            if (v%kind == kind_logical) value = value(2:len(value) - 1)
+            call add_pair(pairs, v%name, value)
+         end associate
+      end do
       identity = ''
-      do i = 1, size(collector%pairs)
-         identity = identity//', '//collector%pairs(i)%text
+      do i = 1, size(pairs)
+         identity = identity//', '//pairs(i)%text
       end do
       identity = '{'//identity(3:)//'}'
    end function identity_text
 
-   subroutine begin_group(self, given)
-      class(collector_type), intent(inout) :: self
-      logical, intent(inout) :: given
-
-      associate (unused => self, also_unused => given)
-      end associate
-   end subroutine begin_group
-
-   !> Keep what is wanted, as JSON.
-   subroutine visit(self, variable, values)
-      class(collector_type), intent(inout) :: self
-      type(variable_type), intent(in) :: variable
-      type(value_type), allocatable, intent(inout) :: values(:)
-      character(len=:), allocatable :: value
-
-      if (all(['specimen  ', 'indenter  ', 'simulation'] /= variable%group) .or. .not. allocated(values)) return
-      if (all(split_list(self%wanted) /= variable%name)) return
-      value = values(1)%text
-      if (is_text(variable)) value = '"'//value//'"'
-      if (variable%kind == kind_logical) value = value(2:len(value) - 1)
-      call add_pair(self, variable%name, value)
-   end subroutine visit
-
    !> Put a pair in its place.
-   subroutine add_pair(self, name, value)
-      class(collector_type), intent(inout) :: self
+   subroutine add_pair(pairs, name, value)
+      type(value_type), allocatable, intent(inout) :: pairs(:)
       !> Of the variable; JSON.
       character(len=*), intent(in) :: name, value
       type(value_type) :: pair
       integer :: i
 
       pair%text = '"'//name//'": '//value
-      do i = 1, size(self%pairs)
-         if (self%pairs(i)%text > pair%text) exit
+      do i = 1, size(pairs)
+         if (pairs(i)%text > pair%text) exit
       end do
-      self%pairs = [self%pairs(:i - 1), pair, self%pairs(i:)]
+      pairs = [pairs(:i - 1), pair, pairs(i:)]
    end subroutine add_pair
 end module physics_identity

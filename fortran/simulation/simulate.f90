@@ -6,13 +6,13 @@ module simulate
    use abstract_indenter, only: indenter_type
    use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: error_type, exit_bad_input, exit_failure, raise
+   use errors, only: error_type, exit_failure, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use namelist_file, only: place
-   use settings_groups, only: settings_type
+   use settings_schema, only: settings_type
    use specimens, only: new_indentation
    implicit none
    private
@@ -114,8 +114,8 @@ contains
          call new_indentation_model(settings, simulator%model, error)
       case ('theory')
       case default
-         call raise(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
-            & //"'build --ask', import their moduli with 'build --tell', or lower &design budget", exit_bad_input)
+         call refuse(error, "simulator '"//settings%simulation%simulator//"' cannot simulate: print the next points with " &
+            & //"'build --ask', import their moduli with 'build --tell', or lower &design budget")
       end select
    end subroutine new_simulator
 

@@ -3,7 +3,6 @@
 !> A new rule is its module and its lines in `acquisitions`.
 module abstract_acquisition
    use abstract_basis, only: basis_type
-   use errors, only: error_type
    use kinds, only: wp
    use sequential_design, only: design_type
    implicit none
@@ -18,10 +17,10 @@ module abstract_acquisition
    end type acquisition_type
 
    abstract interface
-      !> Choose `size(chosen)` available candidates, each given all chosen before; the lowest number of equals. Their moduli are not
-      !> needed: afterwards the posterior's covariance is that of all data and all chosen.
-      subroutine choose_interface(self, design, basis, scale, threads, chosen, variance, error)
-         import :: acquisition_type, basis_type, design_type, error_type, wp
+      !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen before; the lowest number of
+      !> equals. Their moduli are not needed: afterwards the posterior's covariance is that of all data and all chosen.
+      subroutine choose_interface(self, design, basis, scale, threads, chosen, variance)
+         import :: acquisition_type, basis_type, design_type, wp
          class(acquisition_type), intent(in) :: self
          type(design_type), intent(inout) :: design
          class(basis_type), intent(in) :: basis
@@ -32,7 +31,6 @@ module abstract_acquisition
          integer, intent(out) :: chosen(:)
          !> Variance of y at each before it was chosen.
          real(wp), intent(out) :: variance(:)
-         type(error_type), allocatable, intent(out) :: error
       end subroutine choose_interface
    end interface
 

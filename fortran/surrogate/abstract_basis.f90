@@ -7,7 +7,7 @@ module abstract_basis
    use errors, only: error_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type
    implicit none
    private
@@ -73,7 +73,7 @@ module abstract_basis
       subroutine exchange_interface(self, file)
          import :: basis_type, labelled_values_type
          class(basis_type), intent(inout) :: self
-         class(labelled_values_type), intent(inout) :: file
+         type(labelled_values_type), intent(inout) :: file
       end subroutine exchange_interface
 
       !> The terms of many crystals, of which each may have other last bits than alone.

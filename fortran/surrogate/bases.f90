@@ -2,13 +2,12 @@
 module bases
    use abstract_basis, only: basis_type
    use correction_basis, only: correction_basis_type
-   use named_values, only: named_values_type
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
+   use labelled_values, only: labelled_values_type
+   use named_values, only: named_values_type
    use paper_basis, only: paper_basis_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, exchange_domain
-   use theory_basis, only: theory_basis_type
    implicit none
    private
    public :: basis_names, new_basis, allocate_basis, describe_basis
@@ -39,12 +38,10 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (model)
-      case ('correction')
+      case ('correction', 'halfspace')
          allocate (correction_basis_type :: basis)
       case ('paper')
          allocate (paper_basis_type :: basis)
-      case ('halfspace')
-         allocate (theory_basis_type :: basis)
       case default
          call raise(error, 'the model '''//model//''' is unknown; allowed: '//basis_names//', halfspace', exit_bad_input)
          return
@@ -53,22 +50,21 @@ contains
    end subroutine allocate_basis
 
    !> Name the parameters of a basis, and what its terms are.
-   subroutine describe_basis(basis, visitor)
+   subroutine describe_basis(basis, found)
       class(basis_type), intent(inout) :: basis
-      type(named_values_type), intent(inout) :: visitor
+      type(named_values_type), intent(inout), target :: found
+      type(labelled_values_type) :: labels
       integer :: directional(basis%n_terms), polynomial(basis%n_terms)
-      real(wp), allocatable :: values(:)
 
-      call visitor%text('model', basis%settings%model)
-      call exchange_domain(basis%domain, visitor)
-      call basis%exchange(visitor)
-      call visitor%integer('n_terms', basis%n_terms)
-      call visitor%real('least_noise', basis%least_noise)
-      call visitor%put('logarithmic', basis%logarithmic)
+      labels%described => found
+      call exchange_domain(basis%domain, labels)
+      call basis%exchange(labels)
       call basis%term_degrees(directional, polynomial)
-      values = directional
-      call visitor%reals('directional_degrees', values)
-      values = polynomial
-      call visitor%reals('polynomial_degrees', values)
+      call found%put('model', basis%settings%model)
+      call found%put('n_terms', basis%n_terms)
+      call found%put('least_noise', basis%least_noise)
+      call found%put('logarithmic', basis%logarithmic)
+      call found%put_integers('directional_degrees', directional, shape(directional))
+      call found%put_integers('polynomial_degrees', polynomial, shape(polynomial))
    end subroutine describe_basis
 end module bases

@@ -1,23 +1,28 @@
-!> The specimen correction of the exact theory of the half-space, for crystals of every class: M = M_theory exp(y).
+!> The exact theory of the half-space, for crystals of every class, times a correction of the specimen: M = M_theory exp(y).
 !>
 !> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
 !> does not change when the crystal is turned about the axis (see `axial_polynomials`), nor with its scale unless the domain states a
 !> range of that; its coefficients are the less likely to be large the higher their degree. Terms of the highest degree that the
 !> simulations have not decided are the misfit of the others: a function of the crystal, which grains of like orientation share.
+!>
+!> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion of the surface compliance, see
+!> `compliance_field`.
 module correction_basis
-   use abstract_basis, only: grain_model_type
+   use abstract_basis, only: basis_type, grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
+   use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: rotation_matrix
+   use crystal_elasticity, only: log_anisotropy, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
+   use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
    use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
+   use modulus_expansion, only: modulus_expansion_type, new_modulus_expansion
    use surrogate_domain, only: spread_crystals
    use text, only: to_text
-   use theory_basis, only: theory_basis_type, theory_grain_model_type
    implicit none
    private
    public :: correction_basis_type
@@ -28,7 +33,8 @@ module correction_basis
    !> Grains that are worked on side by side.
    integer, parameter :: at_once = 64
 
-   type, extends(theory_basis_type) :: correction_basis_type
+   type, extends(basis_type) :: correction_basis_type
+      !> None of the theory alone.
       type(axial_polynomials_type) :: polynomials
    contains
       procedure :: set_up
@@ -37,8 +43,14 @@ module correction_basis
       procedure :: new_grain_model
    end type correction_basis_type
 
-   type, extends(theory_grain_model_type) :: correction_grain_model_type
+   type, extends(grain_model_type) :: correction_grain_model_type
       private
+      type(crystal_class_type) :: class
+      !> Of the grains, or of the directions of their expansion if that pays.
+      type(field_type) :: field
+      type(modulus_expansion_type) :: expansion
+      !> Bunge-Euler angles of the moduli that are computed, (3, n_independent), radians.
+      real(wp), allocatable :: euler(:, :)
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
       !> From coordinates of log K to those about each axis for which moduli are computed, (axis, coordinate, n_constants).
@@ -49,7 +61,7 @@ module correction_basis
       procedure :: set_grains
       procedure :: evaluate_independent
       procedure :: evaluate_columns
-      procedure, private :: terms_of_grains
+      procedure :: expand
    end type correction_grain_model_type
 
 contains
@@ -58,6 +70,8 @@ contains
       class(correction_basis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
+      self%logarithmic = .true.
+      if (self%settings%model == 'halfspace') return
       associate (domain => self%domain, degree => self%settings%degree)
          if (degree < 1 .or. degree > greatest_degree) then
             call raise(error, 'degree = '//to_text(degree)//' is outside 1 .. '//to_text(greatest_degree), exit_bad_input)
@@ -72,16 +86,15 @@ contains
       end associate
       self%n_terms = self%polynomials%n
       self%prior_degrees = self%polynomials%degrees
-      self%logarithmic = .true.
       self%least_noise = least_noise
       self%first_sds = first_sds
    end subroutine set_up
 
    subroutine exchange(self, file)
       class(correction_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
 
-      call file%integer('degree', self%settings%degree)
+      if (self%settings%model /= 'halfspace') call file%integer('degree', self%settings%degree)
    end subroutine exchange
 
    !> The polynomials of many are worked on side by side.
@@ -89,12 +102,15 @@ contains
       class(correction_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
       real(wp), intent(out) :: terms(:, :), scale(:)
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
       real(wp) :: x(size(scale), n_coordinates), values(size(scale), self%n_terms)
       integer :: i
 
-      call self%theory_basis_type%evaluate_many(c, euler, terms, scale)
       do i = 1, size(scale)
-         x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
+         call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
+         scale(i) = theory%modulus
+         if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
       end do
       call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
       terms = transpose(values)
@@ -180,8 +196,17 @@ contains
       real(wp) :: x(n_coordinates)
       integer :: i, k
 
-      call self%theory_grain_model_type%set_grains(euler, error)
+      call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
       if (allocated(error)) return
+      self%euler = euler
+      if (self%expansion%pays) self%euler = self%expansion%euler
+      self%field_cost = self%expansion%cost
+      self%n_independent = size(self%euler, 2)
+      call new_field(self%class, self%field_degree, self%euler, self%field, error)
+      if (allocated(error)) return
+      self%full_cost = self%field_cost + 2.6_wp*self%n_independent
+      self%field_cost = self%field_cost + size(self%field%nodes, 2)*(0.09_wp + 0.004_wp*self%n_independent) &
+         & + 0.07_wp*self%n_independent
       if (allocated(self%maps)) deallocate (self%maps)
       allocate (self%maps(self%n_independent, self%polynomials%n_coordinates, self%logarithms%n))
       do i = 1, self%n_independent
@@ -213,16 +238,41 @@ contains
       class(correction_grain_model_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out), contiguous :: modulus(:)
+      type(halfspace_type) :: theory
+      type(error_type), allocatable :: error
       real(wp) :: w(self%logarithms%n)
+      logical :: in_full
       integer :: first, last
 
-      call self%theory_grain_model_type%evaluate_independent(c, modulus)
+      in_full = self%full_above < huge(1.0_wp)
+      if (in_full) in_full = log_anisotropy(c) > self%full_above
+      if (in_full) then
+         do first = 1, size(modulus)
+            call halfspace_modulus(c, self%euler(:, first), theory, error)
+            modulus(first) = theory%modulus
+         end do
+      else
+         call field_moduli(self%field, c, modulus)
+      end if
+      if (self%polynomials%n == 0) return
       w = self%logarithms%to_logarithms(c)
       do first = 1, size(modulus), at_once
          last = min(first + at_once - 1, size(modulus))
-         modulus(first:last) = modulus(first:last)*exp(matmul(self%terms_of_grains(w, first, last), self%coefficients))
+         modulus(first:last) = modulus(first:last)*exp(matmul(terms_of_grains(self, w, first, last), self%coefficients))
       end do
    end subroutine evaluate_independent
+
+   pure subroutine expand(self, independent, modulus)
+      class(correction_grain_model_type), intent(in) :: self
+      real(wp), intent(in), contiguous :: independent(:)
+      real(wp), intent(out), contiguous :: modulus(:)
+
+      if (self%expansion%pays) then
+         call self%expansion%expand(independent, modulus)
+      else
+         modulus = independent
+      end if
+   end subroutine expand
 
    pure subroutine evaluate_columns(self, c, columns)
       class(correction_grain_model_type), intent(in) :: self
@@ -237,7 +287,7 @@ contains
       allocate (independent(self%n_independent, self%n_columns))
       do first = 1, self%n_independent, at_once
          last = min(first + at_once - 1, self%n_independent)
-         independent(first:last, :) = matmul(self%terms_of_grains(w, first, last), self%factor)
+         independent(first:last, :) = matmul(terms_of_grains(self, w, first, last), self%factor)
       end do
       do j = 1, self%n_columns
          call self%expand(independent(:, j), columns(:, j))

@@ -6,7 +6,7 @@ module design_candidates
    use kinds, only: degree, wp
    use point_index, only: number_equal
    use problem, only: problem_type
-   use settings_groups, only: design_settings_type
+   use settings_schema, only: design_settings_type
    use sorting, only: sort_order
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text

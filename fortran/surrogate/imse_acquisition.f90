@@ -3,7 +3,6 @@
 module imse_acquisition
    use abstract_acquisition, only: acquisition_type, sensitivity
    use abstract_basis, only: basis_type
-   use errors, only: error_type, raise
    use evidence_regression, only: symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, multiply
@@ -11,10 +10,7 @@ module imse_acquisition
    use vector_math, only: dot
    implicit none
    private
-   public :: imse_acquisition_type, imse_names
-
-   !> And an older name.
-   character(len=*), parameter :: imse_names = 'imse, all_moduli'
+   public :: imse_acquisition_type
 
    type, extends(acquisition_type) :: imse_acquisition_type
    contains
@@ -24,7 +20,7 @@ module imse_acquisition
 contains
 
    !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
-   subroutine choose(self, design, basis, scale, threads, chosen, variance, error)
+   subroutine choose(self, design, basis, scale, threads, chosen, variance)
       class(imse_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
@@ -32,7 +28,6 @@ contains
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
-      type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
       integer :: j, k, n
 
@@ -52,10 +47,6 @@ contains
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
       do k = 1, size(chosen)
-         if (.not. any(design%available)) then
-            call raise(error, 'no candidate is left to choose')
-            return
-         end if
          gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
          chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))

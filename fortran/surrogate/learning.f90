@@ -6,7 +6,7 @@ module learning
    use evidence_regression, only: coefficient_mean
    use kinds, only: degree, wp
    use point_index, only: number_equal
-   use settings_groups, only: design_settings_type
+   use settings_schema, only: design_settings_type
    use sequential_design, only: update_posterior_mean
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, predict_moduli
    use text, only: to_text

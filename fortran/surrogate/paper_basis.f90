@@ -95,7 +95,7 @@ contains
 
    subroutine exchange(self, file)
       class(paper_basis_type), intent(inout) :: self
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
 
       call file%text('truncation', self%settings%truncation)
       call file%integer('degree', self%settings%degree)
@@ -106,13 +106,12 @@ contains
       class(paper_basis_type), intent(in) :: self
       !> (n_terms).
       integer, intent(out) :: directional(:), polynomial(:)
-      integer :: q, first
+      integer :: q
 
-      do q = 1, self%polynomials%n_products
-         first = (q - 1)*self%harmonics%n
-         directional(first + 1:first + self%harmonics%n) = self%harmonics%degrees
-         polynomial(first + 1:first + self%harmonics%n) = sum(self%polynomials%degrees(:, q))
-      end do
+      associate (n => self%harmonics%n, polynomials => self%polynomials)
+         directional = [(self%harmonics%degrees, q=1, polynomials%n_products)]
+         polynomial = [(spread(sum(polynomials%degrees(:, q)), 1, n), q=1, polynomials%n_products)]
+      end associate
    end subroutine term_degrees
 
    !> Indentation direction in crystal axes: sample z turned by g.
@@ -129,15 +128,14 @@ contains
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
       real(wp), intent(out) :: terms(:, :), scale(:)
       real(wp) :: p(self%polynomials%n_products), k(self%harmonics%n)
-      integer :: i, q, first
+      integer :: i, q
 
       scale = 1.0_wp
       do i = 1, size(scale)
          call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
          call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), k)
          do q = 1, size(p)
-            first = (q - 1)*size(k)
-            terms(first + 1:first + size(k), i) = k*p(q)
+            terms((q - 1)*size(k) + 1:q*size(k), i) = k*p(q)
          end do
       end do
    end subroutine evaluate_many

@@ -48,14 +48,10 @@ contains
       !> See `domain_type`.
       real(wp), intent(in), optional :: stiffness(2)
 
-      call new_crystal_class(class, domain%class, error)
-      if (allocated(error)) return
-      domain%members = domain%class%name
       domain%lower = lower
       domain%upper = upper
       domain%anisotropy_cap = anisotropy_cap
-      if (present(stiffness)) domain%stiffness = stiffness
-      call check_domain(domain, error)
+      call complete_domain(class, domain, error, stiffness)
    end subroutine new_domain
 
    !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios.
@@ -73,24 +69,27 @@ contains
       !> See `domain_type`.
       real(wp), intent(in), optional :: stiffness(2)
 
-      call new_crystal_class(class, domain%class, error)
-      if (allocated(error)) return
       domain%members = members
       allocate (domain%lower(0), domain%upper(0))
       domain%log_anisotropy_max = log_anisotropy_max
       domain%poisson = poisson
-      if (present(stiffness)) domain%stiffness = stiffness
-      call check_domain(domain, error)
+      call complete_domain(class, domain, error, stiffness)
    end subroutine new_wide_domain
 
-   !> Refuse classes that the domain's does not hold, and limits that are none.
-   subroutine check_domain(domain, error)
-      type(domain_type), intent(in) :: domain
+   !> Its class, of which it is where no others are named; refused are classes that it does not hold, and limits that are none.
+   subroutine complete_domain(class, domain, error, stiffness)
+      character(len=*), intent(in) :: class
+      type(domain_type), intent(inout) :: domain
       type(error_type), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: stiffness(2)
       type(crystal_class_type) :: member
       character(len=:), allocatable :: names(:)
       integer :: i
 
+      call new_crystal_class(class, domain%class, error)
+      if (allocated(error)) return
+      if (.not. allocated(domain%members)) domain%members = domain%class%name
+      if (present(stiffness)) domain%stiffness = stiffness
       allocate (names, source=split_list(domain%members))
       do i = 1, size(names)
          call new_crystal_class(trim(names(i)), member, error)
@@ -123,7 +122,7 @@ contains
                & //'least must be positive and below the greatest', exit_bad_input)
          end if
       end associate
-   end subroutine check_domain
+   end subroutine complete_domain
 
    !> Whether the range of the scale is stated.
    pure logical function has_scale(self)
@@ -135,7 +134,7 @@ contains
    !> Write a domain, or read what was written.
    subroutine exchange_domain(domain, file)
       type(domain_type), intent(inout) :: domain
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
       real(wp), allocatable :: poisson(:), scale(:)
@@ -154,18 +153,11 @@ contains
       call file%reals('poisson', poisson)
       call file%reals('stiffness', scale)
       if (allocated(file%error) .or. .not. file%reading) return
-      call new_crystal_class(name, domain%class, error)
-      if (allocated(error)) then
-         call file%fail(error%message)
-      else if (.not. any(size(domain%lower) == [0, domain%class%n_constants]) .or. size(domain%upper) /= size(domain%lower) &
-         & .or. size(poisson) /= 2) then
-         call file%fail('the limits of the domain are not those of a '//name//' crystal')
-      else if (size(scale) /= 2) then
-         call file%fail('the stiffness is no range')
+      if (size(poisson) /= 2 .or. size(scale) /= 2) then
+         call file%fail('the limits of the domain are no ranges')
       else
          domain%poisson = poisson
-         domain%stiffness = scale
-         call check_domain(domain, error)
+         call complete_domain(name, domain, error, scale)
          if (allocated(error)) call file%fail(error%message)
       end if
    end subroutine exchange_domain

@@ -5,7 +5,6 @@ module surrogate_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, is_folder, read_text_file, replace_file
    use kinds, only: wp
-   use labelled_text, only: labelled_text_type
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor
    use surrogate_domain, only: exchange_domain
@@ -25,7 +24,7 @@ contains
       type(surrogate_type), intent(inout) :: surrogate
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
-      type(labelled_text_type) :: file
+      type(labelled_values_type) :: file
 
       call check_replaceable(path, error)
       if (allocated(error)) return
@@ -44,7 +43,7 @@ contains
       character(len=*), intent(in) :: path
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
-      type(labelled_text_type) :: file
+      type(labelled_values_type) :: file
 
       file%reading = .true.
       call read_text_file(path, file%content, error)
@@ -98,7 +97,7 @@ contains
    !> All of a surrogate, in the order of the file; what is read is checked.
    subroutine exchange_surrogate(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       type(error_type), allocatable :: error
       character(len=:), allocatable :: name
       integer :: number
@@ -137,7 +136,7 @@ contains
    !> The lower triangle, column by column.
    subroutine exchange_covariance(surrogate, file)
       type(surrogate_type), intent(inout) :: surrogate
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: packed(:)
       integer :: n, j, first
 
@@ -169,14 +168,12 @@ contains
    subroutine exchange_simulations(simulations, n_constants, file)
       type(simulations_type), intent(inout) :: simulations
       integer, intent(in) :: n_constants
-      class(labelled_values_type), intent(inout) :: file
+      type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: constants(:), euler_deg(:)
-      integer :: k, n
+      integer :: n
 
-      if (.not. allocated(simulations%modulus)) then
-         allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), simulations%modulus(0))
-      end if
-      k = size(simulations%constants, 1)
+      if (.not. allocated(simulations%modulus)) allocate (simulations%constants(n_constants, 0), simulations%euler_deg(3, 0), &
+         & simulations%modulus(0))
       constants = reshape(simulations%constants, [size(simulations%constants)])
       euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
       call file%reals('simulated_constants', constants)
@@ -184,12 +181,12 @@ contains
       call file%reals('simulated_modulus_gpa', simulations%modulus)
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
-      if (size(constants) /= k*n .or. size(euler_deg) /= 3*n) then
+      if (size(constants) /= size(simulations%constants, 1)*n .or. size(euler_deg) /= 3*n) then
          call file%fail('the simulations have '//to_text(size(constants))//' constants, '//to_text(size(euler_deg)) &
             & //' angles and '//to_text(n)//' moduli')
          return
       end if
-      simulations%constants = reshape(constants, [k, n])
+      simulations%constants = reshape(constants, [n_constants, n])
       simulations%euler_deg = reshape(euler_deg, [3, n])
       if (any(simulations%modulus <= 0.0_wp)) call file%fail('a simulated modulus is not positive')
    end subroutine exchange_simulations

@@ -10,7 +10,6 @@ module surrogate_learner
    use kinds, only: wp
    use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
-   use settings_groups, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
@@ -50,16 +49,17 @@ contains
          & learner%simulations%modulus(0), learner%candidate_scale(0))
    end subroutine new_learner
 
-   !> Give the candidates, all of them available, and the settings of the rule by which they are chosen.
-   subroutine set_learner_candidates(learner, constants, euler_deg, settings, error)
+   !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
+   subroutine set_learner_candidates(learner, constants, euler_deg, rule, error)
       type(learner_type), intent(inout) :: learner
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      type(design_settings_type), intent(in) :: settings
+      !> See `acquisitions`.
+      character(len=*), intent(in) :: rule
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: terms(:, :)
 
-      call new_acquisition(settings, learner%rule, error)
+      call new_acquisition(rule, learner%rule, error)
       if (allocated(error)) return
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale)
       call set_candidates(learner%design, terms)
@@ -196,8 +196,10 @@ contains
 
       if (.not. allocated(learner%rule)) then
          call raise(error, 'there are no candidates to choose from')
+      else if (count(learner%design%available) < size(chosen)) then
+         call raise(error, 'no candidate is left to choose')
       else
-         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, threads, chosen, variance, error)
+         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, threads, chosen, variance)
       end if
    end subroutine choose_next
 

@@ -10,7 +10,7 @@ module surrogate_model
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_wide_domain
    use text, only: to_text
    implicit none

@@ -2,16 +2,11 @@
 module variance_acquisition
    use abstract_acquisition, only: acquisition_type, sensitivity
    use abstract_basis, only: basis_type
-   use errors, only: error_type, raise
    use kinds, only: wp
    use sequential_design, only: condition_on, design_type, tie, update_variance
-   use settings_groups, only: design_settings_type
    implicit none
    private
-   public :: new_variance_acquisition, variance_names
-
-   !> Of M, an older name, of log M, an older name.
-   character(len=*), parameter :: variance_names = 'variance, modulus, relative_variance, log_modulus'
+   public :: variance_acquisition_type
 
    type, extends(acquisition_type) :: variance_acquisition_type
    contains
@@ -20,15 +15,7 @@ module variance_acquisition
 
 contains
 
-   !> The rule that &design asks for.
-   pure function new_variance_acquisition(settings) result(rule)
-      type(design_settings_type), intent(in) :: settings
-      type(variance_acquisition_type) :: rule
-
-      rule%relative = settings%variance_of == 'relative_variance' .or. settings%variance_of == 'log_modulus'
-   end function new_variance_acquisition
-
-   subroutine choose(self, design, basis, scale, threads, chosen, variance, error)
+   subroutine choose(self, design, basis, scale, threads, chosen, variance)
       class(variance_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
@@ -36,24 +23,19 @@ contains
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
-      type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: factor(:)
       integer :: k
 
       factor = sensitivity(design, basis, scale, self%relative)**2
       do k = 1, size(chosen)
          chosen(k) = most_uncertain(design, factor)
-         if (chosen(k) == 0) then
-            call raise(error, 'no candidate is left to choose')
-            return
-         end if
          variance(k) = design%variance(chosen(k))
          design%available(chosen(k)) = .false.
          call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose
 
-   !> The available candidate of largest factor x variance, the lowest number of equals; 0 if there is none. A variance that lacks deferred
+   !> The available candidate of largest factor x variance, the lowest number of equals. A variance that lacks deferred
    !> choices is an upper bound: only candidates that might still be the largest are updated.
    integer function most_uncertain(design, factor) result(best)
       type(design_type), intent(inout) :: design
@@ -62,7 +44,6 @@ contains
       integer :: j
 
       best = maxloc(factor*design%variance, 1, mask=design%available)
-      if (best == 0) return
       call update_variance(design, best)
       threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
       do j = 1, size(design%variance)

@@ -6,7 +6,7 @@
 module orientation_columns
    use crystal_class, only: crystal_class_type
    use crystal_lattice, only: lattice_parameters, lattice_type, new_lattice
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use tables, only: table_type
    use text, only: join, to_text
@@ -44,8 +44,8 @@ contains
          ! Three of four indices are no way of their own.
          if ((way == four_directions .and. i == directions) .or. (way == four_planes .and. i == planes)) cycle
          if (way > 0) then
-            call raise(error, 'orientations are stated twice, by '//join(ways(way)%names(:ways(way)%n), ', ')//' and by ' &
-               & //join(ways(i)%names(:ways(i)%n), ', ')//'; one of them is allowed', exit_bad_input)
+            call refuse(error, 'orientations are stated twice, by '//join(ways(way)%names(:ways(way)%n), ', ')//' and by ' &
+               & //join(ways(i)%names(:ways(i)%n), ', ')//'; one of them is allowed')
             return
          end if
          way = i
@@ -98,13 +98,13 @@ contains
                row(3) = row(4)
             end if
             if (way == directions .or. way == four_directions) then
-               v = lattice%direction(row(:3))
+               v = matmul(lattice%edges, row(:3))
             else
-               v = lattice%normal(row(:3))
+               v = matmul(lattice%normals, row(:3))
             end if
          end if
          if (allocated(error)) return
-         euler_deg(:, i) = angles_of_direction(v)
+         euler_deg(:, i) = angles_of_direction(v/norm2(v))
       end do
    end subroutine read_directions
 
@@ -123,13 +123,12 @@ contains
       else if (len(open) == 0) then
          call new_lattice(class, [real(wp) ::], lattice, error)
       else
-         call raise(error, 'the columns '//join(way%names(:way%n), ', ')//' are indices of a '//class%name//' crystal, whose ' &
-            & //'directions depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is needed', &
-            & exit_bad_input)
+         call refuse(error, 'the columns '//join(way%names(:way%n), ', ')//' are indices of a '//class%name//' crystal, whose ' &
+            & //'directions depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is needed')
       end if
-      if (.not. allocated(error) .and. way%n == 4 .and. .not. lattice%is_hexagonal) call raise(error, 'the columns ' &
+      if (.not. allocated(error) .and. way%n == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
          & //join(way%names, ', ')//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
-         & //' crystal has three', exit_bad_input)
+         & //' crystal has three')
    end subroutine lattice_of
 
    !> The sample's z in crystal axes: the third column of the matrix of the rotation from sample to crystal axes.

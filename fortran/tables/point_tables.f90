@@ -4,11 +4,11 @@ module point_tables
    use checksums, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, rotation_matrix
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: degree, i8, pi, wp
    use orientation_columns, only: find_ways, read_directions
    use point_index, only: number_equal
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
    use tables, only: read_table, table_type
    use text, only: join, to_text
@@ -126,9 +126,9 @@ contains
       if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .false., no_modulus, &
          & points%modulus_gpa, error, in_mpa)
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
-      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call raise(error, 'the column sd_gpa is ' &
+      if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call refuse(error, 'the column sd_gpa is ' &
          & //'missing; it may be absent only with scale = ''inferred''; the columns are '//column_list(points%table) &
-         & //nearest_to(points%table, 'sd_gpa'), exit_bad_input)
+         & //nearest_to(points%table, 'sd_gpa'))
       if (.not. allocated(error)) call read_numbers(points%table, column, [tiny(1.0_wp), moduli_allowed(2)], .false., ' GPa; a ' &
          & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)
       call read_optional(points%table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
@@ -194,8 +194,8 @@ contains
          if (allocated(error) .and. all(angles == 0)) error%message = error%message &
             & //'; instead of angles q0, q1, q2, q3, or u, v, w, or h, k, l'
       else if (all(angles > 0)) then
-         call raise(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', '&
-            & //points%table%name(columns(2))//', ..; one of them is allowed', exit_bad_input)
+         call refuse(error, 'orientations are stated twice, by angles and by '//points%table%name(columns(1))//', ' &
+            & //points%table%name(columns(2))//', ..; one of them is allowed')
       else
          call set_size(points)
          points%has_angles = .false.
@@ -342,8 +342,8 @@ contains
          do k = 1, class%n_constants
             j = own(k)
             if (column(j) == 0) then
-               call raise(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
-                  & //join(class%constants, ', '), exit_bad_input)
+               call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
+                  & //join(class%constants, ', '))
             else if (.not. abs(entries(j)) <= stiffness_most) then
                call table%number(column(j), i, entries(j), error)
             end if

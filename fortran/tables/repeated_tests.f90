@@ -6,7 +6,7 @@ module repeated_tests
    use chi_square, only: chi_square_above
    use crystal_class, only: crystal_class_type
    use distinct_directions, only: angle_between, new_region, region_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: degree, wp
    use point_index, only: number_equal
@@ -37,8 +37,7 @@ contains
       if (allocated(error) .or. column == 0) return
       do i = 1, points%n
          if (.not. points%table%is_empty(column, i)) cycle
-         call raise(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed', &
-            & exit_bad_input)
+         call refuse(error, points%table%place(column, i)//'the cell is empty; the name or number of the grain is needed')
          return
       end do
       points%named_by = column
@@ -63,8 +62,8 @@ contains
       integer :: i
 
       if (.not. all(points%sd_gpa > 0.0_wp)) then
-         call raise(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to combine ' &
-            & //'them the column sd_gpa is needed', exit_bad_input)
+         call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
+            & //'combine them the column sd_gpa is needed')
          return
       end if
       call new_region(class, region)

@@ -3,7 +3,7 @@
 module stiffness_table
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
@@ -42,14 +42,13 @@ contains
       column = [(table%find(trim(headers(j))), j=1, size(column))]
       j = findloc(column, 0, dim=1)
       if (j > 0) then
-         call raise(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs ' &
-            & //join(headers, ', '), exit_bad_input)
+         call refuse(error, 'the column '//trim(headers(j))//' is missing; a '//class%name//' crystal needs '//join(headers, ', '))
          return
       end if
       do j = 1, table%columns
          if (any(column == j)) cycle
-         call raise(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ') &
-            & //', the constants of a '//class%name//' crystal', exit_bad_input)
+         call refuse(error, 'the column '//printable(table%name(j))//' is none of '//join(headers, ', ')//', the constants of a ' &
+            & //class%name//' crystal')
          return
       end do
       row = 0
@@ -57,18 +56,17 @@ contains
          j = findloc(labels == table%cell(column(1), i), .true., dim=1)
          if (j == 0) cycle
          if (row(j) > 0) then
-            call raise(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice', exit_bad_input)
+            call refuse(error, 'line '//to_text(table%line(i))//': the row '//trim(labels(j))//' is there twice')
             return
          end if
          row(j) = i
       end do
       j = findloc(row, 0, dim=1)
       if (j > 0) then
-         call raise(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) and those of the covariance ' &
-            & //'(GPa^2), '//join(class%constants, ', '), exit_bad_input)
+         call refuse(error, 'the row '//trim(labels(j))//' is missing; the rows are mean (GPa) and those of the covariance ' &
+            & //'(GPa^2), '//join(class%constants, ', '))
       else if (table%rows /= size(row)) then
-         call raise(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: ' &
-            & //join(labels, ', '), exit_bad_input)
+         call refuse(error, to_text(table%rows)//' rows; '//to_text(size(row))//' are needed: '//join(labels, ', '))
       end if
       do i = 1, size(row)
          do j = 1, class%n_constants
@@ -89,12 +87,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: j
 
-      do j = 1, class%n_constants
-         if (abs(self%mean(j)) <= stiffness_most) cycle
-         call raise(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
-            & //to_text(stiffness_most)//' GPa', exit_bad_input)
+      j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
+      if (j > 0) then
+         call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
+            & //' GPa, looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa')
          return
-      end do
+      end if
       call check_stiffness(class%stiffness(self%mean), error)
       if (allocated(error)) error%message = 'the mean: '//error%message
    end subroutine check_mean
@@ -111,15 +109,15 @@ contains
       associate (c => self%covariance, names => class%constants)
          do i = 1, class%n_constants
             if (c(i, i) > 0.0_wp) cycle
-            call raise(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed', exit_bad_input)
+            call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
             return
          end do
          do j = 1, class%n_constants
             do i = 1, class%n_constants
                correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))
                if (abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j))) cycle
-               call raise(error, 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row '//names(i)//', column ' &
-                  & //names(j)//', but '//to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i), exit_bad_input)
+               call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row '//names(i)//', column ' &
+                  & //names(j)//', but '//to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
                return
             end do
          end do
@@ -129,7 +127,7 @@ contains
       call cholesky_factor(correlation, error)
       if (.not. allocated(error)) return
       deallocate (error)
-      call raise(error, 'the covariance is not positive definite; it must say that no combination of the constants is known ' &
-         & //'exactly', exit_bad_input)
+      call refuse(error, 'the covariance is not positive definite; it must say that no combination of the constants is known ' &
+         & //'exactly')
    end subroutine check_covariance
 end module stiffness_table

@@ -1,7 +1,7 @@
 !> Which column of a table is which quantity: the names that tables have, whatever the case, with their units in brackets, after a
 !> slash, as the last word or in a row of their own.
 module table_columns
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: printable
    use orientation_columns, only: direction_names
    use spelling, only: suggestion
@@ -63,14 +63,14 @@ contains
       found = pack([(j, j=1, table%columns)], [(is_other_name(table%called(j), i), j=1, table%columns)])
       column = table%find(name)
       if (column == 0 .and. size(found) > 1) then
-         call raise(error, 'the columns '//printable(table%name(found(1)))//' and '//printable(table%name(found(2))) &
-            & //' are both '//name//'; one of them is allowed, or one that is named '//name, exit_bad_input)
+         call refuse(error, 'the columns '//printable(table%name(found(1)))//' and '//printable(table%name(found(2))) &
+            & //' are both '//name//'; one of them is allowed, or one that is named '//name)
          return
       end if
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
-      if (present(needed) .and. column == 0) call raise(error, 'the column '//name//' is missing; the columns are ' &
-         & //column_list(table)//nearest_to(table, name), exit_bad_input)
+      if (present(needed) .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
+         & //column_list(table)//nearest_to(table, name))
    end subroutine find_column
 
    !> Whether a name is another one of row `i` of `known_columns`, whatever its unit.
@@ -100,8 +100,7 @@ contains
          if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
          allowed = 'allowed'//trim(units)
          if (len_trim(units) == 0) allowed = 'this column has none'
-         call raise(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed, &
-            & exit_bad_input)
+         call refuse(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed)
          return
       end do
    end subroutine check_unit
@@ -164,18 +163,16 @@ contains
       column = columns(plain)
       if (allocated(stated)) kind = stated
       if (len(found) == 0) then
-         call raise(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, ' &
-            & //join(names(plain + 1:), ', ')//'; the columns are '//column_list(table)//nearest_to(table, join(names, ', ')), &
-            & exit_bad_input)
+         call refuse(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, ' &
+            & //join(names(plain + 1:), ', ')//'; the columns are '//column_list(table)//nearest_to(table, join(names, ', ')))
       else if (allocated(stated) .and. own == 0 .and. column == 0) then
-         call raise(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
-            & //'; leave modulus_kind out, or name the column modulus_gpa', exit_bad_input)
+         call refuse(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
+            & //'; leave modulus_kind out, or name the column modulus_gpa')
       else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
-         call raise(error, 'the columns '//found(6:)//' are moduli; which to take says modulus_kind: '//choices, exit_bad_input)
+         call refuse(error, 'the columns '//found(6:)//' are moduli; which to take says modulus_kind: '//choices)
       else if (.not. allocated(stated) .and. column > 0) then
-         call raise(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does ' &
-            & //'modulus_kind; allowed '//choices//' (effective_modulus: what instruments call reduced modulus, Er)', &
-            & exit_bad_input)
+         call refuse(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does modulus_kind; allowed ' &
+            & //choices//' (effective_modulus: what instruments call reduced modulus, Er)')
       else if (own > 0) then
          column = columns(own)
          kind = trim(kinds(own))
@@ -266,16 +263,14 @@ contains
          end do
          column = table%find(header)
          if (len(name) == 0 .or. len(header) == 0) then
-            call raise(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''', &
-               & exit_bad_input)
+            call refuse(error, place//'a name, = and the header of its column are needed, such as ''modulus_gpa = E (raw)''')
          else if (k > size(known)) then
-            call raise(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names, &
-               & exit_bad_input)
+            call refuse(error, place//'no column '//printable(name)//' is read'//suggestion(name, names)//'; allowed '//names)
          else if (column == 0) then
-            call raise(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &
-               & //'; the columns are '//column_list(table), exit_bad_input)
+            call refuse(error, place//'the table has no column '//printable(header)//suggestion(header, column_list(table)) &
+               & //'; the columns are '//column_list(table))
          else if (any(given == known(k)) .or. len_trim(given(column)) > 0) then
-            call raise(error, place//'the name or the column is there twice; each is allowed once', exit_bad_input)
+            call refuse(error, place//'the name or the column is there twice; each is allowed once')
          end if
          if (allocated(error)) return
          given(column) = known(k)

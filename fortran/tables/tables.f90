@@ -5,21 +5,21 @@
 !> order mark are accepted. A row of units may follow the header.
 module tables
    use checksums, only: checksum
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: new_file_type, printable, read_text_file
    use numbers, only: number_malformed, number_ok, read_real, short_text
-   use text, only: lower, quoted, split_list, to_text
+   use text, only: append, lower, newline, quoted, split_list, to_text
    use kinds, only: wp
    implicit none
    private
    public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
 
    !> Bytes of a name that a program gives to a column.
-   integer, parameter :: longest_name = 23
+   integer, parameter :: longest_name = 32
    !> Words of a row of units; the longest has so many bytes.
    character(len=*), parameter :: known_units = ' deg degrees degree ° rad radians gpa mpa kpa pa um µm μm nm mm n mn % - '
    integer, parameter :: longest_unit = 7
-   character, parameter :: newline = achar(10), return = achar(13), tab = achar(9)
+   character, parameter :: return = achar(13), tab = achar(9)
    character(len=*), parameter :: delimiters = ',;'//tab
 
    type :: table_type
@@ -43,7 +43,7 @@ module tables
       procedure :: find
       procedure :: number
       procedure :: place
-      procedure :: refuse
+      procedure :: refuse => refuse_cell
       procedure :: join
       procedure :: digest
    end type table_type
@@ -68,12 +68,12 @@ contains
       type(table_type), intent(out) :: table
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: bounds(:, :), line(:)
-      integer :: rows, above, i
+      integer :: rows, above
 
       call split(content, table, bounds, line, rows, error)
       if (allocated(error)) return
       if (rows == 0) then
-         call raise(error, 'the table has no header row', exit_bad_input)
+         call refuse(error, 'the table has no header row')
          return
       end if
       allocate (table%given_names(table%columns), table%units(table%columns))
@@ -85,12 +85,10 @@ contains
       table%line = line(above + 1:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
       table%bounds(:, :, 0) = bounds(:, :table%columns)
-      do i = 1, table%rows
-         table%bounds(:, :, i) = bounds(:, (i + above - 1)*table%columns + 1:(i + above)*table%columns)
-      end do
+      table%bounds(:, :, 1:) = reshape(bounds(:, above*table%columns + 1:rows*table%columns), [2, table%columns, table%rows])
       call check_header(table, line(1), error)
       if (allocated(error)) return
-      if (table%rows == 0) call raise(error, 'the table is empty: no row follows the header', exit_bad_input)
+      if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
    end subroutine parse_table
 
    !> A row of units and nothing else is one of the rows `above` those of the table.
@@ -137,12 +135,12 @@ contains
          call read_real(table%name(j), value, outcome)
          numeric = numeric .and. outcome /= number_malformed
       end do
-      if (numeric) call raise(error, 'line '//to_text(line)//': numbers where the header row with the names of the columns ' &
-         & //'must be', exit_bad_input)
+      if (numeric) call refuse(error, 'line '//to_text(line) &
+         & //': numbers where the header row with the names of the columns must be')
       do j = 2, table%columns
          if (allocated(error)) return
-         if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call raise(error, 'line ' &
-            & //to_text(line)//': the column '//printable(table%name(j))//' is there twice', exit_bad_input)
+         if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call refuse(error, 'line ' &
+            & //to_text(line)//': the column '//printable(table%name(j))//' is there twice')
       end do
    end subroutine check_header
 
@@ -229,8 +227,8 @@ contains
          if (delimiter == ',' .and. cells - above > table%columns) words = '; if commas are decimal, separate the cells by ' &
             & //'semicolons'
          if (table%columns == 1) words = '; if line '//to_text(line(1))//' is a title, put # before it'
-         call raise(error, 'line '//to_text(line(rows))//': '//to_text(cells - above)//' cells where the header has ' &
-            & //to_text(table%columns)//words, exit_bad_input)
+         call refuse(error, 'line '//to_text(line(rows))//': '//to_text(cells - above)//' cells where the header has ' &
+            & //to_text(table%columns)//words)
          return
       end do
    end subroutine split
@@ -265,7 +263,7 @@ contains
       do
          i = i + 1
          if (i > len(buffer)) then
-            call raise(error, 'a double quote is not closed', exit_bad_input)
+            call refuse(error, 'a double quote is not closed')
             return
          end if
          if (buffer(i:i) == '"') then
@@ -279,7 +277,7 @@ contains
       do while (index(' '//tab//return, buffer(i:i)) > 0 .and. buffer(i:i) /= delimiter)
          i = i + 1
       end do
-      if (index(delimiter//newline, buffer(i:i)) == 0) call raise(error, 'text follows a closing double quote', exit_bad_input)
+      if (index(delimiter//newline, buffer(i:i)) == 0) call refuse(error, 'text follows a closing double quote')
    end subroutine take_cell
 
    pure logical function is_skipped(line)
@@ -321,8 +319,8 @@ contains
 
       do j = 1, other%columns
          if (self%find(other%name(j)) == 0) cycle
-         call raise(error, 'the column '//printable(self%name(self%find(other%name(j))))//' is there, and follows from the other ' &
-            & //'table; leave it out', exit_bad_input)
+         call refuse(error, 'the column '//printable(self%name(self%find(other%name(j))))//' is there, and follows from the ' &
+            & //'other table; leave it out')
          return
       end do
       allocate (bounds(2, self%columns + other%columns, 0:self%rows))
@@ -393,11 +391,11 @@ contains
       end if
       call read_real(string, value, outcome)
       if (len(string) == 0) then
-         call raise(error, self%place(column, row)//'the cell is empty; a number is needed', exit_bad_input)
+         call refuse(error, self%place(column, row)//'the cell is empty; a number is needed')
       else if (outcome == number_malformed) then
-         call raise(error, self%place(column, row)//''''//printable(string)//''' is not a number'//words, exit_bad_input)
+         call refuse(error, self%place(column, row)//''''//printable(string)//''' is not a number'//words)
       else if (outcome /= number_ok) then
-         call raise(error, self%place(column, row)//printable(string)//' is not finite; a finite number is needed', exit_bad_input)
+         call refuse(error, self%place(column, row)//printable(string)//' is not finite; a finite number is needed')
       end if
    end subroutine number
 
@@ -412,7 +410,7 @@ contains
    end function place
 
    !> Refuse a cell: its text, then what is wrong with it.
-   pure subroutine refuse(self, column, row, message, error)
+   pure subroutine refuse_cell(self, column, row, message, error)
       class(table_type), intent(in) :: self
       !> As of `number`.
       integer, intent(in) :: column, row
@@ -420,8 +418,8 @@ contains
       character(len=*), intent(in) :: message
       type(error_type), allocatable, intent(out) :: error
 
-      call raise(error, self%place(column, row)//printable(self%cell(column, row))//message, exit_bad_input)
-   end subroutine refuse
+      call refuse(error, self%place(column, row)//printable(self%cell(column, row))//message)
+   end subroutine refuse_cell
 
    !> A text, `string`, as a cell of a CSV file: in double quotes if it must be.
    pure function csv_cell(string) result(cell)
@@ -470,14 +468,10 @@ contains
       character(len=:), allocatable :: joined
       integer :: i, j, filled
 
-      allocate (character(len=sum(self%bounds(2, :, :) - self%bounds(1, :, :)) + 2*(self%rows + 1)*self%columns) :: joined)
       filled = 0
       do i = 0, self%rows
          do j = 1, self%columns
-            associate (cell => self%buffer(self%bounds(1, j, i):self%bounds(2, j, i))//tab)
-               joined(filled + 1:filled + len(cell)) = cell
-               filled = filled + len(cell)
-            end associate
+            call append(joined, filled, self%buffer(self%bounds(1, j, i):self%bounds(2, j, i))//tab)
          end do
       end do
       digest = checksum(joined(:filled))

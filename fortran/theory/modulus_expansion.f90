@@ -24,13 +24,14 @@ module modulus_expansion
    type :: modulus_expansion_type
       !> Whether there are so many grains that it is worth it; only then there is what follows.
       logical :: pays = .false.
+      !> Microseconds of `expand`, about.
+      real(wp) :: cost = 0.0_wp
       !> Bunge-Euler angles of the directions that are computed, (3, direction), radians.
       real(wp), allocatable :: euler(:, :)
       !> From their moduli to coefficients, (harmonic, direction), and from these to grains, (grain, harmonic).
       real(wp), allocatable, private :: fit(:, :), reading(:, :)
    contains
       procedure :: expand
-      procedure :: cost
    end type modulus_expansion_type
 
 contains
@@ -77,6 +78,7 @@ contains
          call evaluate_harmonics(harmonics, g(:, 3), of_grain)
          expansion%reading(i, :) = of_grain
       end do
+      expansion%cost = 0.0007_wp*size(expansion%reading)
    end subroutine new_modulus_expansion
 
    !> Moduli of the grains from those of the directions, GPa.
@@ -100,11 +102,4 @@ contains
          end do
       end do
    end subroutine expand
-
-   !> Microseconds of `expand`, about.
-   pure real(wp) function cost(self)
-      class(modulus_expansion_type), intent(in) :: self
-
-      cost = 0.0007_wp*size(self%reading)
-   end function cost
 end module modulus_expansion

@@ -115,7 +115,7 @@ def decode(content: np.ndarray) -> dict:
 
 #: Operations that give up Python's lock; see fortran/facade/core.f90 for why not all do.
 LONG = {
-    "crystal.theory", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict", "surrogate.predict_table",
+    "crystal.theory", "indentation.run", "indentation.fields", "simulator.run", "surrogate.predict",
     "learner.choose", "learner.fit", "learner.update", "learner.predict", "learner.leave_out", "posterior.sample", "posterior.evaluate",
     "posterior.moduli",
 }  # fmt: skip
@@ -124,8 +124,9 @@ LONG = {
 def call(operation: str, handle: int = 0, /, **values) -> dict:
     """What an operation of the core gives for named values: 'KIND.VERB', of an object by its handle. Its errors become exceptions."""
     do = native.core_do_long if operation in LONG else native.core_do
-    reply, words, status = do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
-    found = decode(native.core_take(reply, words).view(np.uint8))
+    reply, address, words, status = do(operation.encode(), handle, np.frombuffer(encode(values) or bytes(8), dtype=np.int64))
+    found = decode(np.array((ctypes.c_uint8 * (8 * words)).from_address(address)))
+    native.core_release(reply)
     if status:
         raise {2: InputError, 3: MachineError}.get(status, BayesindentError)(found["message"])
     return found

@@ -1,6 +1,7 @@
 !> The store of simulations: what it gives back, what it refuses, and how fast it is. test_campaign.py looks at it with Python's sqlite3.
 program test_campaign
    use campaign, only: campaign_type, row_type
+   use campaign_import, only: import_rows
    use crystal_class, only: crystal_class_type
    use errors, only: error_type
    use kinds, only: wp
@@ -99,18 +100,18 @@ contains
       constants = reshape([copper, 2.0_wp*copper], [3, 2])
       euler_deg = reshape([angles, angles], [3, 2])
       call store%open(path, theory, error)
-      call store%import_rows(cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
+      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
       call check('results of others', n == 2 .and. .not. allocated(error))
-      call store%import_rows(cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
+      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
       call check('are taken once', n == 0 .and. .not. allocated(error))
       constants(:, 1) = 3.0_wp*copper
-      call store%import_rows(cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
+      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
       call check_refused('a contradiction', error, 'row 2 (C11 336.8, C12 242.8, C44 150.8): modulus_gpa is 269.0, but the same ' &
          & //'point has 268.0 GPa in the campaign; ')
       constants(:, 2) = constants(:, 1)
-      call store%import_rows(cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
+      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
       call check_refused('among the rows', error, 'has 134.0 GPa in an earlier row; ')
-      call store%import_rows(cubic, constants, euler_deg, [134.0_wp, -1.0_wp], n, error)
+      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, -1.0_wp], n, error)
       call check_refused('a modulus that is none', error, 'row 2: modulus_gpa is -1.0; it must be positive')
       call store%rows('cubic', rows, error)
       call check('store nothing', size(rows) == 3 .and. count(rows%imported) == 2)
@@ -138,7 +139,7 @@ contains
          rows(i)%outcome%status = outcome_done
          rows(i)%outcome%modulus = real(i, wp)
       end do
-      call store%add_rows(rows, [(i, i=1, n)], error)
+      call store%add_rows(rows, error)
       call check_success('many rows', error)
       all_found = .true.
       do i = 1, n

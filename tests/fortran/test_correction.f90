@@ -12,7 +12,7 @@ program test_correction
    use linear_algebra, only: symmetric_eigen
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: new_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type

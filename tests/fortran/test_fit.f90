@@ -6,7 +6,7 @@ program test_fit
    use errors, only: error_type
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, wp
-   use settings_groups, only: design_settings_type, surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, fit_learner, learner_type, new_learner, &
       & set_learner_candidates, surrogate_of
@@ -114,7 +114,6 @@ contains
       class(basis_type), allocatable :: basis
       type(learner_type) :: learner
       type(surrogate_type) :: surrogate
-      type(design_settings_type) :: settings
       type(error_type), allocatable :: error
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       character(len=*), parameter :: rules(3) = [character(len=17) :: 'variance', 'relative_variance', 'imse'], &
@@ -130,12 +129,10 @@ contains
       call choose_next(learner, 1, chosen, variance, error)
       call check_refused('no candidates', error, 'no candidates')
       call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), .true., error)
-      settings%variance_of = 'guess'
-      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), settings, error)
+      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'guess', error)
       call check_refused('an unknown rule', error, '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
       do rule = 1, 3
-         settings%variance_of = trim(rules(rule))
-         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), settings, error)
+         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), trim(rules(rule)), error)
          call fit_learner(learner, error)
          call surrogate_of(learner, '{}', surrogate, error)
          do i = 1, 200
@@ -153,14 +150,12 @@ contains
          end if
          call choose_next(learner, 1, chosen, variance, error)
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
-         settings%variance_of = trim(older(rule))
-         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), settings, error)
+         call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), trim(older(rule)), error)
          call fit_learner(learner, error)
          call choose_next(learner, 1, again, variance, error)
          call check('and by its older name', all(again == chosen))
       end do
-      settings%variance_of = 'variance'
-      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), settings, error)
+      call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'variance', error)
       call exclude_candidates(learner, [(i, i=3, 200)], error)
       call choose_next(learner, 1, chosen(:2), variance(:2), error)
       call check('what is excluded is not chosen', all(chosen(:2) <= 2))

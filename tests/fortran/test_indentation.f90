@@ -13,8 +13,9 @@ program test_indentation
    use memory, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use physics_identity, only: identity_text
-   use settings_groups, only: settings_type
-   use settings_lists, only: new_schema, schema_type
+   use settings_schema, only: settings_type
+   use settings_list, only: settings_list_type
+   use settings_schema, only: list_settings
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
    use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
@@ -389,7 +390,7 @@ contains
       character(len=len(geometry_names)), allocatable :: geometries(:)
       character(len=len(indenter_names)), allocatable :: shapes(:)
       character(len=:), allocatable :: identities
-      type(schema_type) :: schema
+      type(settings_list_type) :: schema
       type(settings_type) :: settings
       integer :: i, j
 
@@ -411,7 +412,7 @@ contains
             identities = identities//identity_text(settings)
          end do
       end do
-      schema = new_schema(all_choices())
+      schema = list_settings(settings, all_choices())
       do i = 1, size(schema%variables)
          associate (group => schema%variables(i)%group, name => schema%variables(i)%name)
             if (all(['specimen  ', 'indenter  ', 'simulation'] /= group)) cycle

@@ -12,7 +12,7 @@ program test_inference
    use known_targets, only: banana_type, wavy_type
    use observables, only: new_observable
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
-   use settings_groups, only: measurements_settings_type
+   use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases

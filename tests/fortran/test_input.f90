@@ -6,10 +6,11 @@ program test_input
    use namelist_file, only: namelist_file_type, parse_namelist
    use choices, only: all_choices
    use settings_checks, only: check_settings
-   use settings_groups, only: settings_type
-   use settings_lists, only: new_schema, schema_type
+   use settings_schema, only: settings_type
+   use settings_list, only: settings_list_type
+   use settings_schema, only: list_settings
    use settings_reader, only: read_settings
-   use settings_visitor, only: kind_choice, kind_integer, kind_real
+   use settings_list, only: kind_choice, kind_integer, kind_real
    use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
@@ -136,10 +137,11 @@ contains
 
    !> Every row of the table can be used as the reader uses it.
    subroutine test_schema()
-      type(schema_type) :: s
+      type(settings_list_type) :: s
+      type(settings_type) :: unset
       integer :: i, j, n
 
-      s = new_schema(all_choices())
+      s = list_settings(unset, all_choices())
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
             if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)

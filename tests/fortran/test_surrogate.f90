@@ -10,7 +10,7 @@ program test_surrogate
    use kinds, only: degree_unit => degree, pi, wp
    use paper_basis, only: paper_basis_type
    use random, only: new_random_stream, random_stream_type
-   use settings_groups, only: surrogate_settings_type
+   use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
    use surrogate_file, only: load_surrogate, save_surrogate
    use surrogate_model, only: new_grain_model, predict, surrogate_type
@@ -377,7 +377,7 @@ contains
       call check_damage(whole, 'coefficients 20', 'coefficients 999999', 'cannot have 999999 values', '')
       call check_damage(whole, 'covariance 210', 'covariance 7', 'too short or too long', '')
       call check_damage(whole, 'covariance 210'//newline, 'covariance 210'//newline//'-', 'variance of coefficient 1', '')
-      call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', 'are not those of a hexagonal crystal', '')
+      call check_damage(whole, 'symmetry cubic', 'symmetry hexagonal', 'cubic crystals are no hexagonal ones', '')
       call check_damage(whole, 'symmetry cubic', 'symmetry wood', 'wood', '')
       call check_damage(whole, 'bandlimit 4', 'bandlimit 6', '20 coefficients and 210 covariances', '')
       call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')

@@ -23,7 +23,7 @@ def euler_of(directions: ArrayLike) -> np.ndarray:
 
 def representative(symmetry: str, directions: ArrayLike) -> np.ndarray:
     """Of directions (n, 3) those that stand for them in the region that the class tells apart."""
-    return _representatives(symmetry, directions, 0.0)["images"]
+    return _representatives(symmetry, directions, 0.0)["values"]
 
 
 def all_alike(symmetry: str, directions: ArrayLike, angle_deg: float) -> bool:
@@ -43,4 +43,4 @@ def direction_lattice(symmetry: str) -> np.ndarray:
 
 def spread_of_directions(symmetry: str, n: int) -> np.ndarray:
     """n directions (n, 3) that are far apart in the region that the class tells apart, its corners first."""
-    return call("crystal.directions", symmetry=class_name(symmetry), count=n)["directions"]
+    return call("crystal.directions", symmetry=class_name(symmetry), count=n)["values"]

@@ -36,10 +36,7 @@ def constants_array(symmetry: str, constants: dict) -> np.ndarray:
     names = constant_names(symmetry)
     if set(constants) != set(names):
         raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
-    values = np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
-    if not np.isfinite(values).all():
-        raise InputError(f"a constant of a {symmetry} crystal is not finite")
-    return values
+    return np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
 
 
 def stiffness(symmetry: str, **constants) -> np.ndarray:
@@ -48,38 +45,41 @@ def stiffness(symmetry: str, **constants) -> np.ndarray:
     `symmetry` names a crystal class ('cubic', 'hexagonal', '4/mmm', ..); the constants are those of `constant_names`.
     Arrays of constants broadcast. Raises `InputError` for other names.
     """
-    values = constants_array(symmetry, constants)
-    found = call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, values.shape[-1]))
-    return found["stiffness"].reshape(*values.shape[:-1], 6, 6)
+    return stiffness_rows(symmetry, constants_array(symmetry, constants))
 
 
 def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
-    """Stiffness (n, 6, 6) of rows of constants (n, k)."""
-    values = np.asarray(constants, dtype=float)
-    return stiffness(symmetry, **dict(zip(constant_names(symmetry), values.T, strict=True)))
+    """Stiffness (..., 6, 6) in GPa of constants (..., k) in the order of `constant_names`."""
+    values, k = np.asarray(constants, dtype=float), len(constant_names(symmetry))
+    if values.shape[-1:] != (k,):
+        raise InputError(f"a {symmetry} crystal has {k} constants; their shape is {values.shape}")
+    if not np.isfinite(values).all():
+        raise InputError(f"a constant of a {symmetry} crystal is not finite")
+    found = call("crystal.stiffness", symmetry=symmetry, constants=values.reshape(-1, k))
+    return found["stiffness"].reshape(*values.shape[:-1], 6, 6)
 
 
 def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
     """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal is not Born-stable."""
-    return _averages(stiffness)["index"]
+    return _averages(stiffness)[0]
 
 
 def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
     """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa; NaN if unstable."""
-    return _averages(stiffness)["log_index"]
+    return _averages(stiffness)[1]
 
 
 def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's NaN where not Born-stable."""
     names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
-    return dict(zip(names, np.moveaxis(_averages(stiffness)["averages"], -1, 0), strict=True))
+    return dict(zip(names, _averages(stiffness)[2:], strict=True))
 
 
-def _averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
-    """Eq. 14 (...), log-anisotropy (...) and averages (..., 4)."""
+def _averages(stiffness: ArrayLike) -> np.ndarray:
+    """Eq. 14, log-anisotropy and the four averages (6, ...)."""
     matrices = np.asarray(stiffness, dtype=float)
-    found = call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))
-    return {name: values.reshape(matrices.shape[:-2] + values.shape[1:]) for name, values in found.items()}
+    found = call("crystal.averages", stiffness=matrices.reshape(-1, 6, 6))["values"]
+    return found.T.reshape(6, *matrices.shape[:-2])
 
 
 def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -117,4 +117,4 @@ def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: b
     a crystal or an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
     """
     rows, shape = crystal_rows(stiffness, euler_deg)
-    return call("crystal.theory", **rows, threads=threads)["circular" if circular else "modulus"].reshape(shape)
+    return call("crystal.theory", **rows, threads=threads)["values"][int(circular)].reshape(shape)

@@ -8,7 +8,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import BayesindentError, InputError, NativeObject, call
+from ..core import BayesindentError, InputError, NativeObject
 from ..crystal.elasticity import oriented_crystals
 from ..engines import ENGINES
 from ..settings.problem import Problem, schema
@@ -122,7 +122,7 @@ class Indentation(NativeObject):
         return self
 
     def _set_up(self, problem: Problem) -> None:
-        self._hold(call("indentation.new_model", problem=problem.handle)["handle"], frozen=False)
+        self._hold(problem._call("indentation")["handle"], frozen=False)
         #: The variables of all groups: `settings.indenter.shape`.
         self._problem, self.settings = problem, problem.settings
         self.__dict__.update(self._call("describe"))
@@ -202,7 +202,7 @@ class Indentation(NativeObject):
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
         found = self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
-        return found["displacement_um"], found["stress_gpa"]
+        return found["displacement_um"], found["values"]
 
     def write_vtu(self, path: str | PathLike, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> None:
         """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz, xy, yz, xz) and mises of cells."""
@@ -249,4 +249,4 @@ def by_group(settings: dict) -> dict:
 def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:
     """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
     found = problem._call("mesh_error", stiffness=stiffness)
-    return found["largest"], found["warning"]
+    return found["values"][0], found["text"]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import NativeObject, call
+from ..core import NativeObject
 from ..crystal.elasticity import class_name, constant_names
 from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
@@ -30,7 +30,7 @@ class Posterior(NativeObject):
         self.problem, self.surrogate, self.what = problem, surrogate, what
         self.symmetry = class_name(problem.settings.problem.symmetry)
         self.names = constant_names(self.symmetry)
-        found = call(f"posterior.{what}", problem=problem.handle, surrogate=surrogate.handle)
+        found = surrogate._call(what, problem=problem.handle)
         self.dimension, self.grains, self.groups, self.share_inside = (
             found[name] for name in ("dimension", "grains", "groups", "share_inside")
         )
@@ -62,8 +62,8 @@ class Posterior(NativeObject):
         """Indentation moduli (m, n) in GPa of n grains at points x (m, dimension), the surrogate's error drawn given the data, and one
         plus the calibration error of each group (m, groups), drawn likewise."""
         found = self._call("moduli", points=np.atleast_2d(x), euler_deg=np.atleast_2d(euler_deg), seed=seed)
-        return found["moduli"], found["factor"]
+        return found["values"], found["factor"]
 
     def suggest(self, problem: Problem, draws: ArrayLike) -> dict:
         """The document of `next` for the problem's `&next`, from draws (n, dimension) of the posterior."""
-        return json.loads(self._call("next", problem=problem.handle, draws=np.atleast_2d(draws))["document"])
+        return json.loads(self._call("next", problem=problem.handle, points=np.atleast_2d(draws))["text"])

@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import call
+from ..crystal.elasticity import stiffness_rows
 
 __all__ = ["quantities", "quantity_names"]
 
 
 def quantity_names(symmetry: str) -> dict[str, str]:
     """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
-    found = call("crystal.quantities", symmetry=symmetry)
+    found = call("crystal.reported_quantities", symmetry=symmetry)
     return dict(zip(found["names"], found["units"], strict=True))
 
 
@@ -23,8 +24,7 @@ def quantities(symmetry: str, constants: ArrayLike, names: Sequence[str] | None 
     are reported: constants, bulk modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
     anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
     """
-    values = np.asarray(constants, dtype=float)
+    matrices = stiffness_rows(symmetry, constants)
     names = list(quantity_names(symmetry) if names is None else names)
-    n = values.shape[-1]
-    found = call("crystal.quantities", symmetry=symmetry, names="\n".join(names), n_constants=n, constants=values.reshape(-1, n))
-    return {name: row.reshape(values.shape[:-1]) for name, row in zip(names, found["values"].T, strict=True)}
+    found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
+    return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T, strict=True)}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import BayesindentError, InputError, MachineError, call, warn_of
+from ..core import BayesindentError, InputError, MachineError, warn_of
 from ..settings.problem import Points, Problem
 from ..surrogate.lookup import places
 from ..surrogate.surrogate import Surrogate
@@ -49,7 +49,7 @@ class Given:
         self.function = function
 
     def __call__(self, job: Job) -> dict:
-        """What became of a job, see `Stage.take`."""
+        """What became of a job, see `run_stage`."""
         begun = time.perf_counter()
         try:
             modulus = float(self.function(job.stiffness, job.euler_deg))
@@ -68,10 +68,10 @@ def ask(problem: Problem, output: str | PathLike, count: int) -> dict:
     columns."""
     found = Stage(problem, "build", Path(output))._call("look_ahead", count=count)
     header = [*found["constants"], "phi1_deg", "Phi_deg", "phi2_deg"]
-    return {"points": [dict(zip(header, row, strict=True)) for row in found["rows"].tolist()], "warnings": found["warnings"]}
+    return {"points": [dict(zip(header, row, strict=True)) for row in found["values"].tolist()], "warnings": found["warnings"]}
 
 
 def tell(problem: Problem, output: str | PathLike, points: Points, name: str = "the table") -> dict:
     """Import results that were computed elsewhere: a table with modulus_gpa, which errors call `name`."""
-    where = {"problem": problem.handle, "points": points.handle, **places(output, "")}
-    return json.loads(call("campaign.import", **where, name=name)["document"])
+    found = points.problem._call("import", problem=problem.handle, name=name, **places(output, ""))
+    return json.loads(found["text"])

@@ -11,12 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import MachineError, NativeObject, call
+from ..core import MachineError, NativeObject
 from ..engines import ENGINES
 from ..settings.problem import Problem
 from ..surrogate.lookup import places
 
 __all__ = ["Job", "Simulations", "Simulator", "Stage", "run_stage"]
+
+#: What became of a simulation: the machine could not make it, or it is done, or failed.
+WAITING, DONE, FAILED = 0, 1, 2
+#: What is left out of what became of a simulation; its `status` follows from whether there is a modulus.
+LEFT_OUT = {"modulus_gpa": 0.0, "seconds": 0.0, "elements": 0, "depth_um": [], "force_mn": [], "message": ""}
 
 
 class Job(NamedTuple):
@@ -36,10 +41,10 @@ class Simulator(NativeObject):
         # The messages begin with the origin.
         self._made_of = (origin, physics)
         problem = Problem.parse(origin, physics)
-        self._hold(call("simulator.new", problem=problem.handle)["handle"])
+        self._hold(problem._call("simulator")["handle"])
 
     def __call__(self, stiffness: np.ndarray, euler_deg: np.ndarray) -> dict:
-        """What became of a crystal: modulus_gpa, seconds, elements, depth_um and force_mn, or the message why it failed."""
+        """What became of a crystal: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
         return self._call("run", stiffness=stiffness, euler_deg=euler_deg)
 
 
@@ -66,11 +71,11 @@ class Simulations:
 
 
 def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
-    """What became of a job, for `Stage.take`; what the machine could not do is no result."""
+    """What became of a job, for `run_stage`; what the machine could not do is no result."""
     try:
         return simulate(job)
     except MachineError as error:
-        return {"machine": True, "message": str(error)}
+        return {"status": WAITING, "message": str(error)}
 
 
 class Stage(NativeObject):
@@ -81,7 +86,7 @@ class Stage(NativeObject):
     def __init__(self, problem: Problem, name: str, output: Path | str):
         Path(output).mkdir(parents=True, exist_ok=True)
         self.problem = problem
-        opened = call("stage.open", problem=problem.handle, name=name, **places(output, problem.folder))
+        opened = problem._call("stage", name=name, **places(output, problem.folder))
         #: Simulations that are still to be made, as far as is known.
         self.expected = opened["expected"]
         self._hold(opened["handle"])
@@ -92,10 +97,6 @@ class Stage(NativeObject):
         jobs = zip(found["physics_number"].tolist(), found["stiffness"], found["euler_deg"], strict=True)
         return found["number"].tolist(), [Job(found["physics"][k], *crystal) for k, *crystal in jobs]
 
-    def take(self, number: int, outcome: dict) -> None:
-        """Keep what became of a simulation: it is stored on return, or soon if it took no time."""
-        self._call("take", number=number, **outcome)
-
     def __enter__(self) -> "Stage":
         return self
 
@@ -104,7 +105,7 @@ class Stage(NativeObject):
 
     def close(self) -> dict:
         """Write the results; the document."""
-        return json.loads(self._call("close")["document"])
+        return json.loads(self._call("close")["text"])
 
 
 def run_stage(
@@ -119,9 +120,10 @@ def run_stage(
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))
             simulate = simulate or Simulations(str(problem.path))
 
-            def take(k: int, outcome: dict, numbers=numbers) -> None:
-                stage.take(numbers[k], outcome)
-                advance(int("modulus_gpa" in outcome))
+            def take(k: int, made: dict, numbers=numbers) -> None:
+                made = {"status": DONE if "modulus_gpa" in made else FAILED} | LEFT_OUT | made
+                stage._call("take", number=numbers[k], **made)
+                advance(int(made["status"] == DONE))
 
             engine.map(partial(attempt, simulate), jobs, take)
     # Sampling has no steps that can be counted.

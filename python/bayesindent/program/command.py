@@ -75,7 +75,7 @@ def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     log.info("bayesindent %s: %s %s", __version__, arguments.command.name, arguments.file)
     log.info("kernels of BLAS: %s", os.environ.get("OPENBLAS_CORETYPE", "its own choice"))
     groups = " ".join(arguments.command.groups)
-    call("file.begin_results", problem=problem.handle, groups=groups, **places(output, problem.folder))
+    problem._call("begin_results", groups=groups, **places(output, problem.folder))
     return problem, output
 
 

@@ -54,20 +54,15 @@ class Points:
     """
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
-        self._problem, self._table = problem, table
+        self.problem, self._table = problem, table
         self._classes, self._n = facts[f"{table}.classes"], facts[f"{table}.n"]
         self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("modulus_kind", "names"))
 
     def __len__(self) -> int:
         return self._n
 
-    @property
-    def handle(self) -> int:
-        """The number that the core knows the problem of the table by."""
-        return self._problem.handle
-
     def _numbers(self, name: str) -> np.ndarray:
-        return self._problem._call("column", table=self._table, column=name)["values"]
+        return self.problem._call("column", table=self._table, column=name)["values"]
 
     def _given(self, name: str) -> np.ndarray | None:
         values = self._numbers(name)
@@ -111,7 +106,7 @@ class Points:
 
     @cached_property
     def _cells(self) -> list[list[str]]:
-        return _rows(self._problem._call("cells", table=self._table), "cells")
+        return _rows(self.problem._call("column", table=self._table, column="cells"), "cells")
 
     @property
     def columns(self) -> list[str]:
@@ -127,14 +122,9 @@ class Points:
         """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
         return self._numbers("constants")[:, : len(constant_names(self.symmetry[0]))]
 
-    def predicted_by(self, surrogate: NativeObject, threads: int) -> tuple[np.ndarray, ...]:
-        """Of a surrogate: mean and sd (n,) in GPa, whether it covers each crystal (n,), and the scale (n,) in GPa of those that it does not."""
-        mean, sd, covered, scale = surrogate._call("predict_table", problem=self._problem.handle, threads=threads)["values"]
-        return mean, sd, covered.astype(bool), scale
-
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
-        self._problem._call("write_crystals", path=path, names=",".join(columns), values=np.stack(list(columns.values())))
+        self.problem._call("write_crystals", path=path, names=",".join(columns), values=np.stack(list(columns.values())))
 
 
 class Problem(NativeObject):
@@ -150,7 +140,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
         self._made_of: tuple = (path, command)
-        self._fill(call("problem.read", path=path, command=command), Path(path))
+        self._fill(call("file.problem", path=path, command=command), Path(path))
 
     @classmethod
     def from_keywords(
@@ -171,7 +161,7 @@ class Problem(NativeObject):
         """The problem of a namelist's text; messages begin with the origin."""
         self = cls.__new__(cls)
         self._made_of = ()
-        self._fill(call("problem.parse", path=origin, content=text), Path(origin), measurements_table, stiffness_page)
+        self._fill(call("settings.problem", path=origin, content=text), Path(origin), measurements_table, stiffness_page)
         return self
 
     def _fill(self, made: dict, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
@@ -280,7 +270,7 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """A CSV of crystals and orientations; `symmetry` is that of the rows that do not say theirs."""
     holder = Problem.__new__(Problem)
-    holder._hold(call("problem.table", path=path, symmetry=symmetry)["handle"])
+    holder._hold(call("file.crystals", path=path, symmetry=symmetry)["handle"])
     return Points(holder, "crystals", holder._call("describe"))
 
 

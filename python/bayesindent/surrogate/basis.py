@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import InputError, NativeObject, call
+from ..core import InputError, NativeObject
 from ..crystal.elasticity import constant_names
 from ..settings.problem import Problem
 
@@ -25,7 +25,7 @@ class Basis(NativeObject):
     _problem: Problem | None
 
     def __init__(self, problem: Problem):
-        self._describe(call("basis.new", problem=problem.handle)["handle"], problem)
+        self._describe(problem._call("basis")["handle"], problem)
 
     @classmethod
     def of(cls, surrogate: NativeObject) -> "Basis":
@@ -57,7 +57,7 @@ class Basis(NativeObject):
     def terms(self, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Terms (n_terms, n) and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
         found = self._call("terms", **self.rows(constants, euler_deg))
-        return found["terms"].T, found["scale"]
+        return found["values"].T, found["scale"]
 
     def to_y(self, modulus_gpa: ArrayLike, scale: ArrayLike) -> np.ndarray:
         """The quantity that is linear in the coefficients: M/scale, or its logarithm."""
@@ -71,7 +71,7 @@ class Basis(NativeObject):
     def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate is valid for it; and
         the scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""
-        distance, valid, scale = self._call("validity", stiffness=stiffness)["values"]
+        distance, valid, scale = self._call("validity", stiffness=stiffness, threads=1)["values"]
         return distance, valid.astype(bool), scale
 
     def rows(self, constants: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndarray]:

@@ -40,7 +40,7 @@ class Learner(NativeObject):
 
     def evidence(self, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
         """Log evidence of the simulations at pairs of alpha and beta (n,)."""
-        return self._call("evidence", alpha=np.atleast_1d(alpha), beta=np.atleast_1d(beta))["values"]
+        return self._call("evidence", alpha=np.atleast_1d(alpha), beta=np.atleast_1d(beta))["values"][0]
 
     def choose(self, count: int, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (count,) of the next candidates, and the variance of y at each when it was chosen."""
@@ -53,12 +53,12 @@ class Learner(NativeObject):
 
     def predict(self, constants: ArrayLike, euler_deg: ArrayLike) -> np.ndarray:
         """Moduli (n,) in GPa by the posterior mean."""
-        return self._call("predict", **self.basis.rows(constants, euler_deg))["values"]
+        return self._call("predict", **self.basis.rows(constants, euler_deg))["values"][0]
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Modulus (GPa) of each simulation with its whole group left out, and the error of y over its sd."""
-        found = self._call("leave_out", numbers=np.ravel(groups))
-        return found["modulus"], found["z"]
+        modulus, z = self._call("leave_out", numbers=np.ravel(groups))["values"]
+        return modulus, z
 
     def precisions(self) -> dict[str, float]:
         """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""
@@ -66,7 +66,7 @@ class Learner(NativeObject):
 
     def values(self, name: str) -> np.ndarray:
         """'mean' or 'prior_width' of the coefficients (n_terms,)."""
-        return self._call("values", name=name)["values"]
+        return self._call("values", name=name)["values"][0]
 
     def covariance(self) -> np.ndarray:
         """Posterior covariance (n_terms, n_terms) of the coefficients."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
+from ..settings.problem import Points
 from ..surrogate.basis import Basis
 from ..surrogate.lookup import places
 
@@ -81,7 +82,7 @@ class Surrogate(NativeObject):
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
         """
-        return cls.of(call("surrogate.load", name=name, symmetry=symmetry, **places(output, folder))["handle"])
+        return cls.of(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
 
     def save(self, path: str | PathLike) -> None:
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
@@ -126,6 +127,13 @@ class Surrogate(NativeObject):
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]
         return modulus.reshape(shape), sd.reshape(shape)
+
+    def predict_table(self, points: Points, threads: int) -> tuple[np.ndarray, np.ndarray, str]:
+        """The same of the crystals of a table, and what is to be said of those outside, if there are any."""
+        crystals = {"problem": points.problem.handle, "threads": threads}
+        _, covered, scale = self.basis._call("validity", **crystals)["values"]
+        modulus, sd = self._call("predict", **crystals)["values"]
+        return modulus, sd, self.outside_words(covered > 0, scale)
 
     def outside(self, stiffness: ArrayLike) -> np.ndarray:
         """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a coordinate out of range, or above the cap."""

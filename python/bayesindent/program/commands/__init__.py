@@ -1,18 +1,16 @@
-"""The commands, in the order of the help and of `run`."""
+"""The commands, in the order of the help; those of stages are the core's, in the order of `run`, each with a module of its name."""
 
-from . import build, compare, extract, init, next_grain, predict, report, run, simulate, size, source_tree, theory
+from importlib import import_module
+
+from ...settings.problem import stages
+from . import compare, init, predict, report, run, source_tree
 
 __all__ = ["COMMANDS"]
 
 COMMANDS = (
     init.COMMAND,
     run.COMMAND,
-    simulate.COMMAND,
-    theory.COMMAND,
-    size.COMMAND,
-    build.COMMAND,
-    extract.COMMAND,
-    next_grain.COMMAND,
+    *(import_module(f".{row.name}", __package__).COMMAND for row in stages() if row.name != run.COMMAND.name),
     predict.COMMAND,
     report.COMMAND,
     compare.COMMAND,

@@ -17,12 +17,11 @@ def predict(arguments: argparse.Namespace) -> dict:
     """Mean and sd of the modulus for each row: predictions.csv and its rows."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
-    mean, sd, covered, scale = points.predicted_by(model, len(os.sched_getaffinity(0)))
+    mean, sd, outside = model.predict_table(points, len(os.sched_getaffinity(0)))
     folder = output_folder(arguments, table)
     take_folder(folder)
     file = folder / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
-    outside = model.outside_words(covered, scale)
     # Many rows in a document take much more memory than in a file.
     wanted = range(len(points) if arguments.json else 0)
     crystals = [{"constants": points.constants[i], "euler_deg": points.euler_deg[i]} for i in wanted]

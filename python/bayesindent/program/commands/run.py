@@ -3,7 +3,6 @@
 import argparse
 
 from ...common.progress import Progress
-from ...core import call
 from ...settings.problem import Problem
 from ...surrogate.lookup import places
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
@@ -28,7 +27,7 @@ def run(arguments: argparse.Namespace) -> dict:
 
 def check(problem, arguments: argparse.Namespace) -> dict:
     """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it knows the crystals of the prior."""
-    call("file.check_stages", problem=problem.handle, **places(output_folder(arguments, arguments.file), problem.folder))
+    problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
     return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
 
 

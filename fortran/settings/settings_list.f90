@@ -1,19 +1,21 @@
-!> What is done with every variable of the settings, one after the other: reading, listing and writing extend this type.
+!> The variables of the settings with their values as a namelist has them: read, listed, written and compared in this one form.
 !>
-!> `settings_schema` calls one of the typed procedures for each variable; they turn its component into the texts of a namelist and
-!> back, so that a visitor knows only these. Each takes `name`, the component (`value`), and what variable_type says of
+!> `settings_schema` calls one of the typed procedures for each variable; they turn its component into texts, or, of a list that is
+!> `giving`, the texts into its component. Each takes `name`, the component (`value`), and what variable_type says of
 !> `kind`, `shape`, `default`, `allowed`, `unit` and `meaning`; a group also whether it is `given`.
-module settings_visitor
+module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
    use numbers, only: number_text, read_integer, read_real
-   use settings_groups, only: longest_item
    use text, only: join, split_list, to_text
    implicit none
    private
-   public :: settings_visitor_type, variable_type, choice_list_type, is_text, allowed_in_words
+   public :: settings_list_type, group_type, variable_type, choice_list_type, is_text, allowed_in_words
    public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source, kind_names
-   public :: shape_one, shape_constants, shape_list
+   public :: shape_one, shape_constants, shape_list, longest_item
+
+   !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
+   integer, parameter :: longest_item = 128
 
    !> A whole number; a real; .true. or .false.; any text; one of some words; a CSV that must exist; a word or a CSV.
    integer, parameter :: kind_integer = 1, kind_real = 2, kind_logical = 3, kind_text = 4, kind_choice = 5, &
@@ -31,25 +33,36 @@ module settings_visitor
       character(len=:), allocatable :: words
    end type choice_list_type
 
+   type :: group_type
+      character(len=:), allocatable :: name, meaning
+      !> The file has it.
+      logical :: given = .false.
+   end type group_type
+
    type :: variable_type
       character(len=:), allocatable :: group, name
+      !> The number of its group.
+      integer :: group_number = 0
       integer :: kind = kind_text, shape = shape_one
       !> Namelist text; '*' is required; 'unset' has no value.
       character(len=:), allocatable :: default
       !> An interval, '[0, 1)'; or the words of a choice, separated by ', '.
       character(len=:), allocatable :: allowed
       character(len=:), allocatable :: unit, meaning
+      !> Unallocated: unset.
+      type(value_type), allocatable :: values(:)
    end type variable_type
 
-   type, abstract :: settings_visitor_type
+   type :: settings_list_type
       type(choice_list_type), allocatable :: choices(:)
-      !> The group that is visited.
-      character(len=:), allocatable :: group_name, group_meaning
+      !> In order; what is not allocated yet is only counted.
+      type(group_type), allocatable :: groups(:)
+      type(variable_type), allocatable :: variables(:)
+      !> Of groups and variables.
+      integer :: n_groups = 0, n_variables = 0
+      !> The values of the list go into the settings; else it takes them from there.
+      logical :: giving = .false.
    contains
-      !> A group begins, whose name and meaning are set.
-      procedure(begin_group_interface), deferred :: begin_group
-      !> The values of a variable as a namelist has them; unallocated: unset.
-      procedure(visit_interface), deferred :: visit
       procedure :: words
       procedure :: group
       procedure :: integer => visit_integer
@@ -59,29 +72,13 @@ module settings_visitor
       procedure :: real => visit_real
       procedure :: optional_real => visit_optional_real
       procedure :: reals => visit_reals
-   end type settings_visitor_type
-
-   abstract interface
-      subroutine begin_group_interface(self, given)
-         import :: settings_visitor_type
-         class(settings_visitor_type), intent(inout) :: self
-         !> The file has the group.
-         logical, intent(inout) :: given
-      end subroutine begin_group_interface
-
-      subroutine visit_interface(self, variable, values)
-         import :: settings_visitor_type, value_type, variable_type
-         class(settings_visitor_type), intent(inout) :: self
-         type(variable_type), intent(in) :: variable
-         type(value_type), allocatable, intent(inout) :: values(:)
-      end subroutine visit_interface
-   end interface
+   end type settings_list_type
 
 contains
 
    !> The words of a key of `choices`.
    pure function words(self, key) result(list)
-      class(settings_visitor_type), intent(in) :: self
+      class(settings_list_type), intent(in) :: self
       character(len=*), intent(in) :: key
       character(len=:), allocatable :: list
       integer :: i
@@ -94,17 +91,25 @@ contains
 
    !> The variables that follow are of this group.
    subroutine group(self, name, given, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, meaning
       logical, intent(inout) :: given
 
-      self%group_name = name
-      self%group_meaning = meaning
-      call self%begin_group(given)
+      self%n_groups = self%n_groups + 1
+      if (.not. allocated(self%groups)) return
+      associate (group => self%groups(self%n_groups))
+         if (self%giving) then
+            given = group%given
+         else
+            group%name = name
+            group%meaning = meaning
+            group%given = given
+         end if
+      end associate
    end subroutine group
 
    subroutine visit_integer(self, name, value, default, allowed, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, meaning
       integer, intent(inout) :: value
       character(len=:), allocatable :: text
@@ -116,7 +121,7 @@ contains
    end subroutine visit_integer
 
    subroutine visit_logical(self, name, value, default, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, meaning
       logical, intent(inout) :: value
       character(len=:), allocatable :: text
@@ -128,7 +133,7 @@ contains
 
    !> A value without a unit as the text of a namelist; unallocated: unset.
    subroutine visit_text(self, name, value, kind, default, allowed, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, meaning
       character(len=:), allocatable, intent(inout) :: value
       integer, intent(in) :: kind
@@ -138,13 +143,13 @@ contains
          allocate (values(1))
          call move_alloc(value, values(1)%text)
       end if
-      call self%visit(new_variable(self, name, kind, shape_one, default, allowed, '', meaning), values)
+      call visit(self, name, kind, shape_one, default, allowed, '', meaning, values)
       if (allocated(values)) value = values(1)%text
    end subroutine visit_text
 
    !> A list of texts.
    subroutine visit_names(self, name, value, default, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, meaning
       character(len=longest_item), allocatable, intent(inout) :: value(:)
       type(value_type), allocatable :: values(:)
@@ -157,7 +162,7 @@ contains
          end do
          deallocate (value)
       end if
-      call self%visit(new_variable(self, name, kind_text, shape_list, default, '', '', meaning), values)
+      call visit(self, name, kind_text, shape_list, default, '', '', meaning, values)
       if (.not. allocated(values)) return
       allocate (value(size(values)))
       do i = 1, size(values)
@@ -166,7 +171,7 @@ contains
    end subroutine visit_names
 
    subroutine visit_real(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       real(wp), intent(inout) :: value
       real(wp), allocatable :: values(:)
@@ -176,10 +181,10 @@ contains
       if (allocated(values)) value = values(1)
    end subroutine visit_real
 
-   !> A real that may be unset.
-   subroutine visit_optional_real(self, name, value, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, default, allowed, unit, meaning
+   !> A real that may be unset, and is by default.
+   subroutine visit_optional_real(self, name, value, allowed, unit, meaning)
+      class(settings_list_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, allowed, unit, meaning
       real(wp), allocatable, intent(inout) :: value
       real(wp), allocatable :: values(:)
 
@@ -187,13 +192,13 @@ contains
          values = [value]
          deallocate (value)
       end if
-      call self%reals(name, values, shape_one, default, allowed, unit, meaning)
+      call self%reals(name, values, shape_one, 'unset', allowed, unit, meaning)
       if (allocated(values)) value = values(1)
    end subroutine visit_optional_real
 
    !> Reals; unallocated: unset.
    subroutine visit_reals(self, name, value, shape, default, allowed, unit, meaning)
-      class(settings_visitor_type), intent(inout) :: self
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       real(wp), allocatable, intent(inout) :: value(:)
       integer, intent(in) :: shape
@@ -207,7 +212,7 @@ contains
          end do
          deallocate (value)
       end if
-      call self%visit(new_variable(self, name, kind_real, shape, default, allowed, unit, meaning), values)
+      call visit(self, name, kind_real, shape, default, allowed, unit, meaning, values)
       if (.not. allocated(values)) return
       allocate (value(size(values)))
       do i = 1, size(values)
@@ -215,22 +220,33 @@ contains
       end do
    end subroutine visit_reals
 
-   !> A variable of the group that is visited. (A constructor of this type overruns its texts with gfortran 12.)
-   function new_variable(self, name, kind, shape, default, allowed, unit, meaning) result(v)
-      class(settings_visitor_type), intent(in) :: self
+   !> Take the values of the variable that comes next, or give them.
+   subroutine visit(self, name, kind, shape, default, allowed, unit, meaning, values)
+      class(settings_list_type), intent(inout) :: self
       character(len=*), intent(in) :: name, default, allowed, unit, meaning
       integer, intent(in) :: kind, shape
-      type(variable_type) :: v
+      type(value_type), allocatable, intent(inout) :: values(:)
 
-      v%group = self%group_name
-      v%name = name
-      v%kind = kind
-      v%shape = shape
-      v%default = default
-      v%allowed = allowed
-      v%unit = unit
-      v%meaning = meaning
-   end function new_variable
+      self%n_variables = self%n_variables + 1
+      if (.not. allocated(self%variables)) return
+      associate (v => self%variables(self%n_variables))
+         if (self%giving) then
+            if (allocated(values)) deallocate (values)
+            if (allocated(v%values)) values = v%values
+            return
+         end if
+         v%group_number = self%n_groups
+         v%group = self%groups(self%n_groups)%name
+         v%name = name
+         v%kind = kind
+         v%shape = shape
+         v%default = default
+         v%allowed = allowed
+         v%unit = unit
+         v%meaning = meaning
+         if (allocated(values)) v%values = values
+      end associate
+   end subroutine visit
 
    pure logical function is_text(v)
       type(variable_type), intent(in) :: v
@@ -261,4 +277,4 @@ contains
          continue
       end select
    end function allowed_in_words
-end module settings_visitor
+end module settings_list
