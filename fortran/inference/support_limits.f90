@@ -68,7 +68,9 @@ contains
          type(limit_type) :: one
 
          if (all(abs(range) >= no_limit)) return
-         one = limit_type(name, stated, range, values)
+         one = limit_type(name, stated, range)
+         ! In the constructor gfortran 12 ignores the stride of a section.
+         one%values = values
          call find_end(one, 1)
          call find_end(one, 2)
          limits = [limits, one]
