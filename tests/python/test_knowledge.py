@@ -11,7 +11,6 @@ from step_2_cases import KIND, table_of
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 from bayesindent.inference.posterior import PRIOR, Posterior
-from bayesindent.report.formatting import best_first
 from conftest import SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"
@@ -106,15 +105,6 @@ def test_a_problem_with_a_stiffness_is_made_anew():
     copy = pickle.loads(pickle.dumps(problem))
     assert copy.stiffness == problem.stiffness
     assert problem.stiffness[0] == ["row", *constant_names("hexagonal")]
-
-
-def test_the_best_known_come_first():
-    kinds = {"C11": 0.2, "C12": -0.1, "C44": 0.99}
-    document = {
-        "parameters": {name: {"mean": 1.0} for name in (*kinds, "sd_factor")},
-        "identifiability": [{"kind": "quantity", "name": name, "contraction": value} for name, value in kinds.items()],
-    }
-    assert [name for name, _, _ in best_first(document)] == ["C44", "C11", "C12", "sd_factor"]
 
 
 @pytest.mark.parametrize(
