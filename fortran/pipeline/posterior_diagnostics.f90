@@ -356,7 +356,7 @@ contains
             where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
       end associate
-      if (len(line) > 0) call warn(warnings, 'the prior has a say: '//line)
+      if (len(line) > 0) call warn(warnings, 'the result depends on the prior: '//line)
 
    contains
 

@@ -45,12 +45,13 @@ def follow(name, seed):
     document = bi.summary(bi.extract(table, **settings))
     parameters = document["parameters"]
     rows = [row for row in document["identifiability"] if row["kind"] == "knowledge"]
-    ratio, constant, row = min((row["sd_then"][c] / parameters[c]["sd"], c, row) for row in rows for c in row["sd_then"])
+    ratio, constant, row = min(
+        ((row["sd_then"][c] / parameters[c]["sd"], c, row) for row in rows for c in row["sd_then"]), key=lambda item: item[:2]
+    )
     named = row["name"].split(", ")
     true = bi.quantities(symmetry, constants, names=named)
     knowledge = {
-        quantity: (value * (1 + row["relative_sd"] * rng.normal()), row["relative_sd"] * abs(value))
-        for quantity, value in true.items()
+        quantity: (value * (1 + row["relative_sd"] * rng.normal()), row["relative_sd"] * abs(value)) for quantity, value in true.items()
     }
     then = bi.summary(bi.extract(table, **settings, knowledge=knowledge))["parameters"]
     return constant, row["name"], parameters[constant]["sd"], row["sd_then"][constant], then[constant]["sd"]
