@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 from scipy import stats
-from step_2_cases import KIND, table_of
+from step_2_cases import KIND, parts_of, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
@@ -20,18 +20,6 @@ FURTHER = {
     "beta-brass": ("cubic", (129.1, 109.7, 82.4)),
     "graphite": ("hexagonal", (1060.0, 180.0, 4.5, 36.5, 15.0)),
 }
-
-
-def parts_of(stiffness):
-    """Contrast log(3K/2G), log-anisotropy and scale of stiffnesses (n, 6, 6), by their logarithms."""
-    unit = np.diag([1, 1, 1, 2**0.5, 2**0.5, 2**0.5])
-    values, vectors = np.linalg.eigh(unit @ stiffness @ unit)
-    logarithm = vectors @ (np.log(values)[..., None] * np.swapaxes(vectors, -1, -2))
-    trace = np.trace(logarithm, axis1=-2, axis2=-1)
-    dilatation = logarithm[..., :3, :3].sum(axis=(-2, -1)) / 3
-    shear = (trace - dilatation) / 5
-    anisotropy = np.sqrt((logarithm**2).sum(axis=(-2, -1)) - dilatation**2 - 5 * shear**2)
-    return dilatation - shear, anisotropy, trace / 6
 
 
 @pytest.mark.parametrize("symmetry", ["cubic", "hexagonal", "trigonal"])
