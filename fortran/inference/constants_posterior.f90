@@ -24,13 +24,7 @@ module constants_posterior
    use text, only: to_text
    implicit none
    private
-   public :: posterior_type, new_posterior, error_sources, n_error_sources
-
-   !> What the errors of measurements come from: those of each on its own, then those that measurements share.
-   integer, parameter :: n_error_sources = 5
-   character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', 'surrogate', 'grains', &
-      & 'orientation', 'calibration']
-   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5
+   public :: posterior_type, new_posterior
 
    !> Bounds of the common factor on the sds where it is inferred; its logarithm is uniform between them.
    real(wp), parameter :: least_factor = 0.05_wp, greatest_factor = 50.0_wp
@@ -73,8 +67,8 @@ module constants_posterior
       procedure :: draw_moduli
       procedure :: predict_measurements
       procedure :: infer_shared
-      procedure :: find_scores
-      procedure :: split_errors
+      procedure :: evaluate_grains
+      procedure :: scale_factor
       procedure :: place_shared
       procedure :: log_prior
       procedure :: stiffness
@@ -410,64 +404,6 @@ contains
       call self%predict_measurements(x, self%stiffness(x), model, scales, u)
       call self%errors%integrate((self%measured - model)/scales, u, b, precision, value)
    end subroutine infer_shared
-
-   !> Derivatives of the log likelihood at a point with respect to the measurements.
-   subroutine find_scores(self, x, scores)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> (grain), 1/GPa.
-      real(wp), intent(out) :: scores(:)
-      real(wp), dimension(self%n_grains) :: model, scales, residual, weight
-      real(wp) :: u(self%n_grains, self%n_shared), b(self%n_shared), precision(self%n_shared, self%n_shared), value
-
-      call self%predict_measurements(x, self%stiffness(x), model, scales, u)
-      residual = (self%measured - model)/scales
-      if (self%n_shared > 0) then
-         call self%errors%integrate(residual, u, b, precision, value)
-         residual = residual - matmul(u, b)
-      end if
-      call self%errors%weigh(residual, weight)
-      scores = -weight*residual/scales
-   end subroutine find_scores
-
-   !> The errors of the measurements at a point, by source.
-   subroutine split_errors(self, x, own, precision, shared, source)
-      class(posterior_type), intent(in) :: self
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> Variances of those that grains do not share, (grain, source), and what a measurement counts for, given the others: its precision.
-      real(wp), intent(out) :: own(:, :), precision(:)
-      !> Columns of the factor of the covariance of the shared ones, (grain, shared error).
-      real(wp), intent(out), contiguous :: shared(:, :)
-      !> Of each shared error.
-      integer, allocatable, intent(out) :: source(:)
-      real(wp), dimension(self%n_grains) :: model, scales, modulus, slope, variance, residual
-      real(wp) :: b(self%n_shared), factor(self%n_shared, self%n_shared), value
-      integer :: j
-
-      call self%predict_measurements(x, self%stiffness(x), model, scales, shared)
-      residual = (self%measured - model)/scales
-      if (self%n_shared > 0) then
-         call self%errors%integrate(residual, shared, b, factor, value)
-         residual = residual - matmul(shared, b)
-      end if
-      call self%errors%weigh(residual, precision)
-      precision = precision/scales**2
-      do j = 1, self%n_shared
-         shared(:, j) = shared(:, j)*scales
-      end do
-      source = [(merge(from_surrogate, from_calibration, j <= self%grains%n_columns), j=1, self%n_shared)]
-      call evaluate_grains(self, self%stiffness(x), modulus, slope, variance)
-      model = modulus
-      residual = 1.0_wp
-      call self%observable%from_simulation(model, residual)
-      own = 0.0_wp
-      own(:, from_noise) = (scale_factor(self, x)*self%sd)**2
-      own(:, from_surrogate) = self%scatter*(slope*residual)**2
-      own(:, from_grains) = (self%settings%scatter_sd*modulus*residual)**2
-      own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))
-   end subroutine split_errors
 
    !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
    subroutine new_grains(self, euler, grains, error)

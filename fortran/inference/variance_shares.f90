@@ -8,14 +8,20 @@
 !> the shares are not a number.
 module variance_shares
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-   use constants_posterior, only: n_error_sources, posterior_type
+   use constants_posterior, only: posterior_type
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
    use quantities, only: evaluate_draws
    implicit none
    private
-   public :: shares_type, find_shares, verdict_of
+   public :: shares_type, find_shares, verdict_of, error_sources
+
+   !> What the errors of measurements come from: those of each on its own, then those that measurements share.
+   integer, parameter :: n_error_sources = 5
+   character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', 'surrogate', 'grains', &
+      & 'orientation', 'calibration']
+   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5
 
    type :: shares_type
       !> They sum to one, or are NaN.
@@ -27,7 +33,7 @@ module variance_shares
    !> A greatest sum of shares: above it covariances do not describe the draws.
    real(wp), parameter :: greatest_sum = 1.05_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
-   !> if either is above those of the other line.
+   !> if its sd is above the first part of the other pair, or the prior's share above the second and its sd not that small.
    real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.50_wp]
 
 contains
@@ -39,6 +45,7 @@ contains
       real(wp), intent(in) :: draws(:, :), values(:, :)
       !> Whether the chains have mixed.
       logical, intent(in) :: mixed
+      !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(shares_type), allocatable, intent(out) :: shares(:)
       type(error_type), allocatable, intent(out) :: error
@@ -52,7 +59,7 @@ contains
       allocate (scores(posterior%n_grains, n), parts(n_error_sources, size(values, 1)))
       !$omp parallel do num_threads(max(1, threads)) schedule(static)
       do i = 1, n
-         call posterior%find_scores(draws(:, i), scores(:, i))
+         call find_scores(posterior, draws(:, i), scores(:, i))
       end do
       !$omp end parallel do
       call evaluate_draws(posterior%prior%knowledge%quantities, posterior%prior%class, draws, known)
@@ -103,7 +110,7 @@ contains
       parts = 0.0_wp
       allocate (shared(posterior%n_grains, posterior%n_shared))
       do i = 1, size(draws, 2)
-         call posterior%split_errors(draws(:, i), own, precision, shared, source)
+         call split_errors(posterior, draws(:, i), own, precision, shared, source)
          own_mean = own_mean + own/size(draws, 2)
          precision_mean = precision_mean + precision/size(draws, 2)
          pull = matmul(transpose(shared), weights)
@@ -116,7 +123,66 @@ contains
       parts = parts + matmul(transpose(own_mean), weights**2)
    end subroutine add_up_sources
 
-   !> 'determined', 'weak' or 'not_determined'.
+   !> Derivatives of the log likelihood at a point with respect to the measurements.
+   subroutine find_scores(posterior, x, scores)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> (grain), 1/GPa.
+      real(wp), intent(out) :: scores(:)
+      real(wp), dimension(posterior%n_grains) :: model, scales, residual, weight
+      real(wp) :: u(posterior%n_grains, posterior%n_shared), b(posterior%n_shared), value
+      real(wp) :: precision(posterior%n_shared, posterior%n_shared)
+
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
+      residual = (posterior%measured - model)/scales
+      if (posterior%n_shared > 0) then
+         call posterior%errors%integrate(residual, u, b, precision, value)
+         residual = residual - matmul(u, b)
+      end if
+      call posterior%errors%weigh(residual, weight)
+      scores = -weight*residual/scales
+   end subroutine find_scores
+
+   !> The errors of the measurements at a point, by source.
+   subroutine split_errors(posterior, x, own, precision, shared, source)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> Variances of those that grains do not share, (grain, source), and what a measurement counts for, given the others: its precision.
+      real(wp), intent(out) :: own(:, :), precision(:)
+      !> Columns of the factor of the covariance of the shared ones, (grain, shared error).
+      real(wp), intent(out), contiguous :: shared(:, :)
+      !> Of each shared error.
+      integer, allocatable, intent(out) :: source(:)
+      real(wp), dimension(posterior%n_grains) :: model, scales, modulus, slope, variance, residual
+      real(wp) :: b(posterior%n_shared), factor(posterior%n_shared, posterior%n_shared), value
+      integer :: j
+
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
+      residual = (posterior%measured - model)/scales
+      if (posterior%n_shared > 0) then
+         call posterior%errors%integrate(residual, shared, b, factor, value)
+         residual = residual - matmul(shared, b)
+      end if
+      call posterior%errors%weigh(residual, precision)
+      precision = precision/scales**2
+      do j = 1, posterior%n_shared
+         shared(:, j) = shared(:, j)*scales
+      end do
+      source = [(merge(from_surrogate, from_calibration, j <= posterior%grains%n_columns), j=1, posterior%n_shared)]
+      call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
+      model = modulus
+      residual = 1.0_wp
+      call posterior%observable%from_simulation(model, residual)
+      own = 0.0_wp
+      own(:, from_noise) = (posterior%scale_factor(x)*posterior%sd)**2
+      own(:, from_surrogate) = posterior%scatter*(slope*residual)**2
+      own(:, from_grains) = (posterior%settings%scatter_sd*modulus*residual)**2
+      own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))
+   end subroutine split_errors
+
+   !> 'determined', 'weak' or 'not_determined', of a quantity with a `mean` and an `sd`.
    pure function verdict_of(mean, sd, least_value, share) result(verdict)
       real(wp), intent(in) :: mean, sd
       !> Of what the sd is compared with: a constant may be zero.
@@ -128,6 +194,7 @@ contains
       relative = sd/max(abs(mean), least_value)
       verdict = 'weak'
       if (relative < determined(1) .and. share%prior < determined(2)) verdict = 'determined'
-      if (relative > not_determined(1) .or. share%prior > not_determined(2)) verdict = 'not_determined'
+      if (relative > not_determined(1) .or. (relative > determined(1) .and. share%prior > not_determined(2))) &
+         & verdict = 'not_determined'
    end function verdict_of
 end module variance_shares

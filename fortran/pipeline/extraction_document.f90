@@ -1,6 +1,5 @@
 !> What Step 2 found, as the document of `extract`, with what a person should know of it.
 module extraction_document
-   use constants_posterior, only: error_sources
    use constants_prior, only: prior_type
    use extraction, only: extraction_type
    use json, only: json_type
@@ -8,7 +7,7 @@ module extraction_document
    use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
    use problem, only: problem_type
    use text, only: fixed, join, to_text
-   use variance_shares, only: shares_type, verdict_of
+   use variance_shares, only: error_sources, shares_type, verdict_of
    use warning_lists, only: warn, warning_type
    implicit none
    private

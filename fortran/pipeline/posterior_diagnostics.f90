@@ -63,7 +63,8 @@ contains
       associate (worst => found%parameters%diagnostics)
          i = maxloc(worst%r_hat, dim=1)
          j = minloc(min(worst%ess_bulk, worst%ess_tail), dim=1)
-         if (any(.not. worst%r_hat <= unmixed)) then
+         ! One chain has no R-hat.
+         if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= unmixed)) then
             call warn(reasons, trim(found%names(max(1, i)))//': R-hat is '//fixed(worst(max(1, i))%r_hat, 2)//' (allowed up to ' &
                & //to_text(unmixed)//'): the chains have not found the same distribution. Increase samples and burn_in, or state ' &
                & //'what else is known in &knowledge')

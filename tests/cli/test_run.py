@@ -43,7 +43,7 @@ def reduced_quickstart(folder, further="", **replacements):
 SMALL = {"budget": 10, "samples": 2000}
 #: On a coarse mesh, which is some per cent too stiff, and a thin film of which little is learnt.
 SMALLEST = {
-    "budget": 6,
+    "budget": 9,
     "samples": "300, burn_in = 1000",
     "chains": 2,
     "further": "&simulation refine = 0.7, depths = 4 /\n&surrogate degree = 2 /\n",

@@ -9,6 +9,8 @@ from bayesindent.crystal.elasticity import stiffness_rows
 from conftest import SOURCE
 
 BOUNDS = {"C11": (150, 300), "C12": (80, 200), "C44": (60, 160)}
+
+
 def stiffness_of(symmetry, constants):
     return stiffness_rows(symmetry, [constants])[0]
 
@@ -45,9 +47,7 @@ def test_shares_are_those_of_the_normal_model():
     settings = {"symmetry": "cubic", "calibration_sd": 0.01, "knowledge": knowledge, **KIND}
     found = bi.summary(bi.extract(table_of(euler, moduli, sd), samples=10000, **settings))
     step = 0.01
-    slopes = np.array([
-        (bi.halfspace_modulus(stiffness_of("cubic", truth + step * unit), euler) - moduli) / step for unit in np.eye(3)
-    ])
+    slopes = np.array([(bi.halfspace_modulus(stiffness_of("cubic", truth + step * unit), euler) - moduli) / step for unit in np.eye(3)])
     noise, tip = np.diag(sd**2), 0.01**2 * np.outer(moduli, moduli)
     inverse = np.linalg.inv(noise + tip)
     covariance = np.linalg.inv(slopes @ inverse @ slopes.T + np.eye(3))
@@ -59,7 +59,9 @@ def test_shares_are_those_of_the_normal_model():
         assert parameter["share"]["measurements"] == pytest.approx(sum(parts.values()) / covariance[i, i], abs=0.03)
 
 
-@pytest.mark.parametrize(("constants", "usable"), [((129.1, 109.7, 82.4), False), ((168.4, 121.4, 75.4), True)], ids=["beta-brass", "copper"])
+@pytest.mark.parametrize(
+    ("constants", "usable"), [((129.1, 109.7, 82.4), False), ((168.4, 121.4, 75.4), True)], ids=["beta-brass", "copper"]
+)
 def test_the_domain_of_a_surrogate_ends_a_posterior(constants, usable):
     """Beta-brass is outside of what the shipped block was trained on; copper is within."""
     bulk = (constants[0] + 2 * constants[1]) / 3
