@@ -77,8 +77,8 @@ contains
       end subroutine add
    end function list_limits
 
-   !> Whether the draws end at the lower (1) or the upper (2) limit: in the outermost of twenty equal parts of their range, which reaches the
-   !> limit, their density has not fallen to a third of its maximum.
+   !> Whether the draws end at the lower (1) or the upper (2) limit: in the outermost of twenty equal parts of their range, which
+   !> reaches the limit, their density has not fallen to a third of its maximum.
    subroutine find_end(limit, side)
       type(limit_type), intent(inout) :: limit
       integer, intent(in) :: side

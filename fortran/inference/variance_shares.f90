@@ -33,8 +33,8 @@ module variance_shares
    !> A greatest sum of shares: above it covariances do not describe the draws.
    real(wp), parameter :: greatest_sum = 1.05_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
-   !> if its sd is above the first part of the other pair, or the prior's share above the second and its sd not that small.
-   real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.50_wp]
+   !> if either is above those of the other pair.
+   real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.80_wp]
 
 contains
 
@@ -194,7 +194,6 @@ contains
       relative = sd/max(abs(mean), least_value)
       verdict = 'weak'
       if (relative < determined(1) .and. share%prior < determined(2)) verdict = 'determined'
-      if (relative > not_determined(1) .or. (relative > determined(1) .and. share%prior > not_determined(2))) &
-         & verdict = 'not_determined'
+      if (relative > not_determined(1) .or. share%prior > not_determined(2)) verdict = 'not_determined'
    end function verdict_of
 end module variance_shares

@@ -45,7 +45,7 @@ def follow(name, seed):
     document = bi.summary(bi.extract(table, **settings))
     parameters = document["parameters"]
     rows = [row for row in document["identifiability"] if row["kind"] == "knowledge"]
-    ratio, constant, row = min(
+    _, constant, row = min(
         ((row["sd_then"][c] / parameters[c]["sd"], c, row) for row in rows for c in row["sd_then"]), key=lambda item: item[:2]
     )
     named = row["name"].split(", ")

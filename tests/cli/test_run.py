@@ -138,11 +138,11 @@ def check_page(text):
     assert page.illustrated == {*page.headings[3:-1]} - {"Does the model fit, and how much is the prior's"}
     assert all(len(words) > 20 for words in page.pictures)
     assert page.headings[1:] == [
+        "Result",
         "What was asked",
-        "What is known now",
         "Step 1: the surrogate",
         "Step 2: the elastic constants",
-        "What the data decided, and what the prior did",
+        "Measurements, knowledge and prior",
         "Does the model fit, and how much is the prior's",
         "Which grain to measure next",
         "Provenance",
