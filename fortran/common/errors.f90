@@ -5,10 +5,12 @@
 module errors
    implicit none
    private
-   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, machine_failure
+   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, exit_unusable, machine_failure
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
+   !> Of a process that is done, with a result that cannot be used.
+   integer, parameter :: exit_unusable = 3
 
    !> The machine could not do the work (memory, disk): no result about its subject; programs end with `exit_failure`.
    integer, parameter :: machine_failure = 3

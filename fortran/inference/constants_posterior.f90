@@ -67,6 +67,8 @@ module constants_posterior
       procedure :: draw_moduli
       procedure :: predict_measurements
       procedure :: infer_shared
+      procedure :: evaluate_grains
+      procedure :: scale_factor
       procedure :: place_shared
       procedure :: log_prior
       procedure :: stiffness
@@ -197,9 +199,9 @@ contains
                call polynomial%evaluate([self%prior%logarithms%saturating(frame, self%typical_modulus), point%w(k + 1:)], outputs, &
                   & inside)
                if (.not. inside) cycle
-               point%log_working = self%prior%log_density(c) + likelihood_of_crystal(self, point%x, c, exp(outputs))
+               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c, exp(outputs))
             else
-               point%log_working = self%prior%log_density(c) + likelihood_of_crystal(self, point%x, c)
+               point%log_working = self%prior%log_density(c, point%w(:k)) + likelihood_of_crystal(self, point%x, c)
             end if
             log_volume = self%prior%logarithms%log_volume(frame)
             point%log_density = point%log_working
@@ -247,9 +249,8 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> (dimension).
       real(wp), intent(out) :: x(:)
-      real(wp) :: log_weight
 
-      call self%prior%draw_start(stream, x(:self%n_constants), log_weight)
+      call self%prior%draw_start(stream, x(:self%n_constants))
       if (.not. self%infers_scale) return
       call stream%uniform(x(self%dimension))
       x(self%dimension) = log(least_factor) + x(self%dimension)*log(greatest_factor/least_factor)

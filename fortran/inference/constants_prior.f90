@@ -1,15 +1,14 @@
-!> What is known of the constants before the measurements: one rule for all classes, bounds, stability, limits of anisotropy, what the
-!> surrogate covers, and normal knowledge.
+!> What is known of the constants before the measurements: one rule for all classes, within the domain of the surrogate, times normal
+!> knowledge.
 !>
-!> The support holds the Born-stable crystals whose Poisson's ratio (Hill) is that of a metal or mineral, whose log-anisotropy is not
-!> beyond what is known of crystals, and whose Young's modulus (Hill) is within a factor of what the mean measurement would be on an
-!> isotropic solid. What is stated replaces its part: bounds of all constants on both sides the two limits of the averages, a cap on
-!> Eq. 14 the limit of the log-anisotropy. On the support the density is uniform in the constants or in log K, times the normal factor
-!> of what is known.
+!> Bounds on all constants are the paper's prior: uniform over the stable crystals within them, in the constants or in log K. Otherwise
+!> the prior has no edge: in log K the contrast s = log(3K/2G) of the isotropic part is normal, the anisotropic coordinates are
+!> jointly Student's t, and the scale tr log K/6 is normal about that of an isotropic solid with the mean measurement. Single bounds
+!> and a cap on Eq. 14 truncate it.
 module constants_prior
    use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: anisotropy_of_averages, averages_type, hill_young_poisson, log_anisotropy, polycrystal_averages
+   use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
@@ -23,9 +22,13 @@ module constants_prior
    private
    public :: prior_type, new_prior, knowledge_type
 
-   !> Limits where nothing is stated.
-   real(wp), parameter :: least_poisson = 0.05_wp, greatest_poisson = 0.48_wp, greatest_log_anisotropy = 2.5_wp, &
-      & young_factor = 3.0_wp
+   !> Where not all bounds are stated: mean and sd of the contrast; degrees of freedom of the k anisotropic coordinates, and their scale
+   !> times the root of k; sd of the scale. Metals and minerals from beryllium (contrast 0.14) to indium (2.6) and graphite
+   !> (log-anisotropy 5.1) lie within.
+   real(wp), parameter :: contrast_mean = 1.07_wp, contrast_sd = 0.6_wp, freedom = 3.0_wp, anisotropy_scale = 0.7_wp, &
+      & scale_sd = log(5.0_wp)
+   !> Beyond, stiffness matrices lose their digits.
+   real(wp), parameter :: most_anisotropic = 10.0_wp
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
 
@@ -43,28 +46,26 @@ module constants_prior
       integer :: n_constants = 0
       !> Bounds of the constants, GPa; where none is stated these are wide.
       real(wp), allocatable :: lower(:), upper(:)
-      !> Whether both bounds of all constants are stated.
-      logical :: has_box = .false.
-      !> On Eq. 14, and on the norm of the anisotropic part of log K.
-      real(wp) :: anisotropy_cap = huge(1.0_wp), log_anisotropy_max = huge(1.0_wp)
-      !> Of Hill's averages; Young's modulus in GPa.
-      real(wp) :: poisson(2) = [-1.0_wp, 0.5_wp], young(2) = [0.0_wp, huge(1.0_wp)]
-      !> Uniform in log K, not in the constants.
+      !> Whether both bounds of all constants are stated; else the density is that of the default prior.
+      logical :: has_box = .false., has_default = .false.
+      !> On Eq. 14.
+      real(wp) :: anisotropy_cap = huge(1.0_wp)
+      !> Mean of the scale tr log K/6, K in GPa, where not all bounds are stated.
+      real(wp) :: typical_scale = 0.0_wp
+      !> The density is stated in log K, not in the constants.
       logical :: in_logarithms = .false.
-      !> Share of the prior, without its normal factors, that the surrogate covers, estimated.
+      !> Share of the prior, without its normal factors, for which the surrogate is valid, estimated.
       real(wp) :: share_inside = 1.0_wp
-      !> The range of the scale (geometric mean of the eigenvalues of the Kelvin stiffness, GPa) to which the surrogate is limited.
-      real(wp) :: known_scale(2) = [0.0_wp, huge(1.0_wp)]
       type(knowledge_type) :: knowledge
       !> Lower Cholesky factor of the covariance of what is known, (n, n).
       real(wp), allocatable, private :: factor(:, :)
       !> Of the surrogate: it says which crystals are covered.
-      class(basis_type), allocatable, private :: basis
-      !> GPa: middle of the range of Young's modulus from which starts are drawn.
-      real(wp), private :: typical_young = 100.0_wp
+      class(basis_type), allocatable :: basis
    contains
       procedure :: admits
       procedure :: log_density
+      procedure :: measure
+      procedure, private :: log_default
       procedure :: draw_start
       procedure :: is_stated
       procedure :: set_knowledge
@@ -88,6 +89,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
       real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
+      !> Poisson's ratio of the isotropic solid.
+      real(wp), parameter :: nu = 0.3_wp
       real(wp) :: width(class%n_constants)
 
       prior%class = class
@@ -101,20 +104,23 @@ contains
       width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), prior%upper > prior%lower)
       prior%lower = prior%lower - width
       prior%upper = prior%upper + width
-      prior%typical_young = typical_young
-      if (.not. prior%has_box) then
-         prior%poisson = [least_poisson, greatest_poisson]
-         prior%young = typical_young*[1.0_wp/young_factor, young_factor]
-      end if
-      if (allocated(stated%anisotropy_cap)) then
-         prior%anisotropy_cap = stated%anisotropy_cap
-      else
-         prior%log_anisotropy_max = greatest_log_anisotropy
-      end if
-      prior%in_logarithms = stated%measure == 'logarithms'
+      prior%typical_scale = (log(typical_young/(1.0_wp - 2.0_wp*nu)) + 5.0_wp*log(typical_young/(1.0_wp + nu)))/6.0_wp
+      if (allocated(stated%anisotropy_cap)) prior%anisotropy_cap = stated%anisotropy_cap
+      prior%has_default = .not. prior%has_box
+      prior%in_logarithms = stated%measure == 'logarithms' .or. .not. prior%has_box
       call prior%set_knowledge(knowledge, error)
       if (.not. allocated(error)) call estimate_share(basis, prior, error)
    end subroutine new_prior
+
+   !> In what the density is stated.
+   pure function measure(self)
+      class(prior_type), intent(in) :: self
+      character(len=:), allocatable :: measure
+
+      measure = 'constants'
+      if (self%in_logarithms) measure = 'logarithms'
+      if (self%has_default) measure = 'default'
+   end function measure
 
    !> Multiply the uniform density by another normal factor.
    subroutine set_knowledge(self, knowledge, error)
@@ -137,40 +143,34 @@ contains
       sd = [(sqrt(self%covariance(j, j)), j=1, size(sd))]
    end function sd_of_knowledge
 
-   !> Cut the support to what the surrogate covers, and estimate how much of it is left.
+   !> Cut the support to the surrogate's domain, and estimate how much of it is left.
    subroutine estimate_share(basis, prior, error)
       class(basis_type), intent(in) :: basis
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
-      real(wp) :: x(prior%n_constants), c(6, 6), log_weights(trials), weights(trials)
-      logical :: inside(trials)
-      integer :: i, n
+      real(wp) :: x(prior%n_constants), c(6, 6)
+      integer :: i, n, inside
 
       stream = new_random_stream(1, 0)
       n = 0
+      inside = 0
       do i = 1, trials
-         call prior%draw_start(stream, x, log_weights(n + 1))
+         call prior%draw_start(stream, x)
          c = prior%class%stiffness(x)
          if (.not. prior%admits(x, c)) cycle
          n = n + 1
-         associate (logarithms => prior%logarithms)
-            if (prior%in_logarithms .eqv. prior%has_box) log_weights(n) = log_weights(n) &
-               & + merge(-1.0_wp, 1.0_wp, prior%has_box)*logarithms%log_volume_at(logarithms%to_logarithms(c))
-         end associate
-         inside(n) = basis%domain%admits(c)
+         if (basis%domain%admits(c)) inside = inside + 1
       end do
       allocate (prior%basis, source=basis)
-      if (size(basis%domain%lower) == 0) prior%known_scale = basis%domain%stiffness
+      prior%share_inside = real(inside, wp)/max(1, n)
       if (n == 0) then
          call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
             & exit_bad_input)
-         return
+      else if (inside == 0) then
+         call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n)//' crystals of it is inside', &
+            & exit_bad_input)
       end if
-      weights(:n) = exp(log_weights(:n) - maxval(log_weights(:n)))
-      prior%share_inside = sum(pack(weights(:n), inside(:n)))/sum(weights(:n))
-      if (.not. any(inside(:n))) call raise(error, 'the prior is outside the surrogate''s domain: none of '//to_text(n) &
-         & //' crystals of it is inside', exit_bad_input)
    end subroutine estimate_share
 
    !> Whether the constant j has a bound.
@@ -186,89 +186,91 @@ contains
       class(prior_type), intent(in) :: self
       !> Constants (n_constants) and stiffness in crystal axes, GPa.
       real(wp), intent(in) :: x(:), c(6, 6)
-      !> The log-anisotropy, if it is known.
+      !> The log-anisotropy, if it is known: then the crystal is stable.
       real(wp), intent(in), optional :: anisotropy
-      type(averages_type) :: averages
-      real(wp) :: young, poisson
       integer :: j
 
       admits = .false.
       do j = 1, self%n_constants
          if (.not. (x(j) >= self%lower(j) .and. x(j) <= self%upper(j))) return
       end do
-      averages = polycrystal_averages(c)
-      ! The averages of an unstable crystal are NaN.
-      if (.not. anisotropy_of_averages(averages) <= self%anisotropy_cap) return
-      if (.not. self%has_box) then
-         call hill_young_poisson(averages, young, poisson)
-         if (.not. (young >= self%young(1) .and. young <= self%young(2))) return
-         if (.not. (poisson >= self%poisson(1) .and. poisson <= self%poisson(2))) return
+      if (present(anisotropy)) then
+         if (.not. anisotropy <= most_anisotropic) return
+      else
+         if (.not. is_stable(c)) return
       end if
-      if (self%log_anisotropy_max < huge(1.0_wp)) then
-         if (present(anisotropy)) then
-            if (.not. anisotropy <= self%log_anisotropy_max) return
-         else
-            if (.not. log_anisotropy(c) <= self%log_anisotropy_max) return
-         end if
+      if (self%anisotropy_cap < huge(1.0_wp)) then
+         if (.not. anisotropy_index(c) <= self%anisotropy_cap) return
       end if
       admits = .true.
       if (allocated(self%basis)) admits = self%basis%domain%admits(c)
    end function admits
 
-   !> Logarithm of the normal factor at a crystal `c` (GPa) of the support; the uniform part is left out.
-   pure real(wp) function log_density(self, c)
+   !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it is stated, up to a constant.
+   pure real(wp) function log_density(self, c, w)
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
+      !> Its log K, where that is known.
+      real(wp), intent(in), optional :: w(:)
       real(wp) :: values(size(self%knowledge%mean))
 
       log_density = 0.0_wp
+      if (self%has_default) then
+         if (present(w)) then
+            log_density = self%log_default(w)
+         else
+            log_density = self%log_default(self%logarithms%to_logarithms(c))
+         end if
+      end if
       if (size(values) == 0) return
       call evaluate_quantities(self%knowledge%quantities, c, values)
       values = values - self%knowledge%mean
       call solve_lower(self%factor, values)
-      log_density = -0.5_wp*sum(values**2)
+      log_density = log_density - 0.5_wp*sum(values**2)
    end function log_density
 
-   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else an isotropic one with anisotropy added,
-   !> uniform in the ball of log-anisotropies that are allowed.
-   subroutine draw_start(self, stream, x, log_weight)
+   !> The prior where not all bounds are stated, of log K. The first two coordinates are log 3K and sqrt(5) log 2G of its isotropic part.
+   pure real(wp) function log_default(self, w)
+      class(prior_type), intent(in) :: self
+      !> (n_constants).
+      real(wp), intent(in) :: w(:)
+      integer :: k
+
+      k = size(w) - 2
+      associate (contrast => w(1) - w(2)/sqrt(5.0_wp), scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp)
+         log_default = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 + ((scale - self%typical_scale)/scale_sd)**2) &
+            & - 0.5_wp*(freedom + k)*log(1.0_wp + k*sum((w(3:)/anisotropy_scale)**2)/freedom)
+      end associate
+   end function log_default
+
+   !> A crystal to begin with, in the support or not: uniform in the box if there is one, else of the default prior.
+   subroutine draw_start(self, stream, x)
       class(prior_type), intent(in) :: self
       type(random_stream_type), intent(inout) :: stream
       !> Constants, GPa.
       real(wp), intent(out) :: x(:)
-      !> What the density of the draws lacks to be uniform, in the constants with a box and in log K without.
-      real(wp), intent(out) :: log_weight
-      real(wp), parameter :: wider = 1.3_wp
       type(log_frame_type) :: frame
-      real(wp) :: u, young, nu, w(self%n_constants), c(6, 6), radius
-      integer :: j, free
+      real(wp) :: z(self%n_constants + int(freedom)), w(self%n_constants), c(6, 6), contrast, scale
+      integer :: j
 
-      log_weight = 0.0_wp
       if (self%has_box) then
          do j = 1, self%n_constants
-            call stream%uniform(u)
-            x(j) = self%lower(j) + u*(self%upper(j) - self%lower(j))
+            call stream%uniform(x(j))
          end do
+         x = self%lower + x*(self%upper - self%lower)
          return
       end if
-      call stream%uniform(u)
-      young = self%typical_young*(young_factor*wider)**(2.0_wp*u - 1.0_wp)
-      call stream%uniform(u)
-      nu = 0.02_wp + 0.47_wp*u
-      ! Coordinates along unit matrices of multiplicity one and five.
-      w(1) = log(young/(1.0_wp - 2.0_wp*nu))
-      w(2) = sqrt(5.0_wp)*log(young/(1.0_wp + nu))
-      log_weight = log(1.0_wp/(1.0_wp + nu) + 2.0_wp/(1.0_wp - 2.0_wp*nu))
-      free = self%n_constants - 2
-      if (free > 0) then
-         do j = 3, self%n_constants
-            call stream%normal(w(j))
-         end do
-         call stream%uniform(u)
-         radius = min(self%log_anisotropy_max, 2.0_wp*greatest_log_anisotropy)*u**(1.0_wp/free)
-         w(3:) = radius*w(3:)/norm2(w(3:))
-      end if
+      do j = 1, size(z)
+         call stream%normal(z(j))
+      end do
+      contrast = contrast_mean + contrast_sd*z(1)
+      scale = self%typical_scale + scale_sd*z(2)
+      w(1) = scale + 5.0_wp/6.0_wp*contrast
+      w(2) = sqrt(5.0_wp)*(scale - contrast/6.0_wp)
+      associate (k => self%n_constants - 2)
+         w(3:) = anisotropy_scale/sqrt(real(max(1, k), wp))*z(3:k + 2)/sqrt(sum(z(k + 3:)**2)/freedom)
+      end associate
       call self%logarithms%from_logarithms(w, c, frame)
       x = self%class%constants_of(c)
    end subroutine draw_start

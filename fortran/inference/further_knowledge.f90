@@ -1,7 +1,8 @@
 !> What knowing more would bring: the sds of the constants if some quantities, which indentation does not see, were known as well.
 !>
 !> From the draws at hand: each of some of them in turn is taken for the truth, all are weighted by the normal factors that this
-!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance tells (linear update).
+!> knowledge would be, and the sds that are left are averaged. Where too few draws have weight, the covariance tells (linear update). What
+!> &knowledge states already is left out.
 module further_knowledge
    use constants_prior, only: prior_type
    use errors, only: error_type
@@ -37,6 +38,7 @@ contains
       real(wp), intent(in) :: draws(:, :, :)
       type(gain_type), allocatable, intent(out) :: gains(:)
       type(error_type), allocatable :: error
+      type(gain_type) :: gain
       character(len=:), allocatable :: names(:)
       type(quantity_type), allocatable :: list(:)
       real(wp), allocatable :: values(:, :), constants(:, :)
@@ -44,9 +46,11 @@ contains
       integer :: i, k
 
       constants = flattened(thinned(draws(:prior%n_constants, :, :), most_draws))
-      allocate (gains(size(kinds)))
+      allocate (gains(0))
       do k = 1, size(kinds)
          names = split_list(trim(kinds(k)))
+         if (all([(is_stated(prior, trim(names(i))), i=1, size(names))])) cycle
+         gain = gain_type()
          allocate (list(size(names)))
          do i = 1, size(names)
             call new_quantity(trim(names(i)), list(i), error)
@@ -55,13 +59,26 @@ contains
          call keep_distinct(values, distinct)
          do i = 1, size(names)
             if (.not. distinct(i)) cycle
-            if (len_trim(gains(k)%name) > 0) gains(k)%name = trim(gains(k)%name)//','
-            gains(k)%name = adjustl(trim(gains(k)%name)//' '//names(i))
+            if (len_trim(gain%name) > 0) gain%name = trim(gain%name)//','
+            gain%name = adjustl(trim(gain%name)//' '//names(i))
          end do
-         call expect_sds(constants, values, gains(k))
+         call expect_sds(constants, values, gain)
+         gains = [gains, gain]
          deallocate (list, values)
       end do
    end subroutine expect_gains
+
+   !> Whether &knowledge has a quantity of this name.
+   pure logical function is_stated(prior, name)
+      type(prior_type), intent(in) :: prior
+      character(len=*), intent(in) :: name
+      integer :: i
+
+      is_stated = .false.
+      do i = 1, size(prior%knowledge%mean)
+         is_stated = is_stated .or. prior%knowledge%quantities(i)%name == name
+      end do
+   end function is_stated
 
    !> Leave out quantities that are the same as another in every draw.
    subroutine keep_distinct(values, distinct)

@@ -1,4 +1,4 @@
-!> What chains say: of each parameter, of the moduli of the grains, and what the data decided and what the prior did.
+!> What chains say: of each parameter, of combinations of the constants, and of the moduli of the grains.
 module posterior_summary
    use abstract_basis, only: grain_model_type
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
@@ -12,17 +12,12 @@ module posterior_summary
    use samplers, only: chains_type
    use simplex_search, only: climb
    use small_matrices, only: solve_lower, solve_upper
-   use statistics, only: covariance_of, flattened, moments, sorted_values, thinned
+   use statistics, only: covariance_of, flattened, moments, sorted_values
    implicit none
    private
    public :: parameter_type, combination_type, known_quantity_type, predictions_type
-   public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point
-   public :: determined_by_data, not_determined, determined_by_prior, thinning
+   public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point, thinning
 
-   !> A combination is decided by the data above, and left open below this contraction: its sd is not even half the prior's.
-   real(wp), parameter :: determined_by_data = 0.9_wp, not_determined = 0.75_wp
-   !> Below this contraction a most probable value means nothing.
-   real(wp), parameter :: determined_by_prior = 0.5_wp
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
    integer, parameter :: most_draws = 4000, fewest_draws = 400
@@ -39,12 +34,12 @@ module posterior_summary
    type :: combination_type
       !> (constant): powers that it has at the mean crystal, the largest 1, and correlations of its logarithm with the constants.
       real(wp), allocatable :: exponents(:), correlations(:)
-      !> Of the logarithm, in the posterior and in the prior, and one minus the ratio of variances.
-      real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp, contraction = 0.0_wp
+      !> Of the logarithm, in the posterior and in the prior.
+      real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
    end type combination_type
 
    type :: known_quantity_type
-      real(wp) :: mean = 0.0_wp, sd = 0.0_wp, prior_mean = 0.0_wp, prior_sd = 0.0_wp, contraction = 0.0_wp
+      real(wp) :: mean = 0.0_wp, sd = 0.0_wp, prior_mean = 0.0_wp, prior_sd = 0.0_wp
    end type known_quantity_type
 
    !> For some of the draws, evenly spaced in each chain.
@@ -126,15 +121,17 @@ contains
 
    !> Combinations of the constants from the best to the worst identified: the eigenvectors of the posterior's covariance of log K
    !> against the prior's. They are uncorrelated in both.
-   subroutine find_combinations(prior, draws, prior_draws, combinations, error)
+   subroutine find_combinations(prior, draws, prior_draws, combinations, values, error)
       type(prior_type), intent(in) :: prior
-      !> (parameter, sample, chain), the first parameters constants.
-      real(wp), intent(in) :: draws(:, :, :), prior_draws(:, :, :)
+      !> (parameter, draw), the first parameters constants.
+      real(wp), intent(in) :: draws(:, :), prior_draws(:, :)
       type(combination_type), allocatable, intent(out) :: combinations(:)
+      !> Of the logarithms of the combinations, (combination, draw).
+      real(wp), allocatable, intent(out) :: values(:, :)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: both(:, :)
       real(wp), dimension(prior%n_constants, prior%n_constants) :: after, before, factor, whitened
-      real(wp), dimension(prior%n_constants) :: vector, covariance, constants, gradient, values
+      real(wp), dimension(prior%n_constants) :: vector, covariance, constants, gradient, ratios
       real(wp) :: joint(2*prior%n_constants, 2*prior%n_constants)
       integer :: i, j, k
 
@@ -150,7 +147,7 @@ contains
       if (allocated(error)) then
          ! A prior without a spread of its own has no combinations.
          deallocate (error)
-         allocate (combinations(0))
+         allocate (combinations(0), values(0, size(draws, 2)))
          return
       end if
       ! L^-1 A L^-ᵀ, whose eigenvectors u are L^-ᵀ times those that are wanted.
@@ -161,9 +158,9 @@ contains
          end do
          whitened = transpose(whitened)
       end do
-      call symmetric_eigen(whitened, values, error)
+      call symmetric_eigen(whitened, ratios, error)
       if (allocated(error)) return
-      allocate (combinations(k))
+      allocate (combinations(k), values(k, size(draws, 2)))
       do i = 1, k
          vector = whitened(:, i)
          call solve_upper(factor, vector)
@@ -175,25 +172,23 @@ contains
             one%sd = sqrt(max(0.0_wp, sum(vector*matmul(after, vector))))
             one%correlations = covariance/(one%sd*[(sqrt(joint(j, j)), j=1, k)])
             one%prior_sd = sqrt(sum(vector*matmul(before, vector)))
-            one%contraction = 1.0_wp - (one%sd/one%prior_sd)**2
          end associate
+         values(i, :) = matmul(vector, both(k + 1:, :))
       end do
    end subroutine find_combinations
 
-   !> Constants and below them log K of some of the draws.
+   !> Constants and below them log K of draws.
    pure function with_logarithms(prior, draws) result(both)
       type(prior_type), intent(in) :: prior
-      real(wp), intent(in) :: draws(:, :, :)
+      real(wp), intent(in) :: draws(:, :)
       !> (2 n_constants, draw).
-      real(wp), allocatable :: both(:, :), few(:, :)
+      real(wp) :: both(2*prior%n_constants, size(draws, 2))
       integer :: i, k
 
       k = prior%n_constants
-      few = flattened(thinned(draws, most_draws))
-      allocate (both(2*k, size(few, 2)))
-      both(:k, :) = few(:k, :)
-      do i = 1, size(few, 2)
-         both(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(few(:k, i)))
+      both(:k, :) = draws(:k, :)
+      do i = 1, size(draws, 2)
+         both(k + 1:, i) = prior%logarithms%to_logarithms(prior%class%stiffness(draws(:k, i)))
       end do
    end function with_logarithms
 
@@ -226,7 +221,7 @@ contains
 
       call moments(values, mean, sd)
       call moments(prior_values, prior_mean, prior_sd)
-      known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q), 1.0_wp - (sd(q)/prior_sd(q))**2), q=1, size(mean))]
+      known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q)), q=1, size(mean))]
    end subroutine compare_quantities
 
    !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.

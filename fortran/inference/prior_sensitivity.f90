@@ -6,21 +6,19 @@
 module prior_sensitivity
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
-   use crystal_elasticity, only: anisotropy_of_averages, averages_type, hill_young_poisson, log_anisotropy, polycrystal_averages
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve
-   use posterior_summary, only: thinning
-   use samplers, only: chains_type
-   use statistics, only: flattened, moments
+   use statistics, only: moments
+   use support_limits, only: limit_type, no_limit
    implicit none
    private
    public :: change_type, measure_sensitivity
 
    !> What another prior would have said.
    type :: change_type
-      !> What is limited: a constant, 'young', 'poisson', 'anisotropy_cap', 'log_anisotropy_max'; or 'measure'.
-      character(len=18) :: name = ''
+      !> What is limited, see `limit_type`; or 'measure'.
+      character(len=26) :: name = ''
       logical :: is_upper = .false.
       !> The limit, GPa or 1, and where it is put.
       real(wp) :: from = 0.0_wp, to = 0.0_wp
@@ -40,70 +38,52 @@ module prior_sensitivity
 
 contains
 
-   !> Every limit that there is moved in and out, and the other measure.
-   subroutine measure_sensitivity(posterior, chains, changes)
+   !> Every limit that there is moved in and out; and the other measure, where the prior is uniform.
+   subroutine measure_sensitivity(posterior, draws, limits, changes)
       type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      !> Of these draws.
+      type(limit_type), intent(in) :: limits(:)
       type(change_type), allocatable, intent(out) :: changes(:)
-      !> A lower limit that is none.
-      real(wp), parameter :: none = -1.0e6_wp
-      type(averages_type) :: averages
-      real(wp), allocatable :: draws(:, :), limited(:, :), log_weights(:)
-      real(wp) :: c(6, 6)
-      integer :: i, j, n
+      real(wp) :: log_weights(size(draws, 2))
+      integer :: i
 
-      draws = flattened(chains%draws(:, ::thinning(chains, 1), :))
-      n = size(draws, 2)
-      allocate (limited(n, 4), log_weights(n), changes(0))
-      associate (prior => posterior%prior)
-         do i = 1, n
-            c = posterior%stiffness(draws(:, i))
-            averages = polycrystal_averages(c)
-            call hill_young_poisson(averages, limited(i, 1), limited(i, 2))
-            limited(i, 3) = anisotropy_of_averages(averages)
-            limited(i, 4) = log_anisotropy(c)
-            log_weights(i) = prior%logarithms%log_volume_at(prior%logarithms%to_logarithms(c))
+      allocate (changes(0))
+      do i = 1, size(limits)
+         call move_limits(draws, limits(i), changes)
+      end do
+      if (posterior%prior%has_default) return
+      associate (logarithms => posterior%prior%logarithms)
+         do i = 1, size(log_weights)
+            log_weights(i) = logarithms%log_volume_at(logarithms%to_logarithms(posterior%stiffness(draws(:, i))))
          end do
-         do j = 1, posterior%n_constants
-            if (prior%is_stated(j)) call move_limits(draws, prior%class%constants(j), draws(j, :), prior%lower(j), prior%upper(j), &
-               & huge(1.0_wp), changes)
-         end do
-         if (.not. prior%has_box) then
-            call move_limits(draws, 'young', limited(:, 1), prior%young(1), prior%young(2), huge(1.0_wp), changes)
-            call move_limits(draws, 'poisson', limited(:, 2), prior%poisson(1), prior%poisson(2), greatest_poisson, changes)
-         end if
-         call move_limits(draws, 'anisotropy_cap', limited(:, 3), none, prior%anisotropy_cap, huge(1.0_wp), changes)
-         call move_limits(draws, 'log_anisotropy_max', limited(:, 4), none, prior%log_anisotropy_max, huge(1.0_wp), changes)
-         if (.not. prior%in_logarithms) log_weights = -log_weights
       end associate
+      if (.not. posterior%prior%in_logarithms) log_weights = -log_weights
       call add_change(draws, change_type('measure'), exp(log_weights - maxval(log_weights)), changes)
    end subroutine measure_sensitivity
 
-   !> Both limits of something, where they are any, in and out.
-   subroutine move_limits(draws, name, values, lower, upper, greatest, changes)
+   !> Both limits of a coordinate, where they are any, in and out.
+   subroutine move_limits(draws, about, changes)
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
-      !> See `change_type`.
-      character(len=*), intent(in) :: name
-      !> Of what is limited, (draw); its limits, and what it cannot exceed.
-      real(wp), intent(in) :: values(:), lower, upper, greatest
+      type(limit_type), intent(in) :: about
       type(change_type), allocatable, intent(inout) :: changes(:)
-      !> GPa; what is not within is no limit.
-      real(wp), parameter :: no_limit = 1.0e5_wp
-      real(wp) :: limit, inwards, step, distance(size(values))
+      real(wp) :: limit, inwards, step, distance(size(draws, 2))
       integer :: side
 
       do side = 1, 2
-         limit = merge(lower, upper, side == 1)
+         limit = about%range(side)
          if (.not. abs(limit) < no_limit) cycle
          inwards = merge(1.0_wp, -1.0_wp, side == 1)
-         step = min(relative_step*abs(limit), greatest_step*(upper - lower))
+         step = min(relative_step*abs(limit), greatest_step*(about%range(2) - about%range(1)))
          if (.not. step > 0.0_wp) cycle
-         distance = inwards*(values - limit)
-         call add_change(draws, change_type(name, side == 2, limit, limit + inwards*step), &
+         distance = inwards*(about%values - limit)
+         call add_change(draws, change_type(about%name, side == 2, limit, limit + inwards*step), &
             & merge(1.0_wp, 0.0_wp, distance >= step), changes)
-         if (side == 2) step = min(step, greatest - limit)
-         call add_beyond(draws, change_type(name, side == 2, limit, limit - inwards*step, exact=.false.), distance, step, changes)
+         if (side == 2 .and. about%name == 'domain.poisson') step = min(step, greatest_poisson - limit)
+         call add_beyond(draws, change_type(about%name, side == 2, limit, limit - inwards*step, exact=.false.), distance, step, &
+            & changes)
       end do
    end subroutine move_limits
 

@@ -44,6 +44,8 @@ module abstract_stage
       character(len=:), allocatable :: output
       type(places_type) :: places
       type(warning_type), allocatable :: warnings(:)
+      !> Why its result cannot be used; none: it can.
+      type(warning_type), allocatable :: reasons(:)
       !> The specimens, indenters and simulations that are wanted.
       type(settings_type), allocatable :: physics(:)
       !> What is to be simulated now.
@@ -99,7 +101,7 @@ contains
       self%places = places
       self%physics = [problem%settings]
       self%done = ''
-      allocate (self%warnings(0))
+      allocate (self%warnings(0), self%reasons(0))
       call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))

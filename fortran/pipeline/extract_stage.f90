@@ -10,7 +10,7 @@ module extract_stage
    use namelist_file, only: place
    use numbers, only: number_text
    use posterior_file, only: save_posterior
-   use posterior_diagnostics, only: check_extraction
+   use posterior_diagnostics, only: check_extraction, find_reasons
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of
@@ -61,6 +61,7 @@ contains
       call extract(self%problem, self%surrogate, found, error)
       if (allocated(error)) return
       document = write_extraction(self%problem, found)
+      call find_reasons(found, self%reasons)
       call check_extraction(self%problem, found, self%warnings)
       call save_posterior(self%problem, found, document, self%output, inputs_of(self%problem, self%groups, self%places), error)
       if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)

@@ -1,6 +1,8 @@
 !> Step 2 of a problem: chains of the posterior and of the prior, and all that is said of them.
 module extraction
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
+   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
    use further_knowledge, only: expect_gains, gain_type
@@ -9,19 +11,24 @@ module extraction
    use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
-   use posterior_summary, only: combination_type, compare_quantities, correlate, determined_by_prior, find_combinations, &
-      & known_quantity_type, most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters
+   use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
+      & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: free_run, new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
+   use support_limits, only: limit_type, list_limits
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use parallelism, only: thread_count
+   use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
-   public :: extraction_type, extract
+   public :: extraction_type, extract, unmixed
+
+   !> R-hat above which chains are not draws of one distribution.
+   real(wp), parameter :: unmixed = 1.05_wp
 
    !> Of harmonics, where the last digits of the theory do not matter.
    integer, parameter :: rough_degree = 12
@@ -33,9 +40,10 @@ module extraction
       !> Names of the parameters.
       character(len=9), allocatable :: names(:)
       type(parameter_type), allocatable :: parameters(:)
-      !> The point of largest density, (parameter), and whether the data say enough of a parameter for it to mean anything.
+      !> The point of largest density, (parameter), NaN where it is outside the 95 % interval.
       real(wp), allocatable :: most_probable(:)
-      logical, allocatable :: determined(:)
+      !> Who decided the parameters, the combinations and the quantities.
+      type(shares_type), allocatable :: parameter_shares(:), combination_shares(:), quantity_shares(:)
       !> (constant, constant).
       real(wp), allocatable :: correlation(:, :)
       type(combination_type), allocatable :: combinations(:)
@@ -47,7 +55,8 @@ module extraction
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
       type(checks_type) :: checks
-      !> What other priors would have said.
+      !> The limits of the support; what other priors would have said.
+      type(limit_type), allocatable :: limits(:)
       type(change_type), allocatable :: changes(:)
       !> Of the model and its prior, if that was asked for.
       type(evidence_type), allocatable :: evidence
@@ -68,6 +77,9 @@ module extraction
       real(wp), allocatable :: theory_mean(:), theory_sd(:)
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
+   contains
+      procedure :: verdict
+      procedure :: least_value
    end type extraction_type
 
 contains
@@ -212,13 +224,14 @@ contains
       integer, intent(in) :: threads
       type(extraction_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: prior_values(:, :)
-      integer :: k, i
+      real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), logarithms(:, :)
+      integer :: i, k, n
 
+      n = self%posterior%dimension
       k = self%posterior%n_constants
-      allocate (self%names(self%posterior%dimension))
+      allocate (self%names(n))
       self%names(:k) = self%posterior%prior%class%constants
-      if (size(self%names) > k) self%names(k + 1) = 'sd_factor'
+      if (n > k) self%names(n) = 'sd_factor'
       call reported_quantities(self%posterior%prior%class, self%quantities, error)
       if (allocated(error)) return
       call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
@@ -226,29 +239,88 @@ contains
       call average_predictions(self)
       call check_model(self%posterior, self%chains, threads, self%checks)
       call most_probable_point(self%posterior, self%chains, self%most_probable)
-      if (size(self%names) > k) then
-         self%chains%draws(k + 1, :, :) = exp(self%chains%draws(k + 1, :, :))
-         self%most_probable(k + 1) = exp(self%most_probable(k + 1))
+      draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
+      prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
+      values = flattened(self%predictions%quantities)
+      call find_combinations(self%posterior%prior, draws, prior_draws, self%combinations, logarithms, error)
+      if (allocated(error)) return
+      if (n > k) then
+         self%chains%draws(n, :, :) = exp(self%chains%draws(n, :, :))
+         self%most_probable(n) = exp(self%most_probable(n))
       end if
       call summarise_parameters(self%chains, threads, self%parameters)
-      call measure_sensitivity(self%posterior, self%chains, self%changes)
-      self%correlation = correlate(self%chains, k)
-      call find_combinations(self%posterior%prior, self%chains%draws, self%prior_chains%draws, self%combinations, error)
-      if (allocated(error)) return
-      call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
-      call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
-      call compare_quantities(flattened(self%predictions%quantities), prior_values, self%known)
-      ! Of the constants, which come first, all draws are there.
-      allocate (self%determined(size(self%names)), source=.true.)
-      do i = 1, k
-         associate (known => self%known(i), parameter => self%parameters(i))
-            known%mean = parameter%mean
-            known%sd = parameter%sd
-            known%contraction = 1.0_wp - (known%sd/known%prior_sd)**2
-            self%determined(i) = known%contraction >= determined_by_prior
+      do i = 1, n
+         associate (interval => self%parameters(i)%hdi_95, point => self%most_probable(i))
+            ! Along a ridge it is noise.
+            if (.not. (point >= interval(1) .and. point <= interval(2))) point = ieee_value(1.0_wp, ieee_quiet_nan)
          end associate
       end do
+      call share_all(threads, self, draws, logarithms, values, error)
+      if (allocated(error)) return
+      if (n > k) draws(n, :) = exp(draws(n, :))
+      self%limits = list_limits(self%posterior%prior, draws)
+      call measure_sensitivity(self%posterior, draws, self%limits, self%changes)
+      self%correlation = correlate(self%chains, k)
+      call expect_gains(self%posterior%prior, self%chains%draws, self%gains)
+      call evaluate_draws(self%quantities, self%posterior%prior%class, flattened(self%prior_chains%draws), prior_values)
+      call compare_quantities(values, prior_values, self%known)
+      ! Of the constants, which come first, all draws are there.
+      self%known(:k)%mean = self%parameters(:k)%mean
+      self%known(:k)%sd = self%parameters(:k)%sd
    end subroutine summarise
+
+   !> Who decided what: the parameters over as many draws as there is time for, the rest over some.
+   subroutine share_all(threads, self, draws, logarithms, values, error)
+      integer, intent(in) :: threads
+      type(extraction_type), intent(inout) :: self
+      !> (parameter, draw), (combination, draw), (quantity, draw).
+      real(wp), intent(in) :: draws(:, :), logarithms(:, :), values(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      !> Predictions of a measurement.
+      integer, parameter :: most = 300000
+      real(wp), allocatable :: many(:, :), all(:, :)
+      type(shares_type), allocatable :: shares(:)
+      logical :: mixed
+      integer :: k, n
+
+      k = size(draws, 1)
+      n = size(logarithms, 1)
+      mixed = .not. any(self%parameters%diagnostics%r_hat > unmixed)
+      many = flattened(thinned(self%chains%draws, max(size(draws, 2), most/self%posterior%n_grains)))
+      all = many
+      if (k > self%posterior%n_constants) many(k, :) = log(many(k, :))
+      call find_shares(self%posterior, many, all, mixed, threads, self%parameter_shares, error)
+      if (allocated(error)) return
+      deallocate (all)
+      allocate (all(n + size(values, 1), size(draws, 2)))
+      all(:n, :) = logarithms
+      all(n + 1:, :) = values
+      call find_shares(self%posterior, draws, all, mixed, threads, shares, error)
+      if (allocated(error)) return
+      self%combination_shares = shares(:n)
+      self%quantity_shares = shares(n + 1:)
+      ! Of the constants, which come first, all draws are there.
+      self%quantity_shares(:self%posterior%n_constants) = self%parameter_shares(:self%posterior%n_constants)
+   end subroutine share_all
+
+   !> 'determined', 'weak' or 'not_determined', of the parameter i.
+   pure function verdict(self, i)
+      class(extraction_type), intent(in) :: self
+      integer, intent(in) :: i
+      character(len=:), allocatable :: verdict
+
+      verdict = verdict_of(self%parameters(i)%mean, self%parameters(i)%sd, merge(self%least_value(), 0.0_wp, &
+         & i <= self%posterior%n_constants), self%parameter_shares(i))
+   end function verdict
+
+   !> A tenth of Hill's Young's modulus of the mean crystal, GPa, with which the sd of a constant near zero is compared.
+   pure real(wp) function least_value(self)
+      class(extraction_type), intent(in) :: self
+      real(wp) :: young, poisson
+
+      call hill_young_poisson(polycrystal_averages(self%posterior%stiffness(self%parameters%mean)), young, poisson)
+      least_value = 0.1_wp*young
+   end function least_value
 
    subroutine average_predictions(self)
       type(extraction_type), intent(inout) :: self

@@ -4,9 +4,10 @@ module extraction_document
    use extraction, only: extraction_type
    use json, only: json_type
    use kinds, only: wp
-   use posterior_diagnostics, only: check_extraction, known_text, powers_text
+   use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
    use problem, only: problem_type
    use text, only: fixed, join, to_text
+   use variance_shares, only: error_sources, shares_type, verdict_of
    use warning_lists, only: warn, warning_type
    implicit none
    private
@@ -20,11 +21,16 @@ contains
       type(extraction_type), intent(in) :: found
       character(len=:), allocatable :: text
       type(json_type) :: document
-      type(warning_type), allocatable :: warnings(:), lines(:)
+      type(warning_type), allocatable :: warnings(:), lines(:), reasons(:)
       integer :: i
 
+      call find_reasons(found, reasons)
       call document%begin_object()
+      call document%put('usable', size(reasons) == 0)
+      call document%put('reasons', reasons)
       call write_parameters(document, found)
+      call write_budget(document, found)
+      call write_ends(document, found)
       call document%put('correlation', found%correlation)
       if (size(found%theory_mean) > 0) then
          call document%begin_object('theory_alone')
@@ -81,14 +87,71 @@ contains
          associate (parameter => found%parameters(i), d => found%parameters(i)%diagnostics)
             call document%begin_object(trim(found%names(i)))
             call document%put_numbers('mean, sd', [parameter%mean, parameter%sd])
-            call document%put_if(found%determined(i), 'map', found%most_probable(i))
+            call document%put('map', found%most_probable(i))
             call document%put('hdi_95', parameter%hdi_95)
             call document%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
+            call write_share(document, found%parameter_shares(i), found%verdict(i))
             call document%end_object()
          end associate
       end do
       call document%end_object()
    end subroutine write_parameters
+
+   !> Who decided a quantity, and whether it is determined.
+   subroutine write_share(document, share, verdict)
+      type(json_type), intent(inout) :: document
+      type(shares_type), intent(in) :: share
+      character(len=*), intent(in) :: verdict
+
+      call document%put_numbers('measurements, knowledge, prior', [share%measurements, share%knowledge, share%prior], 'share')
+      call document%put('verdict', verdict)
+   end subroutine write_share
+
+   !> The parts of the variance of each parameter, by source; of what is known each quantity is one.
+   subroutine write_budget(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      integer :: i, j
+
+      call document%begin_object('error_budget')
+      do i = 1, size(found%names)
+         associate (share => found%parameter_shares(i), known => found%posterior%prior%knowledge%quantities)
+            call document%begin_object(trim(found%names(i)))
+            do j = 1, size(error_sources)
+               call document%put(trim(error_sources(j)), share%by_source(j))
+            end do
+            do j = 1, size(known)
+               call document%put(known(j)%name, share%by_quantity(j))
+            end do
+            call document%put('prior', share%prior)
+            call document%end_object()
+         end associate
+      end do
+      call document%end_object()
+   end subroutine write_budget
+
+   !> The limits that end the draws.
+   subroutine write_ends(document, found)
+      type(json_type), intent(inout) :: document
+      type(extraction_type), intent(in) :: found
+      integer :: i, side
+
+      call document%begin_array('limits')
+      do i = 1, size(found%limits)
+         associate (limit => found%limits(i))
+            do side = 1, 2
+               if (.not. limit%ends(side)) cycle
+               call document%begin_object()
+               call document%put('name', trim(limit%name))
+               call document%put('side', merge('upper', 'lower', side == 2))
+               call document%put('stated', limit%stated)
+               call document%put_numbers('value, share', [limit%range(side), limit%share(side)])
+               call document%end_object()
+            end do
+         end associate
+      end do
+      call document%end_array()
+   end subroutine write_ends
 
    subroutine write_predicted(document, problem, found)
       type(json_type), intent(inout) :: document
@@ -119,18 +182,18 @@ contains
       type(json_type), intent(inout) :: document
       type(extraction_type), intent(in) :: found
       !> Of a quantity, and some of a combination.
-      character(len=*), parameter :: in_both = 'mean, sd, prior_mean, prior_sd, contraction'
       character(len=:), allocatable :: names
       integer :: i
 
       names = join(found%names, ', ')
       call document%begin_array('identifiability')
       do i = 1, size(found%combinations)
-         associate (combination => found%combinations(i))
+         associate (combination => found%combinations(i), share => found%combination_shares(i))
             call begin('combination', powers_text(found%names(:size(found%combinations)), combination%exponents))
             call document%put_numbers(names, combination%exponents, 'exponents')
             call document%put_numbers(names, combination%correlations, 'correlations')
-            call document%put_numbers('sd, prior_sd, contraction', [combination%sd, combination%prior_sd, combination%contraction])
+            call document%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
+            call write_share(document, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
             call document%end_object()
          end associate
       end do
@@ -138,7 +201,9 @@ contains
          associate (known => found%known(i))
             call begin('quantity', found%quantities(i)%name)
             call document%put('unit', found%quantities(i)%unit)
-            call document%put_numbers(in_both, [known%mean, known%sd, known%prior_mean, known%prior_sd, known%contraction])
+            call document%put_numbers('mean, sd, prior_mean, prior_sd', [known%mean, known%sd, known%prior_mean, known%prior_sd])
+            call write_share(document, found%quantity_shares(i), verdict_of(known%mean, known%sd, &
+               & merge(found%least_value(), 0.0_wp, found%quantities(i)%unit == 'GPa'), found%quantity_shares(i)))
             call document%end_object()
          end associate
       end do
@@ -214,21 +279,13 @@ contains
       type(prior_type), intent(in) :: prior
       integer :: j
 
-      call document%put('measure', trim(merge('logarithms', 'constants ', prior%in_logarithms)))
+      call document%put('measure', prior%measure())
       call document%begin_object('bounds')
       do j = 1, prior%n_constants
          if (prior%is_stated(j)) call document%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
       end do
       call document%end_object()
       call document%put_if(prior%anisotropy_cap < huge(1.0_wp), 'anisotropy_cap', prior%anisotropy_cap)
-      call document%put_if(prior%log_anisotropy_max < huge(1.0_wp), 'log_anisotropy_max', prior%log_anisotropy_max)
-      if (prior%has_box) then
-         call document%put_null('poisson')
-         call document%put_null('young_gpa')
-      else
-         call document%put('poisson', prior%poisson)
-         call document%put('young_gpa', prior%young)
-      end if
       call document%put('share_covered', prior%share_inside)
    end subroutine write_limits
 
@@ -242,14 +299,14 @@ contains
 
       allocate (lines(0))
       associate (prior => found%posterior%prior)
-         line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
-         if (.not. prior%has_box) line = line//', Poisson''s ratio (Hill) '//to_text(prior%poisson(1))//' .. ' &
-            & //to_text(prior%poisson(2))//', Young''s modulus (Hill) '//fixed(prior%young(1), 0)//' .. ' &
-            & //fixed(prior%young(2), 0)//' GPa'
+         if (prior%has_default) then
+            line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &
+               & //'scale is that of the mean measurement within a factor of 5'
+         else
+            line = 'uniform in '//trim(merge('log K        ', 'the constants', prior%in_logarithms))//' over stable crystals'
+         end if
          if (prior%anisotropy_cap < huge(prior%anisotropy_cap)) line = line//', anisotropy index (Eq. 14) up to ' &
             & //to_text(prior%anisotropy_cap)
-         if (prior%log_anisotropy_max < huge(prior%log_anisotropy_max)) line = line//', log-anisotropy up to ' &
-            & //to_text(prior%log_anisotropy_max)
          call warn(lines, line)
          line = ''
          do j = 1, prior%n_constants
@@ -280,7 +337,7 @@ contains
       if (len(text) > 0) text = text//'; times what was learnt from '
       text = text//to_text(found%simulations)//' simulations'
       if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
-      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it covers ' &
+      text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
    end function surrogate_text
 end module extraction_document

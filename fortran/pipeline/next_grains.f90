@@ -7,6 +7,7 @@ module next_grains
    use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
    use errors, only: error_type
+   use field_degree, only: choose_field_degree
    use json, only: json_type
    use kinds, only: degree, wp
    use linear_algebra, only: orthonormalize
@@ -28,6 +29,8 @@ module next_grains
 
    !> Draws of the posterior, and scenarios of what earlier suggestions will say, behind the expected gains.
    integer, parameter :: most_draws = 2000, scenarios = 48
+   !> Of these draws every fifth chooses how finely theory is read.
+   integer, parameter :: degree_stride = 5
    !> Suggestions are at least so far apart: the same grain cannot be measured again, and a near twin is hard to find.
    real(wp), parameter :: separation_deg = 5.0_wp
 
@@ -37,7 +40,8 @@ contains
    !> candidate as the first of them.
    subroutine next_document(problem, posterior, draws, document, warnings, error)
       type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: posterior
+      !> Its theory is read as finely as these draws need, wherever they come from.
+      type(posterior_type), intent(inout) :: posterior
       !> Draws of the posterior, (parameter, draw); the last parameter may be the factor on the sds.
       real(wp), intent(in) :: draws(:, :)
       !> JSON.
@@ -61,6 +65,8 @@ contains
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
+         if (posterior%grains%has_theory) call choose_field_degree(posterior, few(:, ::degree_stride), error)
+         if (allocated(error)) return
          call place_candidates(problem, posterior%prior%class, candidates, euler_deg)
          call predict_candidates(posterior, few, sd, problem%settings%problem%seed, euler_deg, candidates, error)
          if (.not. allocated(error)) call set_target(posterior, wanted%target, few, candidates, error)

@@ -36,7 +36,6 @@ contains
          call extract(self%problem, self%surrogate, found, error)
          if (allocated(error)) return
          draws = flattened(found%chains%draws)
-         self%posterior = found%posterior
          call remove_files(self%output, chain_prefix)
       end if
       call next_document(self%problem, self%posterior, draws, document, self%warnings, error)

@@ -1,26 +1,27 @@
-!> What a person should know of a posterior before believing it, in plain words. Nothing is withheld because of them.
+!> What a person should know of a posterior before using it: reasons for which it cannot be used, and warnings, by consequence.
 module posterior_diagnostics
    use abstract_indenter, only: indenter_type
    use constants_prior, only: knowledge_type
    use errors, only: error_type
-   use extraction, only: extraction_type
+   use extraction, only: extraction_type, unmixed
    use field_degree, only: allowed_error
    use files, only: printable
    use indenters, only: new_indenter
    use kinds, only: wp
-   use posterior_summary, only: determined_by_data, not_determined
    use prior_sensitivity, only: change_type
    use problem, only: problem_type
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: check_extraction, known_text, powers_text
+   public :: check_extraction, find_reasons, known_text, powers_text
 
    !> Chains have mixed if R-hat is below and the effective sample sizes of a parameter are above this for each chain (Vehtari et
    !> al., Bayesian Anal. 16, 667, 2021).
    real(wp), parameter :: greatest_r_hat = 1.01_wp
    integer, parameter :: least_size = 100
+   !> Knowledge that is further off, sds, belongs to another crystal or is in another unit.
+   real(wp), parameter :: furthest = 10.0_wp
    !> A bias is small, and two contact radii are alike, below these.
    real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
    !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10
@@ -36,39 +37,111 @@ contains
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       integer :: i
 
-      call check_surrogate(found, warnings)
+      call check_limits(found, .true., warnings)
+      call check_theory(found, warnings)
       call check_sizes(problem, found, warnings)
-      call check_knowledge(found, warnings)
+      if (.not. is_truncated(found)) call check_knowledge(found, warnings)
       do i = 1, size(found%names)
          call check_mixing(found, i, problem%settings%sampler%method, warnings)
       end do
-      call check_ridges(found, warnings)
-      call check_combinations(found, warnings)
-      do i = 1, found%posterior%n_constants
-         if (found%posterior%prior%is_stated(i)) call check_bound(found, i, warnings)
-      end do
+      call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
+      call check_scale(found, warnings)
+      if (is_truncated(found)) return
       call check_grains(problem, found, warnings)
       call check_residuals(problem, found, warnings)
    end subroutine check_extraction
 
-   !> A surrogate that knows only a part of the prior; theory that was read too roughly, after all attempts.
-   subroutine check_surrogate(found, warnings)
+   !> Why the result cannot be used, each with what to do: none, it can be used.
+   subroutine find_reasons(found, reasons)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(out) :: reasons(:)
+      integer :: i, j
+
+      allocate (reasons(0))
+      call check_limits(found, .false., reasons)
+      associate (worst => found%parameters%diagnostics)
+         i = maxloc(worst%r_hat, dim=1)
+         j = minloc(min(worst%ess_bulk, worst%ess_tail), dim=1)
+         ! One chain has no R-hat.
+         if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= unmixed)) then
+            call warn(reasons, trim(found%names(max(1, i)))//': R-hat is '//fixed(worst(max(1, i))%r_hat, 2)//' (allowed up to ' &
+               & //to_text(unmixed)//'): the chains have not found the same distribution. Increase samples and burn_in, or state ' &
+               & //'what else is known in &knowledge')
+         else if (min(worst(j)%ess_bulk, worst(j)%ess_tail) < least_size) then
+            call warn(reasons, trim(found%names(j))//': only '//fixed(min(worst(j)%ess_bulk, worst(j)%ess_tail), 0) &
+               & //' effective samples ('//to_text(least_size)//' are needed). Increase samples')
+         end if
+      end associate
+      if (size(reasons) > 0) return
+      associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
+         do j = 1, size(conflict)
+            if (conflict(j) > furthest) call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
+               & //' sd away from what all else says (allowed up to '//fixed(furthest, 0)//'). Check its value and unit in ' &
+               & //'&knowledge, and modulus_kind')
+         end do
+      end associate
+   end subroutine find_reasons
+
+   !> Whether a limit that nobody stated ends the draws.
+   pure logical function is_truncated(found)
+      type(extraction_type), intent(in) :: found
+      integer :: i
+
+      is_truncated = any([(.not. found%limits(i)%stated .and. any(found%limits(i)%ends), i=1, size(found%limits))])
+   end function is_truncated
+
+   !> The limits that end the draws, either the stated ones or the others.
+   subroutine check_limits(found, stated, warnings)
+      type(extraction_type), intent(in) :: found
+      logical, intent(in) :: stated
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=:), allocatable :: name, remedy
+      integer :: i, side
+
+      do i = 1, size(found%limits)
+         associate (limit => found%limits(i))
+            if (limit%stated .neqv. stated) cycle
+            do side = 1, 2
+               if (.not. limit%ends(side)) cycle
+               name = 'the '//trim(merge('upper', 'lower', side == 2))//' limit of '//trim(limit%name)
+               remedy = '. It is stated in &prior: widen it there if it is not meant'
+               if (.not. stated) then
+                  name = 'the '//trim(merge('upper', 'lower', side == 2))//' limit of ' &
+                     & //trim(limit%name(index(limit%name, '.') + 1:))//' in the domain of the surrogate'
+                  remedy = '. Build the surrogate for a wider &domain, or with &design focus = ''posterior'''
+               end if
+               call warn(warnings, 'the posterior is truncated by '//name//', '//to_text(limit%range(side), 4)//' (' &
+                  & //fixed(100.0_wp*limit%share(side), 0)//' % of the draws lie next to it)'//remedy)
+            end do
+         end associate
+      end do
+   end subroutine check_limits
+
+   !> Theory that was read too roughly, after all attempts.
+   subroutine check_theory(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      character(len=:), allocatable :: scale
 
-      associate (known => found%posterior%prior%known_scale, share => found%posterior%prior%share_inside)
-         scale = ''
-         if (known(2) < huge(1.0_wp)) scale = ' (a scale, the geometric mean of the stiffness'' eigenvalues, of ' &
-            & //fixed(known(1), 1)//' to '//fixed(known(2), 1)//' GPa)'
-         if (share < 0.99_wp) call warn(warnings, 'the surrogate knows '//fixed(100.0_wp*share, 0)//' % of the ' &
-            & //'crystals within the stated bounds'//scale//'; the posterior is cut to these')
-      end associate
       if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
          & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
          & //fixed(100.0_wp*allowed_error, 0)//' %')
-   end subroutine check_surrogate
+   end subroutine check_theory
+
+   !> sds that had to be more than doubled.
+   subroutine check_scale(found, warnings)
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      real(wp), parameter :: greatest = 2.0_wp
+      integer :: n
+
+      n = size(found%names)
+      if (.not. found%posterior%infers_scale) return
+      if (found%parameters(n)%mean > greatest) call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
+         & //' times as large as the stated standard deviations say (chi-square '//fixed(sum(((found%posterior%measured &
+         & - found%expected)/found%posterior%sd)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &
+         & //'An inferred scale hides errors of the model: check orientations, modulus_kind and &specimen')
+   end subroutine check_scale
 
    !> Poor R-hat and effective sample sizes of the parameter i over all chains; NaN has not mixed.
    subroutine check_mixing(found, i, method, warnings)
@@ -85,84 +158,45 @@ contains
       associate (diagnostics => found%parameters(i)%diagnostics)
          effective = min(diagnostics%ess_bulk, diagnostics%ess_tail)
          if ((diagnostics%r_hat < greatest_r_hat .or. chains == 1) .and. effective > least_size*chains) return
-         reason = 'there is one chain'
-         if (chains > 1) reason = 'R-hat is '//fixed(diagnostics%r_hat, 3)//' (below '//to_text(greatest_r_hat)//' is well)'
+         reason = ': only '//fixed(effective, 0)//' effective samples ('//to_text(least_size*chains)//' are needed)'
+         if (chains > 1 .and. .not. diagnostics%r_hat < greatest_r_hat) reason = ': the chains have not mixed, R-hat is ' &
+            & //fixed(diagnostics%r_hat, 3)//' (allowed up to '//to_text(greatest_r_hat)//')'
       end associate
-      remedy = 'take more samples'
-      if (method /= 'ensemble') remedy = remedy//', or method ''ensemble'''
-      call warn(warnings, 'the chains of '//trim(found%names(i))//' have not mixed: '//reason//', and they are worth ' &
-         & //fixed(effective, 0)//' independent samples; '//remedy)
+      remedy = '. Increase samples'
+      if (method /= 'ensemble') remedy = remedy//', or use method = ''ensemble'''
+      call warn(warnings, trim(found%names(i))//reason//remedy)
    end subroutine check_mixing
 
-   !> The constants that trade off, with what the data decided and what the prior did.
-   subroutine check_ridges(found, warnings)
+   !> The constants that are not determined, and what would determine them.
+   subroutine check_determined(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp), parameter :: strong = 0.7_wp
-      character(len=:), allocatable :: pairs, known, hidden, powers
-      !> More are not read.
-      integer, parameter :: most = 3
-      integer :: i, j, k, pair_count
+      !> Share of the sd that knowledge leaves, to be named.
+      real(wp), parameter :: worth_it = 0.7_wp
+      character(len=:), allocatable :: names, advice
+      integer :: i, j
 
-      pairs = ''
-      known = ''
-      hidden = ''
-      pair_count = 0
-      k = size(found%combinations)
-      associate (combinations => found%combinations, correlation => found%correlation, names => found%names(:k))
-         do i = 1, k
-            powers = powers_text(names, combinations(i)%exponents)
-            if (combinations(i)%contraction > determined_by_data .and. i <= most) known = listed(known, powers, ', ')
-            if (combinations(i)%contraction < not_determined .and. k - i < most) hidden = listed(hidden, powers, ', ')
-         end do
-         if (len(hidden) == 0) return
-         do i = 1, k
-            do j = 1, i - 1
-               if (.not. abs(correlation(i, j)) > strong) cycle
-               pair_count = pair_count + 1
-               if (pair_count <= most) pairs = pairs//trim(names(i))//' and '//trim(names(j)) &
-                  & //' trade off (correlation '//fixed(correlation(i, j), 2)//'); '
-            end do
-         end do
-      end associate
-      if (pair_count > most) pairs = pairs//'so do '//to_text(pair_count - most)//' other pairs; '
-      if (len(known) == 0) known = 'no combination by themselves'
-      call warn(warnings, pairs//'the data decided '//known//'; the prior decided '//hidden)
-   end subroutine check_ridges
-
-   !> How many combinations indentation alone leaves open, which constants that is mostly, and what would close them.
-   subroutine check_combinations(found, warnings)
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> Share of a constant's variance that is the open combinations', and of its sd that knowledge leaves, to be named.
-      real(wp), parameter :: mostly = 0.8_wp, worth_it = 0.7_wp
-      character(len=:), allocatable :: which, advice
-      real(wp) :: share(found%posterior%n_constants)
-      integer :: i, j, open
-
-      open = count(found%combinations%contraction < not_determined)
-      if (open == 0) return
-      share = 0.0_wp
-      do i = 1, size(found%combinations)
-         if (found%combinations(i)%contraction < not_determined) share = share + found%combinations(i)%correlations**2
+      names = ''
+      do i = 1, found%posterior%n_constants
+         if (found%verdict(i) /= 'not_determined') cycle
+         names = listed(names, trim(found%names(i)), ', ')
+         associate (share => found%parameter_shares(i)%prior)
+            if (share > 0.0_wp) names = names//' (prior '//fixed(100.0_wp*share, 0)//' %)'
+         end associate
       end do
-      which = ''
-      do j = 1, size(share)
-         if (share(j) >= mostly*maxval(share)) which = listed(which, trim(found%names(j)), ', ')
-      end do
+      if (len(names) == 0) return
       advice = ''
       do i = 1, size(found%gains)
          associate (gain => found%gains(i))
             j = minloc(gain%sd_then/gain%sd_now, dim=1)
             if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
-            advice = listed(advice, trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would bring the sd of ' &
+            advice = listed(advice, trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
                & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa', '; ')
          end associate
       end do
-      if (len(advice) > 0) advice = '. Say in &knowledge what else is known: '//advice
-      call warn(warnings, 'the data leave '//to_text(open)//' of '//to_text(size(share))//' combinations open (' &
-         & //which//', mostly)'//advice)
-   end subroutine check_combinations
+      if (len(advice) > 0) advice = '. State in &knowledge what else is known: '//advice
+      call warn(warnings, 'not determined by the measurements: '//names//advice)
+   end subroutine check_determined
 
    !> What is said in &knowledge and cannot be brought together with all else.
    subroutine check_knowledge(found, warnings)
@@ -229,41 +263,6 @@ contains
       longer = item
       if (len(list) > 0) longer = list//mark//item
    end function listed
-
-   !> Draws of the constant i that crowd at a bound: the last of twenty bins ends there and is not empty.
-   subroutine check_bound(found, i, warnings)
-      type(extraction_type), intent(in) :: found
-      integer, intent(in) :: i
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      integer, parameter :: bins = 20
-      real(wp), parameter :: crowded = 0.35_wp, at_bound = 0.01_wp
-      integer, allocatable :: bin(:, :)
-      integer :: counts(bins), k
-      real(wp) :: low, high
-
-      associate (draws => found%chains%draws(i, :, :), lower => found%posterior%prior%lower(i), &
-         & upper => found%posterior%prior%upper(i))
-         low = minval(draws)
-         high = maxval(draws)
-         if (.not. high > low) return
-         bin = min(bins, 1 + int(bins*((draws - low)/(high - low))))
-         counts = [(count(bin == k), k=1, bins)]
-         call check_side(low - lower, counts(1), lower, 'lower')
-         call check_side(upper - high, counts(bins), upper, 'upper')
-      end associate
-
-   contains
-
-      subroutine check_side(gap, held, bound, side)
-         real(wp), intent(in) :: gap, bound
-         integer, intent(in) :: held
-         character(len=*), intent(in) :: side
-
-         if (gap < at_bound*(high - low) .and. held > crowded*maxval(counts)) call warn(warnings, trim(found%names(i)) &
-            & //' piles up at its bound of '//to_text(bound)//' GPa: the '//side &
-            & //' bound, not the data, ends its distribution there')
-      end subroutine check_side
-   end subroutine check_bound
 
    !> Grains whose modulus disagrees with all others; the likelihood may take that into account.
    subroutine check_grains(problem, found, warnings)
@@ -358,7 +357,7 @@ contains
             where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
       end associate
-      if (len(line) > 0) call warn(warnings, 'the prior has a say: '//line)
+      if (len(line) > 0) call warn(warnings, 'the result depends on the prior: '//line)
 
    contains
 

@@ -1,6 +1,5 @@
 !> posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of all before it at the end.
 module posterior_file
-   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char
    use checksums, only: checksum
    use errors, only: error_type, refuse
@@ -21,7 +20,7 @@ contains
    !> The `document`, what it is about, and numbers. Chains: 'draws' (parameter, sample, chain), 'log_density' (sample, chain),
    !> 'acceptance' (chain), 'prior_draws'; of some draws, 'stride'
    !> apart, 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group, draw, chain), 'quantities' (quantity, draw,
-   !> chain), 'log_prior' (draw, chain); of each parameter 'most_probable', NaN where the data do not say; and the prior's limits.
+   !> chain), 'log_prior' (draw, chain); of each parameter 'most_probable', NaN where it is outside the interval; and the prior's limits.
    subroutine put_extraction(problem, found, document, out)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -51,8 +50,7 @@ contains
          call out%put_array('log_likelihood', checks%log_likelihood, shape(checks%log_likelihood))
          call out%put_array('replicated', checks%replicated, shape(checks%replicated))
          call out%put_array('log_prior', checks%log_prior, shape(checks%log_prior))
-         call out%put_array('most_probable', merge(found%most_probable, ieee_value(1.0_wp, ieee_quiet_nan), found%determined), &
-            & shape(found%most_probable))
+         call out%put_array('most_probable', found%most_probable, shape(found%most_probable))
          call out%put_array('lower', prior%lower, shape(prior%lower))
          call out%put_array('upper', prior%upper, shape(prior%upper))
          call out%put('anisotropy_cap', prior%anisotropy_cap)

@@ -2,7 +2,7 @@
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, raise
+   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use namelist_file, only: place
@@ -79,6 +79,7 @@ contains
       type(problem_type), target :: self
       type(error_type), allocatable :: error
       type(places_type) :: places
+      logical :: usable
       integer :: i
 
       call read_problem(path, command, self, error)
@@ -105,14 +106,18 @@ contains
       if (.not. allocated(error)) call begin_results(self, groups_of(self%stages), places, error)
       call stop_on(error)
       do i = 1, size(self%stages)
-         call perform_stage(self, trim(self%stages(i)), places)
+         call perform_stage(self, trim(self%stages(i)), places, usable)
+         ! What to measure next follows from a posterior that can be used.
+         if (.not. usable) call end_process(exit_unusable)
       end do
    end subroutine perform
 
-   subroutine perform_stage(self, name, places)
+   !> A stage to its end; `usable`: whether its result can be used.
+   subroutine perform_stage(self, name, places, usable)
       type(problem_type), intent(in), target :: self
       character(len=*), intent(in) :: name
       type(places_type), intent(in) :: places
+      logical, intent(out) :: usable
       class(stage_type), allocatable :: stage
       type(error_type), allocatable :: error
       character(len=:), allocatable :: document
@@ -123,6 +128,10 @@ contains
       if (.not. allocated(error)) call simulate_all(stage, error)
       if (.not. allocated(error)) call stage%close(document, error)
       call stop_on(error)
+      usable = size(stage%reasons) == 0
+      do i = 1, size(stage%reasons)
+         write (error_unit, '(2a)') 'the result cannot be used: ', stage%reasons(i)%text
+      end do
       call tell(stage%warnings)
       write (output_unit, '(3a)') name, ': ', stage%done
       select type (stage)
@@ -187,7 +196,7 @@ contains
          & '  --schema      print the page of all groups and variables', &
          & '  --version     print the version', &
          & '', &
-         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 128 + N stopped by signal N (run it again ', &
-         & 'to go on).'
+         & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
+         & '128 + N stopped by signal N (run it again to go on).'
    end subroutine print_help
 end program batch

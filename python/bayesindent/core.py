@@ -63,8 +63,8 @@ class BayesindentWarning(UserWarning):
 
 
 def warn_of(document: dict) -> None:
-    """The warnings of a document, as Python's; they name the line that called the library's function."""
-    for line in document.get("warnings", []):
+    """Why a result cannot be used, and the warnings of its document, as Python's; they name the line that called the library's function."""
+    for line in [*(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])), *document.get("warnings", [])]:
         warnings.warn(line, BayesindentWarning, stacklevel=3)
 
 

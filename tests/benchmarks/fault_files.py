@@ -28,7 +28,7 @@ QUICK = """\
 &design n_candidates = 200 budget = 20 batch = 6 /
 &measurements file = 'grains.csv' modulus_kind = 'indentation_modulus' /
 &prior c_min = 50, 40, 15 c_max = 250, 150, 120 anisotropy_cap = 7.2 /
-&sampler samples = 100 burn_in = 100 chains = 2 /
+&sampler samples = 500 burn_in = 1000 chains = 2 /
 &next count = 1 /
 &execution workers = 1 /
 """

@@ -43,7 +43,7 @@ def write(folder: Path, name: str) -> str:
             f"&problem symmetry = 'cubic', title = {quoted(name)} /\n&crystals points = {table} /\n"
             "&simulation simulator = 'theory' /\n&design n_candidates = 60, budget = 8 /\n"
             f"&surrogate degree = 1, file = {quoted(name[:100] + '.txt')} /\n&measurements file = {table} /\n"
-            "&sampler method = 'scmh', samples = 40, burn_in = 100, chains = 2 /\n&next count = 1 /\n"
+            "&sampler samples = 400, burn_in = 1000, chains = 2 /\n&next count = 1 /\n"
         )
     )
     return f"{name}.nml"

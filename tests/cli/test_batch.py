@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -275,7 +276,6 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
     path = tmp_path / "sample.nml"
     path.write_text(SAMPLE.format(symmetry=symmetry, data=data, method=method, measurements=measurements, prior=prior))
     done = batch("sample.nml", "--output", "out")
-    assert done.returncode == 0, done.stderr
     problem = Problem(path, "extract")
     surrogate = Surrogate.load(tmp_path / "out" / "surrogate.txt")
     result = inference_data(groups_of(Posterior(problem, surrogate, EXTRACTION).values))
@@ -285,6 +285,7 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
         assert [float(row[name]) for row in rows] == pytest.approx(draws.values.ravel().tolist(), rel=1e-14 if name == "sd_factor" else 0)
     assert [float(row["log_density"]) for row in rows] == result.sample_stats["lp"].values.ravel().tolist()
     document, expected = json.loads((tmp_path / "out" / "summary.json").read_text()), summary(result)
+    assert done.returncode == (0 if expected["usable"] else 3)
     assert {key: value for key, value in document.items() if key not in ("inputs", "checksum")} | {"seconds": 0} == expected | {
         "seconds": 0
     }
@@ -321,8 +322,9 @@ def test_one_chain_has_no_r_hat(batch, tmp_path):
         "&sampler method = 'scmh', samples = 50, burn_in = 100, chains = 1 /\n"
     )
     done = batch("a.nml", "--output", "out")
-    assert done.returncode == 0
-    assert "warning: the chains of C11 have not mixed: there is one chain, and they are worth " in done.stderr
+    # Fifty samples are not a hundred effective ones.
+    assert done.returncode == 3
+    assert re.search(r"^the result cannot be used: C\d\d: only \d+ effective samples", done.stderr, re.M)
     parameters = json.loads((tmp_path / "out" / "summary.json").read_text())["parameters"].values()
     assert all(item["r_hat"] is None and np.isfinite(item["ess_bulk"]) for item in parameters)
 
@@ -368,7 +370,8 @@ def test_check_says_what_sampling_says(batch, tmp_path, folder, symmetry, spoile
         assert checked.stderr == sampled.stderr
     else:
         assert (checked.returncode, checked.stderr) == (0, "")
-        assert sampled.returncode == 0, sampled.stderr
+        # It samples; ten samples are too few to be used.
+        assert sampled.returncode == 3, sampled.stderr
 
 
 def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):

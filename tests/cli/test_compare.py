@@ -15,7 +15,7 @@ from conftest import SOURCE
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
 &measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
-&sampler method = 'scmh', samples = 300, burn_in = 2000, chains = 2, evidence = EVIDENCE /
+&sampler samples = 2000, burn_in = 2000, chains = 2, evidence = EVIDENCE /
 """
 
 
@@ -79,6 +79,8 @@ def test_compare(bayesindent, tmp_path, monkeypatch):
     assert done.returncode == 0, done.stderr
     assert "warning: the runs are of different measurements: evidence and leave-one-out are not compared" in done.stderr
     assert {path.name for path in (tmp_path / "three").glob("*.svg")} == {"forest.svg", "overlay.svg"}
+    assert "share their measurements" not in done.stdout
+    assert "share their measurements" in bayesindent("compare", "runs/plain", "runs/tip").stdout
     line = next(line for line in done.stdout.splitlines() if line.startswith("C44")).split()
     item = summaries["plain"]["parameters"]["C44"]
     assert line[1:4] == [f"{item['mean']:.1f}", "±", f"{item['sd']:.1f}"]

@@ -33,9 +33,13 @@ def test_prior_and_order(bayesindent, tmp_path):
     assert re.fullmatch(r"surrogate: the exact theory of the half-space, harmonics to degree \d+, .* % of its sd", lines[begin + 3])
     rows = [line.split() for line in lines if re.match(r"C\d\d ", line)]
     document = json.loads((tmp_path / "runs" / "a" / "summary.json").read_text())
-    contraction = {row["name"]: row["contraction"] for row in document["identifiability"] if row["kind"] == "quantity"}
-    assert [row[0] for row in rows] == sorted(document["parameters"], key=lambda name: -contraction[name])
-    assert list(document["parameters"]) == ["C11", "C12", "C44"]
+    assert document["usable"]
+    assert list(document["parameters"]) == [row[0] for row in rows] == ["C11", "C12", "C44"]
+    assert lines[1].split() == ["constant", "mean", "sd", "95", "%", "measured", "known", "prior", "verdict"]
+    for row, item in zip(rows, document["parameters"].values(), strict=True):
+        assert list(map(int, row[6:9])) == [round(100 * share) for share in item["share"].values()]
+        assert "_".join(row[9:]) == item["verdict"]
+    assert max(map(len, done.stdout.split("The prior")[0].splitlines())) <= 80
     done = subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert [line for line in done.stdout.splitlines() if line.startswith("prior: ")][:3] == [f"prior: {line}" for line in PRIOR]
 
@@ -43,12 +47,12 @@ def test_prior_and_order(bayesindent, tmp_path):
 @pytest.mark.long
 def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     (tmp_path / "a.nml").write_text(CASE.replace("KNOWN", "300"))
-    for done in (
-        bayesindent("extract", "a.nml"),
-        subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False),
-    ):
-        assert done.returncode == 0, done.stderr
-        told = re.search(r"warning: what is said of bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", done.stderr)
+    batch = subprocess.run([BATCH, "a.nml", "--output", "b"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = bayesindent("extract", "a.nml")
+    for one, first in ((done, done.stdout), (batch, batch.stderr)):
+        assert one.returncode == 3, one.stderr
+        assert first.lower().startswith("the result cannot be used: bulk_modulus = 300.0 ± 3.3 gpa is ")
+        told = re.search(r"warning: what is said of bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", one.stderr)
         # The bounds alone keep the bulk modulus below (250 + 2 150)/3 = 183 GPa.
         assert float(told[1]) > (300 - 184) / 3.3 - 1
 

@@ -19,7 +19,8 @@ NAMELIST = f"""
 {DOMAIN["cubic"]}&surrogate degree = 2 /
 &design n_candidates = 200, budget = 12, batch = 2, validation = 2 /
 &measurements file = '{REFERENCE / "cubic_fe3si.csv"}', modulus_kind = 'indentation_modulus' /
-&sampler samples = 60, burn_in = 300, chains = 2 /
+&prior c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /
+&sampler samples = 600, burn_in = 2000, chains = 2 /
 &next count = 2 /
 &execution workers = 2 /
 """

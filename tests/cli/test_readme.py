@@ -33,13 +33,10 @@ def check_constant(value, wanted):
     """One row of the constants: a fourth of its sd for another order of simulations, which another processor may choose."""
     quarter = wanted[1] / 4
     assert value[:2] == pytest.approx(wanted[:2], abs=quarter)
-    # The most probable value, where one is given, lies on a long ridge and is worth little; it is in the interval.
-    *mode, low, high, contraction, r_hat, bulk, tail = value[2:]
-    assert all(low <= number <= high for number in mode)
-    assert [low, high] == pytest.approx(wanted[-6:-4], abs=3 * quarter)
-    assert contraction == pytest.approx(wanted[-4], abs=0.01)
-    assert r_hat < 1.01
-    assert min(bulk, tail) > 0.7 * min(wanted[-2:])
+    assert value[2:4] == pytest.approx(wanted[2:4], abs=3 * quarter)
+    # Shares of the measurements, of what is known and of the prior, in per cent.
+    assert value[4:] == pytest.approx(wanted[4:], abs=10)
+    assert sum(value[4:]) == pytest.approx(100, abs=2)
 
 
 def off_deg(row):

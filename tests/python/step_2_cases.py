@@ -5,15 +5,16 @@ import json
 
 import numpy as np
 import pytest
+from scipy import stats
 from theory_cases import FILES, SYMMETRIES, theory_surrogate
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names
+from bayesindent.crystal.elasticity import constant_names, stiffness_rows
 from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from conftest import REFERENCE
 
-__all__ = ["KIND", "columns", "crystal", "reference", "rough_correction", "table_of"]
+__all__ = ["KIND", "columns", "crystal", "default_prior", "parts_of", "reference", "rough_correction", "table_of"]
 
 
 #: What the reference moduli are.
@@ -105,3 +106,48 @@ def columns(symmetry):
 
 def table_of(euler_deg, modulus_gpa, sd_gpa=None):
     return {"euler_deg": euler_deg, "modulus_gpa": modulus_gpa} | ({} if sd_gpa is None else {"sd_gpa": sd_gpa})
+
+
+def parts_of(stiffness):
+    """Contrast log(3K/2G), log-anisotropy and scale of stiffnesses (n, 6, 6), by their logarithms."""
+    values, vectors = kelvin_axes(stiffness)
+    logarithm = vectors @ (np.log(values)[..., None] * np.swapaxes(vectors, -1, -2))
+    trace = np.trace(logarithm, axis1=-2, axis2=-1)
+    dilatation = logarithm[..., :3, :3].sum(axis=(-2, -1)) / 3
+    shear = (trace - dilatation) / 5
+    anisotropy = np.sqrt(np.maximum(0, (logarithm**2).sum(axis=(-2, -1)) - dilatation**2 - 5 * shear**2))
+    return dilatation - shear, anisotropy, trace / 6
+
+
+def kelvin_axes(stiffness):
+    """Eigenvalues and eigenvectors of Kelvin's matrix of stiffnesses (..., 6, 6)."""
+    unit = np.diag([1, 1, 1, 2**0.5, 2**0.5, 2**0.5])
+    return np.linalg.eigh(unit @ stiffness @ unit)
+
+
+def log_volume(symmetry, constants):
+    """log |d log K / d c| at constants (n, k), up to a number of the class: divided differences of the logarithm in K's own axes."""
+    values, vectors = kelvin_axes(stiffness_rows(symmetry, constants))
+    left, right = values[:, :, None], values[:, None, :]
+    ratio = (left - right) / (left + right)
+    safe = np.where(np.abs(ratio) < 1e-4, 0.5, ratio)
+    quotient = 2 / (left + right) * np.where(safe == ratio, np.arctanh(safe) / safe, 1 + ratio**2 / 3)
+    unit = np.diag([1, 1, 1, 2**0.5, 2**0.5, 2**0.5])
+    directions = unit @ stiffness_rows(symmetry, np.eye(len(constant_names(symmetry)))) @ unit
+    turned = np.swapaxes(vectors, 1, 2)[:, None] @ directions @ vectors[:, None] * quotient[:, None]
+    turned = turned.reshape(len(values), len(directions), 36)
+    return np.linalg.slogdet(turned @ np.swapaxes(turned, 1, 2))[1] / 2
+
+
+def default_prior(symmetry, constants, mean_modulus):
+    """Logarithm of the density, of constants (n, k), where not all bounds are stated, up to a number."""
+    contrast, anisotropy, scale = parts_of(stiffness_rows(symmetry, constants))
+    # Of an isotropic solid with this modulus.
+    young = mean_modulus * (1 - 0.3**2)
+    middle = (np.log(young / (1 - 0.6)) + 5 * np.log(young / 1.3)) / 6
+    density = stats.norm(1.07, 0.6).logpdf(contrast) + stats.norm(middle, np.log(5)).logpdf(scale) + log_volume(symmetry, constants)
+    k = len(constant_names(symmetry)) - 2
+    if k > 0:
+        along = np.outer(anisotropy, np.eye(k)[0])
+        density = density + stats.multivariate_t(shape=0.7**2 / k * np.eye(k), df=3).logpdf(along)
+    return density

@@ -2,13 +2,17 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.report.figures.comparison import limits
+from bayesindent.report.figures.posterior import stacked
 from bayesindent.report.figures.residuals import chi_square
 from bayesindent.report.figures.young import youngs_modulus
+from bayesindent.report.results import NothingToShow
 from conftest import HANGS_S
 
 
@@ -41,6 +45,28 @@ def test_the_expected_chi_square_is_its_mean_over_data():
         found.append(total)
     assert 8.5 < expected < 10
     assert np.mean(found) == pytest.approx(expected, abs=5 * np.std(found) / np.sqrt(draws))
+
+
+def test_a_narrow_posterior_fills_a_tenth_of_its_axis():
+    def run(*ends):
+        return SimpleNamespace(samples={"C11": np.array(ends, dtype=float)})
+
+    wide, narrow, near = run(0, 1000), run(100, 110), run(85, 125)
+    for runs in ([wide, narrow], [narrow, wide, near]):
+        low, high = limits(runs, "C11")
+        assert low < 100 < 110 < high
+        assert high - low <= 100
+    low, high = limits([narrow, near], "C11")
+    assert 80 < low < 85 < 125 < high < 130
+
+
+def test_shares_that_are_not_numbers_have_no_bar():
+    parts = {"C11": {"noise": 0.25, "prior": 0.75, "tip": 0.001}, "C12": dict.fromkeys(("noise", "prior", "tip"))}
+    picture = stacked(parts, ["C11", "C12"], 2, "")
+    widths = [[bar.get_width() for bar in bars] for bars in picture.figure.axes[0].containers]
+    assert widths == [[25, 0], [75, 0]]
+    with pytest.raises(NothingToShow):
+        stacked({"C12": parts["C12"]}, ["C12"], 1, "")
 
 
 TWO = """

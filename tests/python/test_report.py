@@ -1,4 +1,4 @@
-"""The report shows what belongs to the present inputs, and marks what the data did not decide."""
+"""The report shows what belongs to the present inputs, the answer first, and who decided it."""
 
 import json
 import re
@@ -12,10 +12,9 @@ import bayesindent as bi
 from bayesindent.inference.quantities import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
-from bayesindent.report.formatting import products_as_html, quantity_name
+from bayesindent.report.formatting import limit_name, products_as_html, quantity_name, share_cells
 from bayesindent.report.sections import sensitivity_row
 from bayesindent.report.templates import read_data
-from conftest import SOURCE
 
 COPPER, TUNGSTEN = {"C11": 168.4, "C12": 121.4, "C44": 75.4}, {"C11": 198.0, "C12": 140.0, "C44": 110.0}
 ANGLES = [(0, 0, 0), (0, 30, 10), (0, 45, 0), (0, 54.7, 45), (10, 20, 30), (0, 40, 45)]
@@ -30,7 +29,7 @@ def write_case(folder: Path, constants: dict, kind: str = "indentation_modulus",
     file = folder / "case.nml"
     file.write_text(
         f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = 'grains.csv' modulus_kind = '{kind}' /\n"
-        f"&prior {BOUNDS} /\n&sampler samples = 300, burn_in = 500 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
+        f"&prior {BOUNDS} /\n&sampler samples = 2000, burn_in = 1000 {more} /\n&next sd_gpa = 3.0, count = 2 /\n{stages}"
     )
     return file
 
@@ -107,24 +106,53 @@ def test_a_surrogate_beside_the_namelist_is_found(tmp_path, monkeypatch, capsys)
 def test_one_chain(tmp_path, capsys):
     output = tmp_path / "out"
     assert main(["run", str(write_case(tmp_path, COPPER, more=", chains = 1")), "--output", str(output)]) == 0
-    table = capsys.readouterr().out
-    assert " – " in next(line for line in table.splitlines() if line.startswith("C11"))
     assert json.loads((output / "summary.json").read_text())["parameters"]["C11"]["r_hat"] is None
-    assert "Convergence of 1 chains" in (output / "report.html").read_text()
+    assert "<td>C11</td><td>–</td>" in (output / "report.html").read_text().split("Convergence of 1 chains")[1]
 
 
 @pytest.mark.long
-def test_most_probable_is_left_out_where_the_prior_decided(tmp_path, capsys):
-    # Fe-3%Si: the data do not decide C12.
+def test_shares_stand_beside_the_constants(tmp_path, capsys):
     output = tmp_path / "out"
-    file = write_case(tmp_path, COPPER)
-    file.write_text(file.read_text().replace("grains.csv", str(SOURCE / "inputs" / "data" / "fe3si.csv")))
-    assert main(["extract", str(file), "--output", str(output)]) == 0
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("C12"))
-    assert line.split()[3] == "–"
+    assert main(["extract", str(write_case(tmp_path, COPPER)), "--output", str(output)]) == 0
+    lines = capsys.readouterr().out.splitlines()
     assert main(["report", str(output)]) == 0
-    cells = (output / "report.html").read_text().split("<td>C12</td>")[1].split("</tr>")[0]
-    assert cells.split("<td>")[3] == "–</td>"
+    page = (output / "report.html").read_text()
+    assert 'role="alert"' not in page
+    for name, item in json.loads((output / "summary.json").read_text())["parameters"].items():
+        cells = share_cells(item)
+        assert next(line for line in lines if line.startswith(name)).split()[6:] == " ".join(cells).split()
+        assert re.findall("<td>(.*?)</td>", page.split(f"<td>{name}</td>")[1].split("</tr>")[0])[-4:] == cells
+
+
+def test_a_result_that_cannot_be_used(tmp_path, capsys):
+    """Too few draws: exit status 3, the reason first everywhere, and no grain to measure next."""
+    output, file = tmp_path / "out", write_case(tmp_path, COPPER)
+    file.write_text(file.read_text().replace("samples = 2000", "samples = 20"))
+    assert main(["run", str(file), "--output", str(output)]) == 3
+    words = "The result cannot be used: "
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(words)
+    assert not (output / "next.json").exists()
+    page = (output / "report.html").read_text()
+    assert 'role="alert"' in page
+    assert page.index(words.strip()) < page.index("Elastic constants in GPa")
+    assert main(["extract", str(file), "--output", str(output), "--json"]) == 3
+    captured = capsys.readouterr()
+    document = json.loads(captured.out)
+    assert not document["usable"]
+    assert captured.err.splitlines()[-3 - len(document["warnings"])] == f"{words}{document['reasons'][0]}" == first
+    settings = {"symmetry": "cubic", "modulus_kind": "indentation_modulus", "samples": 20, "burn_in": 500, "chains": 2}
+    with pytest.warns(bi.BayesindentWarning) as told:
+        bi.extract(tmp_path / "grains.csv", **settings)
+    assert str(told[0].message).startswith(words.replace("The", "the"))
+
+
+def test_shares_and_limits_in_words():
+    item = {"share": {"measurements": 0.223, "knowledge": 0.73, "prior": 0.047}, "verdict": "not_determined"}
+    assert share_cells(item) == ["22", "73", "5", "not determined"]
+    assert share_cells({"share": dict.fromkeys(item["share"]), "verdict": "weak"}) == ["–", "–", "–", "weak"]
+    assert limit_name("C11") == "C11"
+    assert limit_name("domain.poisson") == "Poisson's ratio (Hill) in the domain of the surrogate"
 
 
 def test_names_of_quantities():
@@ -151,21 +179,24 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
     assert main(["report", str(output), "--figures", "svg"]) == 0
     page = (output / "report.html").read_text()
     order = [
+        "<h2>Result",
+        "Elastic constants in GPa",
+        "combinations of the constants are determined",
+        'class="warnings"',
         "What was asked",
         "6 grains, ",
         "effective modulus, with E = 1140 GPa",
         "Prior in effect",
-        'class="warnings"',
-        "What is known now",
+        "Step 2: the elastic constants",
     ]
-    places = [page.index(words) for words in [*order, "Elastic constants in GPa", "Step 2: the elastic constants"]]
+    places = [page.index(words) for words in order]
     assert places == sorted(places)
     for word in ("Table", "Figure"):
         numbers = [int(number) for number in re.findall(rf"<b>{word} (\d+)\.</b>", page)]
         assert numbers == list(range(1, len(numbers) + 1))
         assert len(numbers) > 5
     drawn = {path.stem for path in (output / "figures").iterdir()}
-    assert drawn >= {"prior_posterior", "residuals", "young_surface", "orientations", "contraction", "knowledge", "next_grains"}
+    assert drawn >= {"prior_posterior", "residuals", "young_surface", "orientations", "shares", "error_budget", "knowledge", "next_grains"}
     # What other inputs cannot make any more goes.
     for stage in ("next.json", "summary.json"):
         (output / stage).unlink()

@@ -67,12 +67,13 @@ def test_another_prior(surrogates):
 
 
 @pytest.mark.long
-def test_limits_where_nothing_is_stated(surrogates):
-    result = bi.extract(table_of(*columns("cubic")), surrogate=surrogates["cubic"], symmetry="cubic", samples=1000, **KIND)
-    limits = {(name, side) for name, side, _ in changes_of(result)}
-    both = {(name, side) for name in ("young", "poisson") for side in ("lower", "upper")}
-    assert limits == both | {("log_anisotropy_max", "upper"), ("measure", None)}
-    assert changes_of(result)["poisson", "upper", True]["to"] == pytest.approx(0.5)
+def test_limits_where_not_all_bounds_are_stated(surrogates):
+    """Without bounds there is no limit to move; with upper ones alone only these, and no other measure."""
+    table, settings = table_of(*columns("cubic")), {"surrogate": surrogates["cubic"], "symmetry": "cubic", "samples": 1000, **KIND}
+    assert changes_of(bi.extract(table, **settings)) == {}
+    one = changes_of(bi.extract(table, c_max=[250, 5000, 5000], **settings))
+    assert {(name, side) for name, side, _ in one} == {(name, "upper") for name in NAMES}
+    assert one["C11", "upper", False]["to"] == pytest.approx(225)
 
 
 @pytest.mark.long

@@ -26,7 +26,7 @@ def extract(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace"
     `samples`, `burn_in`, `chains`, `surrogate_variance`, ... Further groups: `prior` (constants without the data), `derived` (quantities
     of the crystal, for some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), for the same draws
     `log_likelihood` (of each measurement given all others), `log_prior` and `posterior_predictive` (the grains measured anew), and
-    `observed_data`, `constant_data`.
+    `observed_data`, `constant_data`. Why a result cannot be used is its first warning.
     """
     surrogate = loaded(surrogate)
     found = Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION)

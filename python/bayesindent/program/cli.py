@@ -20,7 +20,7 @@ from .commands import COMMANDS
 
 __all__ = ["main"]
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, UNUSABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 log = logging.getLogger("bayesindent")
 # Without a handler of its own the library would print errors, which `tell` does.
@@ -52,8 +52,8 @@ examples:
   bayesindent build FILE.nml --tell results.csv      and their moduli back
 
 units: GPa, um, mN, degrees (Bunge-Euler angles phi1, Phi, phi2). An uncertainty is a standard deviation, sd.
-exit status: 0 done, perhaps with warnings; 2 bad input; 1 anything else; 128 + N stopped by signal N, such as 130 by Ctrl-C (run it again
-to go on).
+exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; 128 + N stopped by
+signal N, such as 130 by Ctrl-C (run it again to go on).
 'bayesindent COMMAND --help' tells more, such as the variables of the namelist."""
 
 
@@ -146,9 +146,14 @@ def describe_group(name: str) -> str:
 
 
 def finish(arguments: argparse.Namespace, document: dict | int) -> int:
-    """Tell the warnings on standard error and the document on standard output, as JSON or in words; an exit status stays one."""
+    """Print why the result cannot be used, the warnings on standard error, and the document on standard output, as JSON or in words; an
+    exit status stays one."""
     if isinstance(document, int):
         return document
+    reasons = document.get("extract", document).get("reasons", [])
+    for reason in reasons:
+        log.error("the result cannot be used: %s", reason)
+        print(f"The result cannot be used: {reason}", file=sys.stderr if arguments.json else sys.stdout, flush=True)
     for warning in document["warnings"]:
         log.warning("%s", warning)
         tell(f"warning: {warning}")
@@ -160,7 +165,7 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
         tell(f"results are in {arguments.results}")
     if arguments.command.then is not None:
         tell(f"next: {arguments.command.then(arguments, document)}")
-    return DONE
+    return UNUSABLE if reasons else DONE
 
 
 def tell(text: str) -> None:

@@ -46,6 +46,7 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
         values = {name: {key: item[key] for key in ("mean", "sd", "hdi_95")} for name, item in run.parameters.items()}
         entry = {"folder": str(run.folder), "run": run.label, "title": run.title, "symmetry": run.symmetry, "grains": len(run.measured[1])}
         entries.append(entry | {"parameters": values})
+        warnings += [f"the result of {run.label} cannot be used: {reason}" for reason in run.documents["extract"]["reasons"]]
         for name in constants_of(runs):
             if name not in values:
                 continue
@@ -64,7 +65,8 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
     document = {"runs": entries, "same_data": same, "differences": differences, "models": models, "warnings": warnings, "figures": []}
     if output:
         header = ["run", "constant", "mean_gpa", "sd_gpa", "hdi_95_low_gpa", "hdi_95_high_gpa", "difference_gpa", "difference_sd"]
-        write_csv(output / "comparison.csv", header, rows, f"differences are from {first.label}")
+        shared = "; the runs share their measurements, and with them the errors of these" * same
+        write_csv(output / "comparison.csv", header, rows, f"differences are from {first.label}{shared}")
         document["figures"] = draw(runs, output, figures)
         write_json(output / "comparison.json", document)
     return document

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from markupsafe import Markup, escape
 
 __all__ = [
-    "best_first", "enumeration", "latex", "number", "numbers", "orientation", "percent", "product_html", "product_label", "products_as_html",
-    "quantities_label", "quantity_format", "quantity_label", "quantity_name", "subscript",
+    "SHARES", "SHARE_HEADER", "enumeration", "latex", "limit_name", "number", "numbers", "orientation", "percent", "product_html",
+    "product_label", "products_as_html", "quantities_label", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript",
 ]  # fmt: skip
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -17,6 +17,10 @@ LATEX = str.maketrans({
     "\\": r"\textbackslash{}", "%": r"\%", "_": r"\_", "&": r"\&", "#": r"\#", "±": r"$\pm$", "–": "--", "°": r"$^\circ$", "²": "$^2$",
     "ν": r"$\nu$", "χ": r"$\chi$", "µ": r"\textmu{}", "−": "$-$", "^": r"\^{}", "~": r"\~{}", "<": "$<$", ">": "$>$", "→": r"$\to$",
 })  # fmt: skip
+
+#: Whose shares of a variance are reported, with their headers; and the headers of `share_cells`.
+SHARES = {"measurements": "measured", "knowledge": "known", "prior": "prior"}
+SHARE_HEADER = [*(f"{name} (%)" for name in SHARES.values()), "verdict"]
 
 MODULI = {"bulk": "bulk modulus", "shear": "shear modulus", "young": "Young's modulus", "poisson": "Poisson's ratio"}
 
@@ -36,11 +40,19 @@ def numbers(item: Mapping, **digits: int) -> list[str]:
     return [number(item.get(name), count) for name, count in digits.items()]
 
 
-def best_first(document: dict) -> list[tuple[str, dict, float | None]]:
-    """Name, entry and contraction of each parameter of the document of `extract`, those first that the data know best."""
-    contraction = {row["name"]: row["contraction"] for row in document.get("identifiability", []) if row["kind"] == "quantity"}
-    rows = [(name, item, contraction.get(name)) for name, item in document["parameters"].items()]
-    return sorted(rows, key=lambda row: math.inf if row[2] is None else -row[2])
+def share_cells(item: Mapping) -> list[str]:
+    """The shares of the variance of a parameter, combination or quantity in per cent, see `SHARES`, and the verdict on it."""
+    return [*(percent(item["share"][name]) for name in SHARES), item["verdict"].replace("_", " ")]
+
+
+def limit_name(name: str) -> str:
+    """What a limit of the prior, or of a surrogate's domain, limits."""
+    words = {
+        "anisotropy_cap": "the anisotropy index", "log_anisotropy_max": "log-anisotropy", "poisson": "Poisson's ratio (Hill)",
+        "stiffness_gpa": "the scale of the stiffness", "measure": "the other measure of the prior",
+    }  # fmt: skip
+    domain, _, own = name.rpartition(".")
+    return words.get(own, own) + (" in the domain of the surrogate" if domain else "")
 
 
 def orientation(euler_deg: Iterable[float]) -> str:

@@ -3,7 +3,7 @@
 from ..version import __version__
 from .figures.residuals import chi_square
 from .results import Results
-from .summary import determined, measured_ranges, specimen, with_count
+from .summary import measured_ranges, specimen, with_count, with_verdict
 from .templates import read_data, render
 
 __all__ = ["methods"]
@@ -21,12 +21,13 @@ def methods(results: Results) -> tuple[str, str]:
         else f"{name} {item['mean']:.3g}"
         for name, item in parameters.items()
     ]
+    prior, surrogate = results.prior_and_surrogate
     text = render(
         "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
         version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
-        prior=document["prior"]["words"], chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
+        prior=prior, surrogate=surrogate, chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
         effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=constants, combinations=len(combinations),
-        determined=len(determined(combinations)),
+        determined=len(with_verdict(combinations, "determined")),
         chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
     )  # fmt: skip
     works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")

@@ -11,7 +11,7 @@ from ..core import InputError
 from ..crystal.elasticity import stiffness_rows
 from ..fe.deck import elastic_constants
 from ..version import __version__
-from .formatting import best_first, enumeration, latex, number, numbers, orientation, quantity_format, quantity_name
+from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, orientation, quantity_format, quantity_name, share_cells
 from .methods import methods
 from .results import Results
 from .sections import identifiability_cells
@@ -67,21 +67,21 @@ def tables(results: Results) -> dict[str, Table]:
     found = {
         "constants": Table(
             "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its 95 % interval of highest density, and the "
-            "contraction, the share of the prior's variance that the data removed.",
-            ["constant", "mean", "sd", "95 % from", "to", "contraction"],
+            "shares of its variance that are due to the measurements, to what else was known and to the prior.",
+            ["constant", "mean", "sd", "95 % from", "to", *SHARE_HEADER],
             [
-                [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), number(share, 3)]
-                for name, item, share in best_first(document)
+                [name, *numbers(item, mean=1, sd=1), *map(number, item["hdi_95"]), *share_cells(item)]
+                for name, item in document["parameters"].items()
             ],
         ),
         "quantities": Table(
-            "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, contraction.",
-            ["quantity", "unit", "mean", "sd", "sd of the prior", "contraction"],
+            "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, shares.",
+            ["quantity", "unit", "mean", "sd", "sd of the prior", *SHARE_HEADER],
             [[quantity_name(row["name"]), quantity_format(row)[0], *identifiability_cells(row)] for row in quantities],
         ),
         "combinations": Table(
-            "Products of powers of the constants, from the best to the worst identified: exponents, sds in per cent, contraction.",
-            [*results.constants, "sd (%)", "sd of the prior (%)", "contraction"],
+            "Products of powers of the constants, from the best to the worst identified: exponents, sds in per cent, shares.",
+            [*results.constants, "sd (%)", "sd of the prior (%)", *SHARE_HEADER],
             [
                 [*(number(round(row["exponents"].get(name, 0.0), 2) + 0.0, 2) for name in results.constants), *identifiability_cells(row)]
                 for row in results.identifiability("combination")

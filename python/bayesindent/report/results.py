@@ -80,6 +80,13 @@ class Results:
         return [row for row in self.documents["extract"].get("identifiability", []) if row["kind"] == kind]
 
     @property
+    def prior_and_surrogate(self) -> tuple[list[str], str]:
+        """The lines of the document of `extract` on its prior, and that on its surrogate."""
+        words = self.documents["extract"]["prior"]["words"]
+        place = next(i for i, line in enumerate(words) if line.startswith("surrogate: "))
+        return words[:place], words[place].removeprefix("surrogate: ")
+
+    @property
     def simulations(self) -> list[dict]:
         """Simulated crystals that did not fail."""
         return [row for row in self.documents["simulate"].get("results", []) if succeeded(row)]

@@ -7,7 +7,17 @@ from importlib import metadata
 from markupsafe import Markup
 
 from ..version import __version__
-from .formatting import best_first, number, numbers, orientation, percent, product_html, quantities_label, quantity_format, quantity_label
+from .formatting import (
+    limit_name,
+    number,
+    numbers,
+    orientation,
+    product_html,
+    quantities_label,
+    quantity_format,
+    quantity_label,
+    share_cells,
+)
 from .results import Results
 
 __all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
@@ -21,23 +31,31 @@ MOST_ROWS = 40
 def report_rows(results: Results) -> dict[str, list[list]]:
     """The rows of each table; none where the results have nothing of it."""
     document = results.documents["extract"]
-    parameters = best_first(document) if document else []
+    parameters = document.get("parameters", {}).items()
     theory_alone = document.get("theory_alone", {})
-    quantities = sorted(results.identifiability("quantity"), key=lambda row: -row["contraction"])
     return {
         "constants": [
-            [name, *numbers(item, mean=1, sd=1, map=1), unbroken(" to ".join(map(number, item["hdi_95"]))), number(contraction, 3)]
-            for name, item, contraction in parameters
+            [name, *numbers(item, mean=1, sd=1), unbroken(" to ".join(map(number, item["hdi_95"]))), *share_cells(item)]
+            for name, item in parameters
         ],
-        "convergence": [[name, *numbers(item, r_hat=3, ess_bulk=0, ess_tail=0)] for name, item, _ in parameters],
+        "limits": [
+            [
+                f"{row['side']} limit of {limit_name(row['name'])}",
+                f"{row['value']:.4g}",
+                number(100 * row["share"], 0),
+                "yes" if row["stated"] else "no",
+            ]
+            for row in document.get("limits", [])
+        ],
+        "convergence": [[name, *numbers(item, r_hat=3, ess_bulk=0, ess_tail=0)] for name, item in parameters],
         "theory_alone": [
             [name, *numbers(document["parameters"][name], mean=1, sd=1), *numbers(item, mean=1, sd=1)]
             for name, item in theory_alone.items()
         ],
         "combinations": [[product_html(row["exponents"]), *identifiability_cells(row)] for row in results.identifiability("combination")],
-        "quantities": [[quantity_label(row), *identifiability_cells(row)] for row in quantities],
+        "quantities": [[quantity_label(row), *identifiability_cells(row)] for row in results.identifiability("quantity")],
         "knowledge": [knowledge_row(row, document["parameters"]) for row in results.identifiability("knowledge")],
-        "prior": prior_rows(document["prior"]) if document.get("prior") else [],
+        "prior": prior_rows(results) if document.get("prior") else [],
         "checks": check_rows(results) if document.get("checks") else [],
         "sensitivity": [row for row in map(sensitivity_row, document.get("sensitivity", [])) if row],
         "simulations": simulation_rows(results),
@@ -70,11 +88,11 @@ def unbroken(text: str) -> Markup:
 
 
 def identifiability_cells(row: dict) -> list[str]:
-    """Mean of a quantity, its sds in posterior and prior, and contraction; of a combination, which has no mean, the sds are in per cent."""
+    """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has no mean, the sds are in per cent."""
     digits = quantity_format(row)[1] if row["kind"] == "quantity" else 0
-    relative = [percent(row[name], 2) for name in ("sd", "prior_sd")]
+    relative = [number(100 * row[name], 2) for name in ("sd", "prior_sd")]
     values = numbers(row, mean=digits, sd=digits, prior_sd=digits) if digits else relative
-    return [*values, number(row["contraction"], 3)]
+    return [*values, *share_cells(row)]
 
 
 def knowledge_row(row: dict, parameters: dict) -> list[str]:
@@ -83,24 +101,15 @@ def knowledge_row(row: dict, parameters: dict) -> list[str]:
     return [f"{quantities_label(row)} to {100 * row['relative_sd']:.0f} %", ", ".join(sds)]
 
 
-def prior_rows(prior: dict) -> list[list[str]]:
+def prior_rows(results: Results) -> list[list[str]]:
     """What the document of `extract` says of its prior."""
-    rows = [["uniform in", {"constants": "the constants", "logarithms": "the logarithm of the stiffness"}[prior["measure"]]]]
+    prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
+    rows = [["density", words[0]]]
     rows += [[f"{name} (GPa)", " .. ".join(map(number, bounds))] for name, bounds in prior["bounds"].items()]
-    for name, text in {
-        "poisson": "Poisson's ratio (Hill)",
-        "young_gpa": "Young's modulus (Hill, GPa)",
-        "anisotropy_cap": "anisotropy index (Eq. 14) up to",
-        "log_anisotropy_max": "log-anisotropy up to",
-    }.items():
-        limits = prior[name] if isinstance(prior[name], list) else [prior[name]]
-        if limits and limits != [None]:
-            rows.append([text, " .. ".join(number(limit, 2) for limit in limits)])
     for item in prior["knowledge"]:
         value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
         rows.append([f"known: {quantity_label(item)}", value])
-    rows.append(["surrogate", prior["words"][-1].removeprefix("surrogate: ")])
-    return [*rows, ["share that the surrogate covers", f"{100 * prior['share_covered']:.0f} %"]]
+    return [*rows, ["surrogate", surrogate]]
 
 
 def check_rows(results: Results) -> list[list]:
@@ -122,11 +131,7 @@ def sensitivity_row(change: dict) -> list[str] | None:
     shifts = {name: shift for name, shift in change["shift_sd"].items() if shift is not None and abs(shift) > LEAST_SHIFT}
     if not shifts:
         return None
-    names = {
-        "young": "Young's modulus (Hill)", "poisson": "Poisson's ratio (Hill)", "anisotropy_cap": "the anisotropy index",
-        "log_anisotropy_max": "log-anisotropy", "measure": "the other measure of the prior",
-    }  # fmt: skip
-    text = names.get(change["name"], change["name"])
+    text = limit_name(change["name"])
     if "side" in change:
         text = f"{change['side']} limit of {text} from {change['from']:.4g} to {change['to']:.4g}"
     shifted = ", ".join(f"{name} {shift:+.2f}" for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1])))

@@ -1,17 +1,14 @@
-"""What stands first in the report: the inputs, and what is well determined now."""
+"""What stands first in the report: what is determined, and the inputs."""
 
 from markupsafe import Markup
 
-from .formatting import enumeration, number, numbers, product_html, quantity_format, quantity_name
+from .formatting import enumeration, number, numbers, percent, product_html, quantity_format, quantity_name
 from .results import Results
 
-__all__ = ["determined", "findings", "inputs_summary", "measured_ranges", "specimen", "with_count"]
+__all__ = ["findings", "inputs_summary", "measured_ranges", "specimen", "with_count", "with_verdict"]
 
-#: Contraction from which on the measurements determined something: they halved the sd of the prior, as warnings count it too.
-DETERMINED = 0.75
-
-#: Relative sd below which a quantity is well known, and how many are named.
-SMALL_SD, MOST = 0.05, 6
+#: How many quantities are named at most.
+MOST = 6
 
 
 def inputs_summary(results: Results) -> list[tuple[str, str]]:
@@ -28,11 +25,10 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
         rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]
     if document:
-        lines = document["prior"]["words"]
+        lines, surrogate = results.prior_and_surrogate
         for item in document["prior"]["knowledge"]:
             lines = [line.replace(f"{item['name']} =", f"{quantity_name(item['name'])} =") for line in lines]
-        *prior, surrogate = lines
-        rows += [("Surrogate", surrogate.removeprefix("surrogate: ")), ("Prior in effect", "; ".join(prior))]
+        rows += [("Surrogate", surrogate), ("Prior in effect", "; ".join(lines))]
     elif build := results.documents["build"]:
         rows.append(("Surrogate", f"from {build['simulations']} simulations; {build['domain']['words']}"))
     return [row for row in rows if row[1]]
@@ -82,32 +78,29 @@ def specimen(results: Results) -> str:
     }.get(group["geometry"], group["geometry"])
 
 
-def determined(rows: list[dict]) -> list[dict]:
-    """The rows on identifiability that the measurements determined."""
-    return [row for row in rows if row["contraction"] >= DETERMINED]
-
-
 def findings(results: Results) -> list[str | Markup]:
-    """Sentences: combinations that the measurements determined, quantities that are well known, constants that are not."""
-    combinations, quantities = results.identifiability("combination"), [row for row in results.identifiability("quantity") if row["mean"]]
-    if not results.documents["extract"].get("identifiability"):
+    """Sentences: combinations that are determined, and by the verdict on them quantities, the constants apart where they are determined."""
+    combinations, constants = results.identifiability("combination"), results.documents["extract"].get("parameters", {})
+    if not combinations:
         return []
-    sentences: list[str | Markup] = [f"The measurements decided none of the {len(combinations)} combinations of the constants."]
-    if found := determined(combinations):
-        products = [Markup("{} (to {} %)").format(product_html(row["exponents"]), number(100 * row["sd"])) for row in found]
-        start = Markup("The measurements decided {} of {} combinations of the constants: {}.")
-        sentences = [start.format(len(found), len(combinations), Markup(", ").join(products))]
-    near = sorted((row for row in quantities if row["sd"] <= SMALL_SD * abs(row["mean"])), key=lambda row: row["sd"] / abs(row["mean"]))
-    by_data = determined(near)
-    left = [row for row in quantities if row["name"] in results.documents["extract"]["parameters"] and not determined([row])]
+    found = with_verdict(combinations, "determined")
+    products = [Markup("{} (to {} %)").format(product_html(row["exponents"]), percent(row["sd"], 1)) for row in found]
+    start = Markup("{} of {} combinations of the constants are determined{}{}.")
+    sentences: list[str | Markup] = [start.format(len(found), len(combinations), ": " * bool(found), Markup(", ").join(products))]
+    quantities = [row for row in results.identifiability("quantity") if row["mean"]]
+    derived = sorted((row for row in quantities if row["name"] not in constants), key=lambda row: row["sd"] / abs(row["mean"]))
     for words, rows in {
-        "Well known, by the measurements": by_data[:MOST],
-        "Well known, by the prior and what else was known": [row for row in near if row not in by_data][:MOST],
-        "Left to the prior": left,
+        "Determined, too": with_verdict(derived, "determined")[:MOST],
+        "Not determined": with_verdict(quantities, "not_determined"),
     }.items():
         if rows:
             sentences.append(f"{words}: {enumeration([with_sd(row) for row in rows])}.")
     return sentences
+
+
+def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
+    """The rows on identifiability with this verdict."""
+    return [row for row in rows if row["verdict"] == verdict]
 
 
 def with_sd(row: dict) -> str:

@@ -36,6 +36,8 @@ def show(document: dict) -> None:
     for cells in (header, *rows):
         del cells[2]
     show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
+    if document["same_data"]:
+        print("The runs share their measurements, and with them the errors of these: differences come from the models and the priors.")
     if document["models"]:
         columns = ("elpd_difference", "log_z", "log_z_difference")
         rows = [

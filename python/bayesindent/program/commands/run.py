@@ -12,14 +12,17 @@ __all__ = ["COMMAND"]
 
 
 def run(arguments: argparse.Namespace) -> dict:
-    """The stages of the file in order, then a report; with --check only what would be done."""
+    """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
     from ..commands import COMMANDS
 
     if arguments.check:
         return check(Problem(arguments.file, "run"), arguments)
     problem, output = prepare(arguments)
     known = {command.name: command for command in COMMANDS}
-    documents = {name: perform(known[name], problem, output, Progress(True)) for name in problem.stages}
+    documents: dict[str, dict] = {}
+    for name in problem.stages:
+        if name != "next" or documents.get("extract", {}).get("usable", True):
+            documents[name] = perform(known[name], problem, output, Progress(True))
     documents["report"] = report.make(output, output)
     warnings = [line for document in documents.values() for line in document["warnings"]]
     return with_warnings(problem, documents | {"warnings": warnings})

@@ -23,7 +23,8 @@ FIGURES = (
     ("posterior", orientations.orientations),
     ("posterior", young.young_surface),
     ("posterior", posterior.traces),
-    ("identifiability", posterior.contraction),
+    ("identifiability", posterior.shares),
+    ("identifiability", posterior.error_budget),
     ("identifiability", knowledge.knowledge),
     ("next", orientations.next_grains),
 )

@@ -6,12 +6,14 @@ import numpy as np
 
 from ..formatting import product_label, quantity_name, subscript
 from ..results import Results, present
-from .style import BLACK, BLUE, CYCLE, ORANGE, RED, SKY, Picture, density_axes, grid_of_constants, panels, unique_legend
+from .style import BLACK, BLUE, CYCLE, RED, SKY, Picture, density_axes, grid_of_constants, panels, unique_legend
 
-__all__ = ["contraction", "grain_comparison", "marginals", "pairs", "prior_posterior", "traces"]
+__all__ = ["error_budget", "grain_comparison", "marginals", "pairs", "prior_posterior", "shares", "traces"]
 
 #: Points of the posterior that are drawn at most.
 POINTS, LINE_POINTS = 3000, 1500
+#: Share of a variance below which a source has no bar.
+LEAST_PART = 0.005
 
 
 def marginals(results: Results) -> Picture:
@@ -36,7 +38,7 @@ def marginals(results: Results) -> Picture:
         figure,
         f"Histograms of the posterior of each constant, in GPa: {values}.",
         "What the measurements say of each constant by itself; above each, mean ± sd. A thick line is a bound of the prior: where the "
-        "histogram ends at one, the bound decided. A most probable value is shown where the data decided more than the prior.",
+        "histogram ends at one, the prior truncates it. A most probable value is shown where it lies within the 95 % interval.",
     )
 
 
@@ -139,28 +141,43 @@ def traces(results: Results) -> Picture:
     return Picture(figure, "The sampled values of each chain in order.", "The chains. Healthy ones overlap and show no trend.")
 
 
-def contraction(results: Results) -> Picture:
-    """Share of the prior's variance that the data removed: of combinations of the constants, and of quantities."""
+def shares(results: Results) -> Picture:
+    """Shares of the measurements, of what else was known and of the prior: of combinations of the constants, and of quantities."""
     combinations, quantities = (results.identifiability(kind) for kind in ("combination", "quantity"))
-    rows = present(combinations + quantities)
     labels = [product_label(row["exponents"]) for row in combinations] + [subscript(quantity_name(row["name"])) for row in quantities]
-    shares = np.clip([row["contraction"] for row in rows], 0, 1)
-    place = -np.arange(len(rows)) - 0.6 * (np.arange(len(rows)) >= len(combinations))
-    figure, axes = panels(0.29 * len(rows) + 1.2)
-    axes.barh(place, shares, color=BLUE, height=0.7, label="decided by the data")
-    axes.barh(place, 1 - shares, left=shares, color=ORANGE, height=0.7, alpha=0.55, label="left to the prior")
-    for y, share in zip(place, shares):
-        axes.text(1.01, y, f"{100 * share:.0f} %", va="center")
-    axes.set_yticks(place, labels)
-    axes.set(xlim=(0, 1.1), ylim=(place.min() - 0.6, 0.6), xlabel="contraction: share of the prior's variance that the data removed")
-    axes.set_xticks(np.linspace(0, 1, 6))
-    axes.grid(axis="y")
-    figure.legend(loc="outside upper left", ncols=2)
-    return Picture(
-        figure,
-        f"Contraction of {len(combinations)} combinations of the constants, from {shares[0]:.3f} to {shares[len(combinations) - 1]:.3f}, "
-        f"and of {len(quantities)} quantities of the crystal.",
+    return stacked(
+        {row["name"]: row["share"] for row in combinations + quantities},
+        labels,
+        len(combinations),
         "Above, products of powers of the constants, from the best to the worst identified; below, the constants and quantities that "
         "follow from them.",
-        (["kind", "name", "contraction"], [[row["kind"], row["name"], row["contraction"]] for row in rows]),
+    )
+
+
+def error_budget(results: Results) -> Picture:
+    """The parts of the variance of each constant by source."""
+    budget = present(results.documents["extract"].get("error_budget"))
+    return stacked(budget, list(map(subscript, budget)), len(budget), "The sources of error behind the sd of each constant.")
+
+
+def stacked(parts: dict[str, dict], labels: list[str], above: int, caption: str) -> Picture:
+    """A bar for each row, of its parts in per cent one after another; rows from `above` on stand apart."""
+    names = list(next(iter(present(parts).values())))
+    values = np.array([[part[name] for name in names] for part in parts.values()], dtype=float)
+    shown = [j for j in range(len(names)) if np.any(values[:, j] >= LEAST_PART)]
+    place = -np.arange(len(values)) - 0.6 * (np.arange(len(values)) >= above)
+    figure, axes = panels(0.29 * len(values) + 1.2)
+    left = np.zeros(len(values))
+    for j, colour in zip(present(shown), np.resize(CYCLE, len(shown))):
+        width = 100 * np.nan_to_num(values[:, j])
+        last = names[j] == "prior"
+        axes.barh(place, width, left=left, color="0.75" if last else colour, height=0.7, label=quantity_name(names[j]))
+        left += width
+    axes.set_yticks(place, labels)
+    axes.set(xlim=(0, 100), ylim=(place.min() - 0.6, 0.6), xlabel="share of the variance (%)")
+    axes.grid(axis="y")
+    figure.legend(loc="outside upper left", ncols=min(4, len(shown)))
+    text = "; ".join(f"{name}: {', '.join(f'{names[j]} {100 * row[j]:.0f}' for j in shown)}" for name, row in zip(parts, values))
+    return Picture(
+        figure, f"Shares of variances in per cent. {text}.", caption, (["name", *names], [[*row] for row in zip(parts, *values.T.tolist())])
     )

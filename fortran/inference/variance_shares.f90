@@ -1,0 +1,199 @@
+!> Who decided what: the shares of the measurements, of what is known and of the prior in the variance of a quantity, and the part of
+!> each source of error in it.
+!>
+!> With s_i the derivative of the log likelihood with respect to the measurement i, w_i = Cov(c, s_i) over the draws is the derivative of
+!> the posterior mean of c with respect to that measurement, and wᵀ V w the variance that the errors of the measurements, of covariance V,
+!> give c. For normal errors of constant V this is aᵀ V⁻¹ a with a_i = Cov(c, M_i). Likewise for what is known. The rest is the prior's:
+!> bounds, the default prior, the surrogate's domain. Covariances need no slopes, so that ridges do no harm; several modes do, and then
+!> the shares are not a number.
+module variance_shares
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use constants_posterior, only: posterior_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use linear_algebra, only: cholesky_factor, cholesky_solve
+   use quantities, only: evaluate_draws
+   implicit none
+   private
+   public :: shares_type, find_shares, verdict_of, error_sources
+
+   !> What the errors of measurements come from: those of each on its own, then those that measurements share.
+   integer, parameter :: n_error_sources = 5
+   character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', 'surrogate', 'grains', &
+      & 'orientation', 'calibration']
+   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5
+
+   type :: shares_type
+      !> They sum to one, or are NaN.
+      real(wp) :: measurements = 0.0_wp, knowledge = 0.0_wp, prior = 1.0_wp
+      !> Of the variance, by `error_sources`, and by each quantity that is known.
+      real(wp), allocatable :: by_source(:), by_quantity(:)
+   end type shares_type
+
+   !> A greatest sum of shares: above it covariances do not describe the draws.
+   real(wp), parameter :: greatest_sum = 1.05_wp
+   !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
+   !> if either is above those of the other pair.
+   real(wp), parameter :: determined(2) = [0.10_wp, 0.20_wp], not_determined(2) = [0.30_wp, 0.80_wp]
+
+contains
+
+   !> The shares of quantities over draws.
+   subroutine find_shares(posterior, draws, values, mixed, threads, shares, error)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw); (quantity, draw).
+      real(wp), intent(in) :: draws(:, :), values(:, :)
+      !> Whether the chains have mixed.
+      logical, intent(in) :: mixed
+      !> OpenMP threads at most.
+      integer, intent(in) :: threads
+      type(shares_type), allocatable, intent(out) :: shares(:)
+      type(error_type), allocatable, intent(out) :: error
+      !> Draws for the variances of the errors, which hardly vary.
+      integer, parameter :: few = 200
+      real(wp), allocatable :: scores(:, :), known(:, :), centred(:, :), weights(:, :), parts(:, :), pulls(:, :), factor(:, :)
+      real(wp), dimension(size(values, 1)) :: variance, total
+      integer :: i, n, q
+
+      n = size(draws, 2)
+      allocate (scores(posterior%n_grains, n), parts(n_error_sources, size(values, 1)))
+      !$omp parallel do num_threads(max(1, threads)) schedule(static)
+      do i = 1, n
+         call find_scores(posterior, draws(:, i), scores(:, i))
+      end do
+      !$omp end parallel do
+      call evaluate_draws(posterior%prior%knowledge%quantities, posterior%prior%class, draws, known)
+      centred = values - spread(sum(values, 2)/n, 2, n)
+      variance = max(tiny(1.0_wp), sum(centred**2, 2)/n)
+      weights = matmul(scores, transpose(centred))/n
+      call add_up_sources(posterior, draws(:, ::max(1, n/few)), weights, parts)
+      pulls = matmul(known, transpose(centred))/n
+      factor = posterior%prior%knowledge%covariance
+      known = pulls
+      call cholesky_factor(factor, error)
+      if (allocated(error)) return
+      call cholesky_solve(factor, known)
+      allocate (shares(size(values, 1)))
+      total = (sum(parts, 1) + sum(pulls*known, 1))/variance
+      do q = 1, size(shares)
+         ! A little above one is the noise of the draws.
+         associate (one => shares(q), unit => variance(q)*max(1.0_wp, total(q)))
+            one%by_source = parts(:, q)/unit
+            one%by_quantity = pulls(:, q)*known(:, q)/unit
+            if (.not. (mixed .and. total(q) <= greatest_sum)) then
+               one%by_source = ieee_value(1.0_wp, ieee_quiet_nan)
+               one%by_quantity = one%by_source(1)
+            end if
+            one%measurements = sum(one%by_source)
+            one%knowledge = sum(one%by_quantity)
+            one%prior = max(0.0_wp, 1.0_wp - total(q)) + 0.0_wp*one%measurements
+         end associate
+      end do
+   end subroutine find_shares
+
+   !> The variance that each source of error gives each quantity, wᵀ V_s w.
+   subroutine add_up_sources(posterior, draws, weights, parts)
+      type(posterior_type), intent(in) :: posterior
+      real(wp), intent(in) :: draws(:, :)
+      !> (measurement, quantity).
+      real(wp), intent(in) :: weights(:, :)
+      !> (source, quantity).
+      real(wp), intent(out) :: parts(:, :)
+      real(wp), dimension(posterior%n_grains, n_error_sources) :: own, own_mean
+      real(wp), dimension(posterior%n_grains) :: precision, precision_mean
+      real(wp), allocatable :: shared(:, :), pull(:, :)
+      integer, allocatable :: source(:)
+      integer :: i, j
+
+      own_mean = 0.0_wp
+      precision_mean = 0.0_wp
+      parts = 0.0_wp
+      allocate (shared(posterior%n_grains, posterior%n_shared))
+      do i = 1, size(draws, 2)
+         call split_errors(posterior, draws(:, i), own, precision, shared, source)
+         own_mean = own_mean + own/size(draws, 2)
+         precision_mean = precision_mean + precision/size(draws, 2)
+         pull = matmul(transpose(shared), weights)
+         do j = 1, posterior%n_shared
+            parts(source(j), :) = parts(source(j), :) + pull(j, :)**2/size(draws, 2)
+         end do
+      end do
+      ! What a measurement counts for is its mean precision: of Student's t that is less than one over the variance.
+      own_mean = own_mean/spread(precision_mean*sum(own_mean, 2), 2, n_error_sources)
+      parts = parts + matmul(transpose(own_mean), weights**2)
+   end subroutine add_up_sources
+
+   !> Derivatives of the log likelihood at a point with respect to the measurements.
+   subroutine find_scores(posterior, x, scores)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> (grain), 1/GPa.
+      real(wp), intent(out) :: scores(:)
+      real(wp), dimension(posterior%n_grains) :: model, scales, residual, weight
+      real(wp) :: u(posterior%n_grains, posterior%n_shared), b(posterior%n_shared), value
+      real(wp) :: precision(posterior%n_shared, posterior%n_shared)
+
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
+      residual = (posterior%measured - model)/scales
+      if (posterior%n_shared > 0) then
+         call posterior%errors%integrate(residual, u, b, precision, value)
+         residual = residual - matmul(u, b)
+      end if
+      call posterior%errors%weigh(residual, weight)
+      scores = -weight*residual/scales
+   end subroutine find_scores
+
+   !> The errors of the measurements at a point, by source.
+   subroutine split_errors(posterior, x, own, precision, shared, source)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> Variances of those that grains do not share, (grain, source), and what a measurement counts for, given the others: its precision.
+      real(wp), intent(out) :: own(:, :), precision(:)
+      !> Columns of the factor of the covariance of the shared ones, (grain, shared error).
+      real(wp), intent(out), contiguous :: shared(:, :)
+      !> Of each shared error.
+      integer, allocatable, intent(out) :: source(:)
+      real(wp), dimension(posterior%n_grains) :: model, scales, modulus, slope, variance, residual
+      real(wp) :: b(posterior%n_shared), factor(posterior%n_shared, posterior%n_shared), value
+      integer :: j
+
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
+      residual = (posterior%measured - model)/scales
+      if (posterior%n_shared > 0) then
+         call posterior%errors%integrate(residual, shared, b, factor, value)
+         residual = residual - matmul(shared, b)
+      end if
+      call posterior%errors%weigh(residual, precision)
+      precision = precision/scales**2
+      do j = 1, posterior%n_shared
+         shared(:, j) = shared(:, j)*scales
+      end do
+      source = [(merge(from_surrogate, from_calibration, j <= posterior%grains%n_columns), j=1, posterior%n_shared)]
+      call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
+      model = modulus
+      residual = 1.0_wp
+      call posterior%observable%from_simulation(model, residual)
+      own = 0.0_wp
+      own(:, from_noise) = (posterior%scale_factor(x)*posterior%sd)**2
+      own(:, from_surrogate) = posterior%scatter*(slope*residual)**2
+      own(:, from_grains) = (posterior%settings%scatter_sd*modulus*residual)**2
+      own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))
+   end subroutine split_errors
+
+   !> 'determined', 'weak' or 'not_determined', of a quantity with a `mean` and an `sd`.
+   pure function verdict_of(mean, sd, least_value, share) result(verdict)
+      real(wp), intent(in) :: mean, sd
+      !> Of what the sd is compared with: a constant may be zero.
+      real(wp), intent(in) :: least_value
+      type(shares_type), intent(in) :: share
+      character(len=:), allocatable :: verdict
+      real(wp) :: relative
+
+      relative = sd/max(abs(mean), least_value)
+      verdict = 'weak'
+      if (relative < determined(1) .and. share%prior < determined(2)) verdict = 'determined'
+      if (relative > not_determined(1) .or. share%prior > not_determined(2)) verdict = 'not_determined'
+   end function verdict_of
+end module variance_shares
