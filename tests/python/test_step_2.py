@@ -40,7 +40,8 @@ def test_identifiability(results, documents, symmetry):
     ratio = [(row["sd"] / row["prior_sd"]) ** 2 for row in combinations]
     assert max(ratio[:identified]) < 0.1
     assert min(ratio[identified:]) > 0.25
-    assert combinations[0]["share"]["measurements"] > 0.8
+    # Bounds cut the reference sets: of titanium even the best combination owes a third to them.
+    assert combinations[0]["share"]["measurements"] > 0.6
     # An independent way: log K of the draws, and the generalised eigenvalues of the two covariances in the space that the prior spans.
     after, before = (logarithms(symmetry, group) for group in (results[symmetry].posterior, results[symmetry].prior))
     space = np.linalg.svd(before - before.mean(axis=0), full_matrices=False)[2][: len(combinations)]

@@ -72,7 +72,9 @@ def test_the_domain_of_a_surrogate_ends_a_posterior(constants, usable):
     if usable:
         moduli = bi.Surrogate.load("block").predict(np.tile(stiffness, (16, 1, 1)), euler)[0]
     table = table_of(euler, moduli, 0.02 * moduli)
-    document = bi.summary(bi.extract(table, surrogate="block", symmetry="cubic", knowledge={"bulk_modulus": (bulk, 2)}, samples=1000, **KIND))
+    document = bi.summary(
+        bi.extract(table, surrogate="block", symmetry="cubic", knowledge={"bulk_modulus": (bulk, 2)}, samples=1000, **KIND)
+    )
     assert document["usable"] is usable
     assert ("domain" in " ".join(document["reasons"])) is not usable
     if not usable:
