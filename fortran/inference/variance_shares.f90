@@ -30,7 +30,7 @@ module variance_shares
       real(wp), allocatable :: by_source(:), by_quantity(:)
    end type shares_type
 
-   !> A greatest sum of shares: above it covariances do not describe the draws.
+   !> The greatest sum of shares: above it covariances do not describe the draws.
    real(wp), parameter :: greatest_sum = 1.05_wp
    !> A quantity is determined if its sd is below the first part of its value and the prior's share below the second; it is not determined
    !> if either is above those of the other pair.
@@ -130,19 +130,32 @@ contains
       real(wp), intent(in) :: x(:)
       !> (grain), 1/GPa.
       real(wp), intent(out) :: scores(:)
-      real(wp), dimension(posterior%n_grains) :: model, scales, residual, weight
-      real(wp) :: u(posterior%n_grains, posterior%n_shared), b(posterior%n_shared), value
-      real(wp) :: precision(posterior%n_shared, posterior%n_shared)
+      real(wp), dimension(posterior%n_grains) :: scales, residual, weight
+      real(wp) :: shared(posterior%n_grains, posterior%n_shared)
 
-      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
-      residual = (posterior%measured - model)/scales
-      if (posterior%n_shared > 0) then
-         call posterior%errors%integrate(residual, u, b, precision, value)
-         residual = residual - matmul(u, b)
-      end if
-      call posterior%errors%weigh(residual, weight)
+      call find_residuals(posterior, x, scales, shared, residual, weight)
       scores = -weight*residual/scales
    end subroutine find_scores
+
+   !> Residuals at a point in units of their scales, less the shared errors given the data, and the weight that the likelihood gives each.
+   subroutine find_residuals(posterior, x, scales, shared, residual, weight)
+      type(posterior_type), intent(in) :: posterior
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      !> GPa, (grain); columns of the shared errors in these units, (grain, shared error).
+      real(wp), intent(out), contiguous :: scales(:), shared(:, :)
+      !> (grain).
+      real(wp), intent(out) :: residual(:), weight(:)
+      real(wp) :: model(size(scales)), b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), value
+
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
+      residual = (posterior%measured - model)/scales
+      if (posterior%n_shared > 0) then
+         call posterior%errors%integrate(residual, shared, b, precision, value)
+         residual = residual - matmul(shared, b)
+      end if
+      call posterior%errors%weigh(residual, weight)
+   end subroutine find_residuals
 
    !> The errors of the measurements at a point, by source.
    subroutine split_errors(posterior, x, own, precision, shared, source)
@@ -156,16 +169,9 @@ contains
       !> Of each shared error.
       integer, allocatable, intent(out) :: source(:)
       real(wp), dimension(posterior%n_grains) :: model, scales, modulus, slope, variance, residual
-      real(wp) :: b(posterior%n_shared), factor(posterior%n_shared, posterior%n_shared), value
       integer :: j
 
-      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
-      residual = (posterior%measured - model)/scales
-      if (posterior%n_shared > 0) then
-         call posterior%errors%integrate(residual, shared, b, factor, value)
-         residual = residual - matmul(shared, b)
-      end if
-      call posterior%errors%weigh(residual, precision)
+      call find_residuals(posterior, x, scales, shared, residual, precision)
       precision = precision/scales**2
       do j = 1, posterior%n_shared
          shared(:, j) = shared(:, j)*scales

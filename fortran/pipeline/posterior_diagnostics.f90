@@ -109,7 +109,7 @@ contains
                if (.not. stated) then
                   name = 'the '//trim(merge('upper', 'lower', side == 2))//' limit of ' &
                      & //trim(limit%name(index(limit%name, '.') + 1:))//' in the domain of the surrogate'
-                  remedy = '. Build the surrogate for a wider &domain, or with &design focus = ''posterior'''
+                  remedy = '. Build the surrogate for a wider &domain'
                end if
                call warn(warnings, 'the posterior is truncated by '//name//', '//to_text(limit%range(side), 4)//' (' &
                   & //fixed(100.0_wp*limit%share(side), 0)//' % of the draws lie next to it)'//remedy)

@@ -325,9 +325,9 @@ contains
       call v%reals('c_max', s%prior%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'upper bounds of the constants; unset: none; equal to the lower one: the constant is known')
       call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, '(0, 1e6]', '', &
-         & 'largest universal anisotropy index (Eq. 14); unset: the log-anisotropy is limited instead')
+         & 'largest universal anisotropy index (Eq. 14); unset: no limit')
       call v%text('measure', s%prior%measure, kind_choice, 'constants', 'constants, logarithms', &
-         & 'uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
+         & 'with bounds on all constants: uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
 
       call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length, or a file.')
       call v%names('quantity', s%knowledge%quantity, 'unset', &
