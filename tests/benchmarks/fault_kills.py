@@ -35,7 +35,7 @@ CAMPAIGN = """\
 &design n_candidates = 200 budget = {budget} batch = {batch} validation = 3 /
 &measurements file = 'grains.csv' modulus_kind = 'indentation_modulus' /
 &prior c_min = 50, 40, 15 c_max = 250, 150, 120 anisotropy_cap = 7.2 /
-&sampler samples = 500 burn_in = 1000 chains = 2 /
+&sampler samples = 2000 burn_in = 1000 chains = 2 /
 &execution workers = {workers} /
 """
 

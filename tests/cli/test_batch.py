@@ -393,7 +393,7 @@ def test_both_programs_check_the_bounds(batch, bayesindent, tmp_path):
 )
 def test_one_bound_alone_holds(batch, bayesindent, tmp_path, stated, low, high):
     names = ["C11", "C12", "C44"]
-    text = CHECKED.format(file="halfspace", data=FE3SI).replace("samples = 10", "samples = 100, burn_in = 500") + f"&prior {stated} /\n"
+    text = CHECKED.format(file="halfspace", data=FE3SI).replace("samples = 10", "samples = 2000, burn_in = 1000") + f"&prior {stated} /\n"
     (tmp_path / "a.nml").write_text(text)
     for program in (lambda: batch("a.nml", "--output", "out"), lambda: bayesindent("extract", "a.nml", "--output", "out")):
         done = program()

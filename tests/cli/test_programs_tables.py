@@ -8,7 +8,7 @@ from programs import BATCH
 
 from conftest import SOURCE
 
-CASE = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = 20, burn_in = 50, chains = 1 /\n"
+CASE = "&problem symmetry = 'cubic' /\n&measurements file = 'grains.xlsx' /\n&sampler samples = 3000, burn_in = 1000, chains = 2 /\n"
 
 
 @pytest.mark.long

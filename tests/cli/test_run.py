@@ -102,7 +102,7 @@ def test_step_two_alone(process):
     for item, mean, sd in zip(document["extract"]["predicted"], reference["predicted_mean"], reference["predicted_sd"], strict=True):
         assert item["mean"] == pytest.approx(mean, abs=0.2)
         assert item["sd"] == pytest.approx(sd, rel=0.06)
-    assert any("C12 piles up at its bound" in warning for warning in document["warnings"])
+    assert any("truncated by the lower limit of C12" in warning for warning in document["warnings"])
 
 
 class Page(html.parser.HTMLParser):
