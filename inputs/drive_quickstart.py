@@ -28,9 +28,16 @@ def simulator(**settings):
 
 def main(output="runs/drive_quickstart", simulate=None, budget=25, samples=10000):
     """Both steps, the next grain and the report of Step 1; returns what was found."""
-    # Step 1: simulations of the film, each chosen so that all crystals are known best. Call it again, and it goes on where it was.
+    # Step 1: simulations of the film, the first for crystals of every kind, the others where the measurements say that the crystal is. Call it
+    # again, and it continues.
     problem = bi.Problem.from_keywords(
-        "drive_quickstart.py", problem={"seed": 1}, specimen=FILM, simulation={"simulator": "import"}, design={"budget": budget}
+        "drive_quickstart.py",
+        problem={"symmetry": "cubic", "seed": 1},
+        specimen=FILM,
+        simulation={"simulator": "import"},
+        design={"budget": budget},
+        measurements={"file": str(GRAINS), "modulus_kind": "indentation_modulus"},
+        knowledge={"quantity": "bulk_modulus", "mean": KNOWN["bulk_modulus"][0], "sd": KNOWN["bulk_modulus"][1]},
     )
     surrogate = bi.build(problem, output, simulate=simulate or simulator())
     print(surrogate)

@@ -15,7 +15,7 @@ module variance_shares
    use quantities, only: evaluate_draws
    implicit none
    private
-   public :: shares_type, find_shares, verdict_of, error_sources
+   public :: shares_type, find_shares, verdict_of, error_sources, from_surrogate
 
    !> What the errors of measurements come from: those of each on its own, then those that measurements share.
    integer, parameter :: n_error_sources = 5

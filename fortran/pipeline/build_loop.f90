@@ -4,6 +4,7 @@
 !> campaign is not asked for again.
 module build_loop
    use abstract_basis, only: basis_type
+   use bases, only: new_basis
    use abstract_stage, only: job_type, stage_type
    use build_checks, only: basis_of_problem, check_build
    use campaign, only: campaign_name, row_type
@@ -11,13 +12,16 @@ module build_loop
    use errors, only: error_type, raise, refuse
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
-   use learning, only: batch_end, close_batch, learn, learning_type, new_learning, refit_all, why_to_stop
+   use learning, only: batch_end, change_basis, close_batch, learn, learning_type, new_learning, refit_all, why_to_stop
    use parallelism, only: thread_count
    use physics_identity, only: identity_text
+   use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
+      & simulations_before, tempered
    use sequential_design, only: design_type, update_posterior_mean
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, &
-      & set_learner_candidates
+   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, set_learner_candidates, &
+      & surrogate_of
+   use surrogate_model, only: surrogate_type
    use text, only: to_text
    use warning_lists, only: warn
    implicit none
@@ -30,6 +34,8 @@ module build_loop
    type, abstract, extends(stage_type) :: build_type
       type(learning_type) :: learning
       type(candidates_type) :: candidates
+      !> Where the posterior is, if simulations are to be chosen there.
+      type(focus_type), allocatable :: focus
       integer, private :: phase = teaching
       !> Why the learning ended.
       character(len=:), allocatable :: stopped
@@ -72,6 +78,12 @@ contains
          if (.not. allocated(error)) call new_learning(basis, design, self%learning, error)
          if (.not. allocated(error)) call set_learner_candidates(self%learning%learner, self%candidates%constants, &
             & self%candidates%euler_deg, design%variance_of, error)
+         if (.not. allocated(error) .and. has_focus(problem)) then
+            allocate (self%focus)
+            allocate (self%focus%rounds(0))
+            self%groups = self%groups//' measurements prior knowledge'
+            call check_focus(problem, error)
+         end if
          if (allocated(error)) return
          if (len(warning) > 0) call warn(self%warnings, warning)
          call initial_set(self%candidates, basis, design, self%initial)
@@ -98,10 +110,15 @@ contains
       logical, allocatable :: taken(:)
       integer :: beyond
 
-      associate (learner => build%learning%learner)
-         call select_rows(rows, learner%basis, build%candidates, build%problem%settings%design%reuse == 'chosen', build%unused, &
-            & beyond, error)
+      associate (learner => build%learning%learner, learning => build%learning)
+         ! The simulations of a round are chosen again by the same posterior, and found in the campaign.
+         call select_rows(rows, learner%basis, build%candidates, build%problem%settings%design%reuse == 'chosen', &
+            & allocated(build%focus), build%unused, beyond, error)
          if (allocated(error)) return
+         if (allocated(build%focus)) then
+            learning%settings%budget = min(learning%settings%budget, max(simulations_before, build%unused%n()))
+            learning%first = min(learning%first, learning%settings%budget)
+         end if
          if (beyond > 0) call warn(build%warnings, to_text(beyond)//' simulations of the campaign are outside the surrogate''s ' &
             & //'domain and are not used')
          build%n_failed = build%unused%failed
@@ -219,6 +236,11 @@ contains
             call warn(build%warnings, 'no candidate is left after '//to_text(learning%n())//' simulations; raise &design ' &
                & //'n_candidates to go on')
          end if
+         if (allocated(build%focus) .and. len(build%stopped) > 0 .and. learning%n() >= 2) then
+            call begin_round(build, error)
+            if (allocated(error)) return
+            n_left = count(learning%learner%design%available)
+         end if
          if (len(build%stopped) == 0) then
             if (any(build%unused%open)) build%before = learning%learner%design
             call choose_some(build, min(batch_end(learning) - learning%n(), n_left), error)
@@ -231,6 +253,39 @@ contains
          end if
       end associate
    end subroutine choose_lesson
+
+   !> The candidates and the domain are those of the posterior; or the learning ends.
+   subroutine begin_round(build, error)
+      class(build_type), intent(inout) :: build
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: surrogate
+      integer :: i
+
+      associate (learning => build%learning, focus => build%focus, design => build%problem%settings%design)
+         call refit_all(learning, error)
+         if (.not. allocated(error)) call surrogate_of(learning%learner, '', surrogate, error)
+         if (.not. allocated(error)) call find_focus(build%problem, surrogate, build%candidates, focus, error)
+         if (allocated(error)) return
+         build%candidates = focus%candidates
+         call new_basis(focus%domain, build%problem%settings%surrogate, surrogate%basis, error)
+         if (.not. allocated(error)) call change_basis(learning, surrogate%basis, error)
+         if (.not. allocated(error)) call set_learner_candidates(learning%learner, build%candidates%constants, &
+            & build%candidates%euler_deg, design%variance_of, error)
+         if (allocated(error)) return
+         build%stopped = ''
+         if (is_accurate(focus)) then
+            build%stopped = 'the surrogate is accurate at the posterior'
+         else if (learning%n() >= design%budget) then
+            build%stopped = 'the budget is used'
+         end if
+         build%initial = [(i, i=1, tempered)]
+         learning%first = learning%n()
+         learning%settings%budget = min(design%budget, learning%n() + round_size)
+         learning%settings%batch = round_size
+         learning%settings%target_gpa = 0.0_wp
+         learning%settings%patience = 0
+      end associate
+   end subroutine begin_round
 
    !> What to validate with: rows that the budget left over, then the next points by variance.
    subroutine choose_unseen(build, error)
@@ -307,6 +362,9 @@ contains
       integer :: left
 
       if (any(self%unused%open)) call take_unused(self, error)
+      if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget .and. .not. allocated(error)) then
+         call begin_round(self, error)
+      end if
       if (allocated(error)) return
       left = count(self%learning%learner%design%available)
       if (n < 1 .or. n > left) call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left)//', the candidates ' &
@@ -351,7 +409,7 @@ contains
       call build%campaign%next_position(next, error)
       build%rows%position = next - 1 + [(i, i=1, size(build%wanted))]
       ! What is missing of a batch that was interrupted takes the places that it left.
-      if (any(build%unused%open) .and. any(found)) then
+      if ((any(build%unused%open) .or. allocated(build%focus)) .and. any(found)) then
          if (minval(first, found) == maxval(first, found)) build%rows%position = minval(first, found) - 1 + build%wanted
       end if
    end subroutine find_in_campaign
@@ -386,9 +444,11 @@ contains
             else
                call update_posterior_mean(learning%learner%design, exactly, error)
             end if
-            if (.not. all_done .and. build%n_failed > max(10, learning%settings%budget) .and. .not. allocated(error)) then
-               call raise(error, failures(build))
-            end if
+            associate (budget => build%problem%settings%design%budget)
+               if (.not. all_done .and. build%n_failed > max(10, budget) .and. .not. allocated(error)) then
+                  call raise(error, failures(build))
+               end if
+            end associate
          end if
       end associate
       build%chosen = [integer ::]

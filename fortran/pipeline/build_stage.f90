@@ -10,6 +10,7 @@ module build_stage
    use kinds, only: degree, wp
    use learning, only: history_type, left_out, learning_type
    use physics_identity, only: identity_text
+   use posterior_focus, only: accurate_share, accurate_z
    use settings_schema, only: surrogate_settings_type
    use simulate, only: simulation_error, specimen_contact_radius
    use surrogate_file, only: save_surrogate
@@ -64,6 +65,7 @@ contains
          call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
          if (allocated(error)) return
          call put_domain(page, self, surrogate, stiffness)
+         if (allocated(self%focus)) call put_focus(page, self)
          call page%begin_array('history')
          do i = 1, size(learning%history)
             call page%begin_object()
@@ -147,9 +149,11 @@ contains
       real(wp), parameter :: near = 0.9_wp
       real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
       real(wp) :: relative(size(build%candidates%euler_deg, 2)), modulus, sd
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: words, where
       integer :: i, worst
 
+      where = 'in the domain'
+      if (allocated(build%focus)) where = 'at the posterior'
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
          do i = 1, size(relative)
             call predict(surrogate, domain%class%stiffness(candidates%constants(:, i)), degree*candidates%euler_deg(:, i), &
@@ -162,11 +166,11 @@ contains
          if (domain%has_scale()) words = ','//words(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
          call page%begin_object('domain')
          call page%put_numbers('mean_relative_sd, largest_relative_sd', [sum(relative)/size(relative), relative(worst)])
-         call page%put('words', 'the sd of a modulus in the domain is '//to_text(100.0_wp*sum(relative)/size(relative), 2) &
+         call page%put('words', 'the sd of a modulus '//where//' is '//to_text(100.0_wp*sum(relative)/size(relative), 2) &
             & //' % on average, '//to_text(100.0_wp*relative(worst), 2)//' % at most, at a log-anisotropy of ' &
             & //to_text(anisotropy(1), 3)//words)
          call page%end_object()
-         if (domain%log_anisotropy_max >= huge(1.0_wp)) return
+         if (domain%log_anisotropy_max >= huge(1.0_wp) .or. allocated(build%focus)) return
          do i = 1, size(stiffness, 3)
             call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
          end do
@@ -183,6 +187,39 @@ contains
             & //to_text(domain%stiffness(2))//' GPa')
       end associate
    end subroutine put_domain
+
+   !> With what each round at the posterior began; and what is left to be wished.
+   subroutine put_focus(page, build)
+      type(json_type), intent(inout) :: page
+      class(build_type), intent(inout) :: build
+      character(len=:), allocatable :: advice
+      integer :: i, j, worst
+
+      advice = '. Increase &design budget, '//to_text(build%problem%settings%design%budget)
+      call page%begin_array('focus')
+      do i = 1, size(build%focus%rounds)
+         associate (round => build%focus%rounds(i), names => build%problem%class%constants)
+            call page%begin_object()
+            call page%put('simulations', round%simulations)
+            call page%begin_object('surrogate_share')
+            do j = 1, size(names)
+               call page%put(trim(names(j)), round%share(j))
+            end do
+            call page%end_object()
+            call page%put_if(round%z >= 0.0_wp, 'rms_z', round%z)
+            call page%put('truncated', round%truncated)
+            call page%end_object()
+            if (i < size(build%focus%rounds)) cycle
+            worst = maxloc(round%share, 1)
+            if (round%share(worst) > accurate_share) call warn(build%warnings, 'the surrogate contributes ' &
+               & //to_text(nint(100.0_wp*round%share(worst)))//' % of the variance of '//trim(names(worst))//'; allowed: ' &
+               & //to_text(nint(100.0_wp*accurate_share))//' %'//advice)
+            if (round%z > accurate_z) call warn(build%warnings, 'new simulations at the posterior differ from the surrogate by ' &
+               & //fixed(round%z, 1)//' sds (root mean square); allowed: '//to_text(accurate_z)//advice)
+         end associate
+      end do
+      call page%end_array()
+   end subroutine put_focus
 
    !> Evidence and leave-one-out errors of other truncations as the number of simulations grows (Figs. 1 and 6).
    subroutine put_scan(page, asked, learning, error)

@@ -34,13 +34,13 @@ module known_rows
 contains
 
    !> The rows of a campaign that are data from the start.
-   subroutine select_rows(rows, basis, candidates, chosen_only, known, beyond, error)
+   subroutine select_rows(rows, basis, candidates, chosen_only, candidates_only, known, beyond, error)
       !> All rows, in order of choice.
       type(row_type), intent(in) :: rows(:)
       class(basis_type), intent(in) :: basis
       type(candidates_type), intent(in) :: candidates
-      !> Of what was simulated here only what the design chooses again.
-      logical, intent(in) :: chosen_only
+      !> Of what was simulated here only what the design chooses again; or only what is a candidate.
+      logical, intent(in) :: chosen_only, candidates_only
       type(known_rows_type), intent(out) :: known
       !> How many are outside the domain.
       integer, intent(out) :: beyond
@@ -71,6 +71,7 @@ contains
          if (chosen_only .and. .not. rows(i)%imported) cycle
          constants = basis%domain%class%constants_of(c)
          call index%find([constants, rows(i)%euler_deg], same)
+         if (candidates_only .and. size(same) == 0 .and. .not. rows(i)%imported) cycle
          known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1

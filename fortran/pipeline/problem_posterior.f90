@@ -27,9 +27,11 @@ module problem_posterior
    type, public :: run_type
       integer :: burn_in, samples, chains, first_stream
    end type run_type
-   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; and by the theory alone.
+   !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by the theory alone; and that at which
+   !> simulations are chosen.
    type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 1000000), prior_run = run_type(5000, 2500, 4, 0), &
-      & free_run = run_type(2000, 500, 2, 2000000), theory_run = run_type(5000, 1500, 4, 3000000)
+      & free_run = run_type(2000, 500, 2, 2000000), theory_run = run_type(5000, 1500, 4, 3000000), &
+      & focus_run = run_type(3000, 600, 2, 4000000)
 
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp

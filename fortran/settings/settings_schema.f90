@@ -71,7 +71,7 @@ module settings_schema
    end type surrogate_settings_type
 
    type, extends(group_settings_type) :: design_settings_type
-      character(len=:), allocatable :: candidates, initial_set, orientations, variance_of, reuse
+      character(len=:), allocatable :: candidates, initial_set, orientations, variance_of, focus, reuse
       integer :: n_candidates = 0, initial = 0, n_directions = 0, budget = 0, batch = 0, refit = 0, patience = 0, validation = 0
       real(wp) :: target_gpa = 0.0_wp
    end type design_settings_type
@@ -275,6 +275,9 @@ contains
       call v%text('variance_of', s%design%variance_of, kind_choice, 'imse', v%words('acquisition'), &
          & 'what chooses the next simulation: the mean variance over all candidates that it leaves (imse; older name: ' &
          & //'all_moduli), its own variance (the paper; older name: modulus) or that of log M (older name: log_modulus)')
+      call v%text('focus', s%design%focus, kind_choice, 'posterior', 'posterior, domain', &
+         & 'where simulations are chosen: at the posterior of the &measurements after the first 15, until the surrogate is ' &
+         & //'accurate there (model = ''correction''; without measurements: domain), or over the whole domain')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', 'simulations chosen at a time')
       call v%integer('refit', s%design%refit, '1', '[1, 100000]', 'simulations between two maximisations of the evidence')

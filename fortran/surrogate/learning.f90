@@ -12,7 +12,8 @@ module learning
    use text, only: to_text
    implicit none
    private
-   public :: learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, why_to_stop, left_out
+   public :: learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, &
+      & why_to_stop, left_out
 
    !> Points of an informative prior before alpha and beta are first computed from the data.
    integer, parameter :: fewest_points = 8
@@ -151,6 +152,24 @@ contains
       learning%history = [learning%history, entry]
       learning%last_refit = entry%simulations
    end subroutine refit_all
+
+   !> Train another basis on the same simulations, without candidates.
+   subroutine change_basis(learning, basis, error)
+      type(learning_type), intent(inout) :: learning
+      class(basis_type), intent(in) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      type(learner_type) :: learner
+
+      call new_learner(basis, learner, error)
+      if (allocated(error)) return
+      associate (known => learning%learner%simulations)
+         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, .false., error)
+      end associate
+      if (.not. allocated(error)) call fit_learner(learner, error)
+      if (allocated(error)) return
+      learning%learner = learner
+      learning%last_mean = coefficient_mean(learner%design%regression)
+   end subroutine change_basis
 
    !> Mean absolute error of each simulation with its whole group left out, GPa.
    subroutine left_out(learner, groups, error_gpa, error)

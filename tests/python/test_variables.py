@@ -245,6 +245,7 @@ EFFECTS = {
         "scan": (built, PAPER | {"design": {"budget": 20}}, "0, 1 x 0, 4"),
     },
     "design": {
+        "focus": None,  # test_focus: where the posterior is
         "candidates": (built, BOUNDED, "factorial"),
         "n_candidates": (built, {}, 80),
         "initial": (built, {}, 5),

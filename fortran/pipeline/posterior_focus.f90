@@ -1,0 +1,295 @@
+!> Simulations where the posterior of the measurements is: the crystals that the next ones of a surrogate are chosen from, the domain that
+!> holds them, and whether the surrogate is accurate enough there.
+!>
+!> The posterior is sampled with the present surrogate, its uncertainty included, and over a wider domain than the one it was trained
+!> for. Choosing simulations there does not bias the surrogate: given the model, what was chosen for known reasons is ignorable.
+module posterior_focus
+   use constants_posterior, only: posterior_type
+   use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: logarithmic_mean
+   use design_candidates, only: candidates_type
+   use errors, only: error_type
+   use kinds, only: degree, wp
+   use parallelism, only: thread_count
+   use problem, only: problem_type
+   use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, sample_aside
+   use samplers, only: chains_type
+   use statistics, only: flattened
+   use support_limits, only: limit_type, list_limits
+   use surrogate_domain, only: domain_type
+   use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
+   use variance_shares, only: find_shares, from_surrogate, shares_type
+   implicit none
+   private
+   public :: focus_type, has_focus, check_focus, find_focus, is_accurate
+
+   !> Simulations over the domain before the posterior chooses; of each round those at draws of the theory alone, and all.
+   integer, parameter, public :: simulations_before = 15, tempered = 2, round_size = 7
+   !> Of the variance of each constant the surrogate's part is at most this, and the root mean square of the errors of new simulations
+   !> over their sds at most that.
+   real(wp), parameter, public :: accurate_share = 0.10_wp, accurate_z = 1.5_wp
+
+   !> What a round began with.
+   type :: round_type
+      integer :: simulations = 0
+      !> The surrogate's part of the variance of each constant, (n_constants).
+      real(wp), allocatable :: share(:)
+      !> Root mean square of (simulated - predicted)/sd over the posterior's crystals of the round before; below 0: there is none.
+      real(wp) :: z = -1.0_wp
+      !> Whether a limit of the surrogate's domain ends the draws.
+      logical :: truncated = .false.
+   end type round_type
+
+   type :: focus_type
+      !> The first `tempered` are of the theory alone, whose errors may be large; the others are crystals of the posterior. The directions
+      !> are those of the grains.
+      type(candidates_type) :: candidates
+      !> That holds them all.
+      type(domain_type) :: domain
+      !> Of which this is the posterior.
+      type(surrogate_type) :: surrogate
+      !> The last is the present one.
+      type(round_type), allocatable :: rounds(:)
+      !> Crystals that the theory alone explains the measurements with, roughly; stiffnesses, GPa, (6, 6, n).
+      real(wp), allocatable, private :: rough(:, :, :)
+   end type focus_type
+
+   !> What the theory of the half-space is loosened by, where the specimen is another: relative sds of an error that all grains share, and
+   !> of one of each grain.
+   real(wp), parameter :: loose_common = 0.2_wp, loose_grain = 0.03_wp
+   !> Candidates that are crystals of the posterior.
+   integer, parameter :: n_candidates = 400
+   !> How much farther than its domain a surrogate is used to sample in: factors on the log-anisotropy and on the scale, and the share of
+   !> the way of Poisson's ratio to its limits.
+   real(wp), parameter :: wider = 1.5_wp, wider_scale = 2.0_wp, wider_poisson = 0.5_wp
+   !> Beyond the farthest draw the domain goes on for this share of their range.
+   real(wp), parameter :: margin = 0.1_wp
+
+contains
+
+   !> Whether a problem's simulations are to be chosen at the posterior: `focus` asks for it, there are measurements, and the surrogate is a
+   !> correction, of crystals of every kind.
+   pure logical function has_focus(problem)
+      type(problem_type), intent(in) :: problem
+
+      has_focus = problem%settings%design%focus == 'posterior' .and. problem%settings%surrogate%model == 'correction' &
+         & .and. allocated(problem%measurements)
+   end function has_focus
+
+   !> Refuse what Step 2 would refuse.
+   subroutine check_focus(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: theory
+      type(posterior_type) :: posterior
+
+      call check_step_2(problem, error)
+      if (.not. allocated(error)) call new_theory_surrogate(theory, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
+   end subroutine check_focus
+
+   !> Begin a round.
+   subroutine find_focus(problem, surrogate, candidates, focus, error)
+      type(problem_type), intent(in) :: problem
+      !> Of all simulations so far.
+      type(surrogate_type), intent(in) :: surrogate
+      !> Those that these were chosen from.
+      type(candidates_type), intent(in) :: candidates
+      !> The round before on entry.
+      type(focus_type), intent(inout) :: focus
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_type) :: wide
+      type(posterior_type) :: posterior
+      type(round_type) :: round
+      real(wp), allocatable :: draws(:, :), crystals(:, :, :)
+      type(shares_type), allocatable :: shares(:)
+      type(limit_type), allocatable :: limits(:)
+      integer :: i
+
+      if (.not. allocated(focus%rough)) call draw_roughly(problem, focus%rough, error)
+      if (allocated(error)) return
+      round%simulations = size(surrogate%simulations%modulus)
+      round%z = error_of_predictions(focus, surrogate)
+      wide = surrogate
+      call drop_bounds(wide%basis%domain, crystals_of(surrogate%basis%domain%class, candidates%constants))
+      focus%domain = wide%basis%domain
+      call widen(wide%basis%domain)
+      call draw(problem, wide, posterior, draws, error)
+      if (.not. allocated(error)) call find_shares(posterior, draws, draws(:posterior%n_constants, :), .true., &
+         & thread_count(problem%settings%execution%workers), shares, error)
+      if (allocated(error)) return
+      round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
+      limits = list_limits(posterior%prior, draws)
+      round%truncated = any([(.not. limits(i)%stated .and. any(limits(i)%ends), i=1, size(limits))])
+      crystals = crystals_of(problem%class, draws)
+      call hold(focus%domain, crystals)
+      ! Of the rough ones others in each round.
+      associate (stride => size(focus%rough, 3)/tempered)
+         i = 1 + modulo(round%simulations, stride)
+         focus%candidates = candidates_of(problem, focus%domain, focus%rough(:, :, i::stride), &
+            & crystals(:, :, ::max(1, size(crystals, 3)/n_candidates)))
+      end associate
+      focus%surrogate = surrogate
+      focus%rounds = [focus%rounds, round]
+   end subroutine find_focus
+
+   !> Crystals by the theory of the half-space, loosened where the specimen is another.
+   subroutine draw_roughly(problem, crystals, error)
+      type(problem_type), intent(in) :: problem
+      !> Stiffnesses, GPa, (6, 6, n).
+      real(wp), allocatable, intent(out) :: crystals(:, :, :)
+      type(error_type), allocatable, intent(out) :: error
+      type(problem_type) :: loose
+      type(surrogate_type) :: theory
+      type(posterior_type) :: posterior
+      real(wp), allocatable :: draws(:, :)
+
+      loose = problem
+      associate (measurements => loose%settings%measurements)
+         measurements%calibration_sd = max(loose_common, measurements%calibration_sd)
+         measurements%scatter_sd = max(loose_grain, measurements%scatter_sd)
+      end associate
+      call new_theory_surrogate(theory, error)
+      if (.not. allocated(error)) call draw(loose, theory, posterior, draws, error)
+      if (.not. allocated(error)) crystals = crystals_of(problem%class, draws)
+   end subroutine draw_roughly
+
+   !> Stiffnesses, GPa, (6, 6, n).
+   pure function crystals_of(class, constants) result(c)
+      type(crystal_class_type), intent(in) :: class
+      !> GPa, and more parameters, (parameter, n).
+      real(wp), intent(in) :: constants(:, :)
+      real(wp), allocatable :: c(:, :, :)
+      integer :: i
+
+      allocate (c(6, 6, size(constants, 2)))
+      do i = 1, size(constants, 2)
+         c(:, :, i) = class%stiffness(constants(:class%n_constants, i))
+      end do
+   end function crystals_of
+
+   !> Draws of the posterior with a surrogate, (parameter, draw).
+   subroutine draw(problem, surrogate, posterior, draws, error)
+      type(problem_type), intent(in) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      type(posterior_type), intent(out) :: posterior
+      real(wp), allocatable, intent(out) :: draws(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      !> Of harmonics.
+      integer, parameter :: rough_degree = 12
+      type(chains_type) :: chains
+
+      call new_problem_posterior(problem, surrogate, .false., posterior, error)
+      if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
+      if (.not. allocated(error)) call sample_aside(problem, posterior, focus_run, chains, error)
+      if (.not. allocated(error)) draws = flattened(chains%draws)
+   end subroutine draw
+
+   !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the simulations since, those of the theory
+   !> alone left out; below 0: there are none.
+   real(wp) function error_of_predictions(focus, surrogate) result(z)
+      type(focus_type), intent(in) :: focus
+      !> With these simulations.
+      type(surrogate_type), intent(in) :: surrogate
+      real(wp) :: mean, sd
+      integer :: i, n
+
+      z = 0.0_wp
+      n = 0
+      if (size(focus%rounds) > 0) then
+         associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
+            do i = focus%rounds(size(focus%rounds))%simulations + tempered + 1, size(known%modulus)
+               call predict(focus%surrogate, class%stiffness(known%constants(:, i)), degree*known%euler_deg(:, i), mean, sd)
+               z = z + ((known%modulus(i) - mean)/sd)**2
+               n = n + 1
+            end do
+         end associate
+      end if
+      z = merge(sqrt(z/max(1, n)), -1.0_wp, n > 0)
+   end function error_of_predictions
+
+   !> Whether the surrogate with which the round begins is accurate enough: then the round is not needed.
+   pure logical function is_accurate(focus)
+      type(focus_type), intent(in) :: focus
+
+      associate (round => focus%rounds(size(focus%rounds)))
+         is_accurate = all(round%share <= accurate_share) .and. round%z >= 0.0_wp .and. round%z <= accurate_z &
+            & .and. .not. round%truncated
+      end associate
+   end function is_accurate
+
+   !> The domain in which the posterior is sampled.
+   pure subroutine widen(domain)
+      type(domain_type), intent(inout) :: domain
+
+      domain%log_anisotropy_max = wider*domain%log_anisotropy_max
+      domain%poisson = domain%poisson + wider_poisson*([-1.0_wp, 0.5_wp] - domain%poisson)
+      if (domain%has_scale()) domain%stiffness = domain%stiffness*[1.0_wp/wider_scale, wider_scale]
+   end subroutine widen
+
+   !> Limit a domain by its log-anisotropy, Poisson's ratio and scale, where bounds of the constants limit it.
+   pure subroutine drop_bounds(domain, stiffness)
+      type(domain_type), intent(inout) :: domain
+      !> Crystals that are spread over it, GPa, (6, 6, n).
+      real(wp), intent(in) :: stiffness(:, :, :)
+
+      if (size(domain%lower) == 0) return
+      deallocate (domain%lower, domain%upper)
+      allocate (domain%lower(0), domain%upper(0))
+      domain%anisotropy_cap = huge(1.0_wp)
+      domain%log_anisotropy_max = 0.0_wp
+      domain%poisson = [0.5_wp, -1.0_wp]
+      call hold(domain, stiffness)
+   end subroutine drop_bounds
+
+   !> Let a domain hold crystals, and some more on each side.
+   pure subroutine hold(domain, stiffness)
+      type(domain_type), intent(inout) :: domain
+      !> GPa, (6, 6, n).
+      real(wp), intent(in) :: stiffness(:, :, :)
+      real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
+      real(wp) :: range(2)
+      integer :: i
+
+      do i = 1, size(scale)
+         call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
+      end do
+      domain%log_anisotropy_max = max(domain%log_anisotropy_max, maxval(held(anisotropy)))
+      ! In the contrast, log(3K/2G), which has no limits.
+      range = exp(held(log((1.0_wp + poisson)/(1.0_wp - 2.0_wp*poisson))))
+      range = (range - 1.0_wp)/(2.0_wp*range + 1.0_wp)
+      domain%poisson = [min(domain%poisson(1), range(1)), max(domain%poisson(2), range(2))]
+      range = exp(held(log(scale)))
+      if (domain%has_scale()) domain%stiffness = [min(domain%stiffness(1), range(1)), max(domain%stiffness(2), range(2))]
+   end subroutine hold
+
+   !> The range of values, with a margin.
+   pure function held(values) result(range)
+      real(wp), intent(in) :: values(:)
+      real(wp) :: range(2)
+
+      range = [minval(values), maxval(values)]
+      range = range + margin*(range(2) - range(1))*[-1.0_wp, 1.0_wp]
+   end function held
+
+   !> So many crystals of each posterior, evenly over the draws, in the directions of the grains, which take turns.
+   function candidates_of(problem, domain, first, others) result(found)
+      type(problem_type), intent(in) :: problem
+      type(domain_type), intent(in) :: domain
+      !> GPa, (6, 6, n).
+      real(wp), intent(in) :: first(:, :, :), others(:, :, :)
+      type(candidates_type) :: found
+      integer :: i, n
+
+      n = size(first, 3) + size(others, 3)
+      allocate (found%constants(domain%class%n_constants, n), found%euler_deg(3, n))
+      do i = 1, n
+         if (i <= size(first, 3)) then
+            found%constants(:, i) = domain%class%constants_of(first(:, :, i))
+         else
+            found%constants(:, i) = domain%class%constants_of(others(:, :, i - size(first, 3)))
+         end if
+         found%euler_deg(:, i) = problem%measurements%euler_deg(:, modulo(i - 1, problem%measurements%n) + 1)
+      end do
+   end function candidates_of
+end module posterior_focus
