@@ -15,7 +15,7 @@ module quantities
    use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: quantity_type, new_quantity, check_quantity, check_distinct, reported_quantities, quantity_choices
+   public :: quantity_type, new_quantity, check_quantity, check_distinct, check_value, reported_quantities, quantity_choices
    public :: evaluate_draws, evaluate_quantities
 
    !> Words that stand alone, and words that take a direction.
@@ -200,6 +200,22 @@ contains
       if (.not. (abs(values(1)) > 1.0e-9_wp .and. abs(values(1)) < huge(1.0_wp))) call raise(error, ''''//quantity%name &
          & //''' is zero, or not finite, for every '//class%name//' crystal', exit_bad_input)
    end subroutine check_quantity
+
+   !> Refuse a value that no solid has.
+   pure subroutine check_value(quantity, value, error)
+      type(quantity_type), intent(in) :: quantity
+      !> In its unit.
+      real(wp), intent(in) :: value
+      type(error_type), allocatable, intent(out) :: error
+      !> From soft polymers to diamond.
+      real(wp) :: range(2)
+
+      range = [-500.0_wp, 2000.0_wp]
+      if (quantity%unit == '1/TPa') range = [-200.0_wp, 1000.0_wp]
+      if (.not. any(quantity%unit == ['GPa  ', '1/TPa']) .or. (value >= range(1) .and. value <= range(2))) return
+      call raise(error, quantity%name//' = '//to_text(value)//' '//quantity%unit//' is not that of a solid; allowed: ' &
+         & //to_text(range(1))//' .. '//to_text(range(2))//' '//quantity%unit//'. Check the unit', exit_bad_input)
+   end subroutine check_value
 
    !> Refuse two quantities of which one follows from the other in every crystal of the class: the same, or a power of it times a number.
    subroutine check_distinct(quantities, class, error)

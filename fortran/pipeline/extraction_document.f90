@@ -289,8 +289,8 @@ contains
       call document%put('share_covered', prior%share_inside)
    end subroutine write_limits
 
-   !> The prior that was in effect, and the surrogate, in a few lines for people: measure and limits; bounds; what is known; the surrogate;
-   !> the evidence, which depends on all of these.
+   !> What the result follows from, in a few lines for people: the measurements; measure and limits of the prior; bounds; what is known;
+   !> the surrogate; the evidence, which depends on all of these.
    subroutine describe_prior(found, lines)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: lines(:)
@@ -298,6 +298,7 @@ contains
       integer :: j
 
       allocate (lines(0))
+      call warn(lines, 'measured: '//found%posterior%observable%name//' of '//to_text(found%posterior%n_grains)//' grains')
       associate (prior => found%posterior%prior)
          if (prior%has_default) then
             line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &

@@ -12,7 +12,7 @@ module problem_posterior
    use namelist_file, only: place
    use observables, only: new_observable
    use problem, only: problem_type
-   use quantities, only: check_distinct, check_quantity, new_quantity, quantity_type
+   use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use settings_output, only: settings_namelist
    use surrogate_model, only: surrogate_type
@@ -88,6 +88,7 @@ contains
             if (i <= listed) then
                call new_quantity(trim(known%quantity(i)), knowledge%quantities(i), error)
                if (.not. allocated(error)) call check_quantity(knowledge%quantities(i), class, error)
+               if (.not. allocated(error)) call check_value(knowledge%quantities(i), known%mean(i), error)
                knowledge%mean(i) = known%mean(i)
                knowledge%covariance(i, i) = known%sd(i)**2
             else

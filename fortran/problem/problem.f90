@@ -10,12 +10,13 @@ module problem
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
-   use repeated_tests, only: combine_tests, judge_scatter
+   use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
    use settings_checks, only: check_settings
    use settings_schema, only: candidate_sources, settings_type
    use settings_output, only: settings_namelist
    use settings_reader, only: read_settings
    use settings_list, only: choice_list_type
+   use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, name_columns
@@ -282,14 +283,18 @@ contains
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: prefix, hint
+      !> Of the modulus.
+      real(wp), parameter :: least_share = 0.003_wp
       logical :: radians
+      real(wp) :: share
       integer :: i
 
       prefix = 'the table'
       if (allocated(self%settings%measurements%file)) prefix = printable(self%settings%measurements%file)
       prefix = place(self%path, 'measurements', 'file')//prefix
       self%settings%measurements%modulus_kind = self%measurements%modulus_kind
-      call combine_tests(self%class, self%measurements, error)
+      call refuse_copied_rows(self%measurements, error)
+      if (.not. allocated(error)) call combine_tests(self%class, self%measurements, error)
       radians = self%settings%measurements%angles == 'degrees' .and. angles_look_like_radians(self%measurements)
       if (.not. allocated(error) .and. radians) call refuse_radians(self%measurements, error)
       if (allocated(error)) then
@@ -312,6 +317,11 @@ contains
       if (radians) call warn(self%warnings, prefix//like_radians)
       if (any(self%measurements%sd_gpa > 0.5_wp*self%measurements%modulus_gpa)) call warn(self%warnings, prefix &
          & //': an sd_gpa is more than half of its modulus_gpa')
+      if (self%measurements%n == 0) return
+      share = median(self%measurements%n, self%measurements%sd_gpa/self%measurements%modulus_gpa)
+      if (share > 0.0_wp .and. share < least_share) call warn(self%warnings, prefix//': the sds are '//to_text(100.0_wp*share, 2) &
+         & //' % of the moduli (median); indentation rarely does better than '//to_text(100.0_wp*least_share, 1)//' %. sd_gpa is ' &
+         & //'in GPa: if these are fractions, multiply them by the moduli')
    end subroutine question_measurements
 
    !> Grains that are all alike, or in fewer different directions than there are combinations of the constants that indentation sees.
@@ -327,13 +337,17 @@ contains
       type(harmonics_type) :: harmonics
       real(wp) :: directions(3, self%measurements%n)
       integer :: kept(self%measurements%n), n, i, j
+      character(len=:), allocatable :: map_hint
 
+      map_hint = ''
+      if (allocated(self%map)) map_hint = '. If the positions all lie in one grain of the map, check the unit and the origin of ' &
+         & //'x_um and y_um'
       call new_region(self%class, region)
       if (region%dimension == 0) return
       directions = self%measurements%directions()
       if (all_alike(region, directions, alike*degree)) then
          call warn(self%warnings, prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how ' &
-            & //'the modulus depends on orientation')
+            & //'the modulus depends on orientation'//map_hint)
          return
       end if
       call new_harmonics(self%class, degree_seen, harmonics, error)

@@ -137,7 +137,7 @@ contains
       select type (stage)
       type is (extract_stage_type)
          do i = 1, size(stage%prior)
-            write (output_unit, '(2a)') 'prior: ', stage%prior(i)%text
+            write (output_unit, '(a)') stage%prior(i)%text
          end do
       end select
       flush (output_unit)

@@ -16,12 +16,45 @@ module repeated_tests
    use warning_lists, only: warn, warning_type
    implicit none
    private
-   public :: combine_tests, judge_scatter
+   public :: combine_tests, judge_scatter, refuse_copied_rows
 
    !> A scatter of less probability is told of; of single grains it is divided by their number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
+
+   !> Refuse rows that were pasted once more: several in succession, of more than one orientation, with all numbers of earlier ones. Equal
+   !> values of one grain are tests whose moduli were rounded.
+   subroutine refuse_copied_rows(points, error)
+      type(points_type), intent(in) :: points
+      type(error_type), allocatable, intent(out) :: error
+      integer, parameter :: least = 3
+      real(wp), allocatable :: key(:, :)
+      integer :: first(points%n), i, begin
+
+      allocate (key(6, points%n))
+      key(:3, :) = points%euler_deg
+      key(4, :) = points%modulus_gpa
+      key(5, :) = points%sd_gpa
+      key(6, :) = points%group
+      first = number_equal(key)
+      begin = 1
+      do i = 2, points%n + 1
+         if (i <= points%n) then
+            if (first(i) < i .and. first(i) == first(i - 1) + 1 .and. first(i - 1) < i - 1) cycle
+         end if
+         if (i - begin >= least .and. any(abs(points%euler_deg(:, begin:i - 1) - spread(points%euler_deg(:, begin), 2, i - begin)) &
+            & > 0.0_wp)) then
+            associate (line => points%table%line)
+               call refuse(error, 'lines '//to_text(line(begin))//' to '//to_text(line(i - 1))//' repeat lines ' &
+                  & //to_text(line(first(begin)))//' to '//to_text(line(first(i - 1)))//' with the same angles, moduli and sds. ' &
+                  & //'Rows that count twice make the sds of the constants too small: remove them')
+            end associate
+            return
+         end if
+         begin = i
+      end do
+   end subroutine refuse_copied_rows
 
    !> Let each grain of a group be one point, in the order of their first tests; these give the orientation.
    subroutine combine_tests(class, points, error)

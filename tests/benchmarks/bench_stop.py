@@ -26,7 +26,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 POINTS = "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n" + "".join(
     f"{160 + i % 100},110,{70 + i % 100 / 7:.3f},{3 * i},{i % 90},0\n" for i in range(2000)
 )
-STEP_2 = f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv', modulus_kind = 'effective_modulus' /\n"
+STEP_2 = f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
 FILM = "&specimen geometry = 'film', thickness_um = 1, substrate_young_gpa = 163, substrate_nu = 0.223 /\n"
 #: Each takes minutes, but the last, which is stopped anywhere.
 STAGES = {

@@ -13,7 +13,7 @@ from bayesindent.common.result_files import read_json
 from conftest import SOURCE
 
 CASE = f"""&problem symmetry = 'cubic', title = 'TITLE', synthetic = .true. /
-&measurements file = '{SOURCE / "inputs" / "data" / "fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
+&measurements file = '{SOURCE / "tests" / "reference" / "cubic_fe3si.csv"}', modulus_kind = 'KIND', calibration_sd = CALIBRATION /
 &prior c_min = 50, 40, 15, c_max = 250, 150, 150, anisotropy_cap = 7.2 /
 &sampler samples = 2000, burn_in = 2000, chains = 2, evidence = EVIDENCE /
 """

@@ -49,10 +49,13 @@ def test_the_files_of_a_metal_run(bayesindent, tmp_path):
     moduli = bi.halfspace_modulus(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), rows)
     with open(tmp_path / "grains.csv", "a") as file:
         file.writelines(f"{','.join(map(str, row))},{modulus:.2f},2\n" for row, modulus in zip(rows, moduli, strict=True))
+    # Which modulus it is must be stated.
+    undecided = bayesindent("run", "grains.nml", "--check")
+    assert undecided.returncode == 2 and "does not say which modulus was measured" in undecided.stderr
     text = (tmp_path / "grains.nml").read_text()
     assert "mean = 137.1 " in text
     (tmp_path / "grains.nml").write_text(
-        text.replace("effective_modulus'\n", "indentation_modulus'\n").replace("! samples = 10000", "samples = 300")
+        text.replace("! modulus_kind = 'indentation_modulus'", "modulus_kind = 'indentation_modulus'").replace("! samples = 10000", "samples = 300")
     )
     checked = bayesindent("run", "grains.nml", "--check")
     assert checked.stderr.splitlines()[-1] == "next: bayesindent run grains.nml", checked.stderr
@@ -93,7 +96,7 @@ def test_every_class_and_structure_has_a_file_that_is_right(tmp_path):
     assert len(classes) > 15
     for word in (*classes, "fcc", "bcc", "hcp"):
         namelist, table = template(word, None, "grains.csv")
-        (tmp_path / "grains.csv").write_text(table + "0,0,0,150,2\n")
+        (tmp_path / "grains.csv").write_text(table.replace(",modulus_gpa", ",effective_modulus_gpa") + "0,0,0,150,2\n")
         (tmp_path / "grains.nml").write_text(namelist)
         assert bi.Problem(tmp_path / "grains.nml").stages == ["extract", "next"]
         # Every comment that is taken away leaves a variable.

@@ -101,7 +101,7 @@ def has_open(process, file) -> bool:
 
 
 STEP_2 = f"""&problem symmetry = 'cubic' /
-&measurements file = '{SOURCE}/inputs/data/fe3si.csv', modulus_kind = 'effective_modulus' /
+&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /
 &sampler samples = 400, burn_in = 1000, chains = 3 /
 &execution workers = 1 /
 """

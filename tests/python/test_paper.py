@@ -81,7 +81,7 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     file = tmp_path / "case.nml"
     file.write_text(
         "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 200, burn_in = 500, chains = 2 /\n"
-        f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv', modulus_kind = 'effective_modulus' /\n"
+        f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
         "&prior c_min = 150, 80, 60, c_max = 300, 200, 160 /\n"
     )
     output = tmp_path / "out"

@@ -25,6 +25,13 @@ SPREAD = 0.03
 #: Variables of &surrogate that only `build` reads.
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
 
+#: The variable that has no default.
+KINDS = """\
+  ! Which modulus the instrument reported. Remove the ! of one line:
+  ! modulus_kind = 'effective_modulus'     ! Er, the reduced modulus of specimen and tip: 1/Er = 1/M + (1 - nu_i^2)/E_i
+  ! modulus_kind = 'indentation_modulus'   ! M = E/(1 - nu^2) of the specimen alone; the deformation of the tip is removed
+  ! modulus_kind = 'sample_modulus'        ! Es = (1 - nu_s^2) M, often called E, EIT or Young's modulus, for an assumed sample_nu""".splitlines()
+
 TABLE = """\
 # One grain a row: Bunge-Euler angles (v_crystal = g v_sample; the indenter moves along -z of the sample), modulus, and its standard deviation
 # (the standard error of the value given). Lines that start with # are not read: put your grains below the header.
@@ -92,7 +99,7 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
     groups: dict[str, dict[str, str]] = {
         "problem": {"symmetry": word, "title": known.name.capitalize() if known else ""},
         "surrogate": {"file": "halfspace"},
-        "measurements": {"file": table, "modulus_kind": "effective_modulus"},
+        "measurements": {"file": table},
         "prior": {},
         "knowledge": {},
         "sampler": {},
@@ -108,7 +115,7 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
             lines += knowledge(known)
             variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]
         for variable in variables:
-            lines += explained(variable, values.get(variable.name))
+            lines += KINDS if variable.name == "modulus_kind" else explained(variable, values.get(variable.name))
         lines += ["/"]
     return "\n".join(lines) + "\n", TABLE
 

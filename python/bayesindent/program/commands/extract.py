@@ -24,7 +24,7 @@ def extract(problem: Problem, output: Path, progress: Progress) -> dict:
 
 
 def show(document: dict) -> None:
-    """The constants, and the prior that was in effect."""
+    """The constants, and what they follow from."""
     rows = [
         [name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)]
         for name, item in document["parameters"].items()
@@ -34,7 +34,7 @@ def show(document: dict) -> None:
     if beside := document.get("theory_alone"):
         constants = ", ".join(f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items())
         print(f"Theory of the half-space without the specimen: {constants}")
-    print("The prior that was in effect:", *document["prior"]["words"], sep="\n  ")
+    print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:
