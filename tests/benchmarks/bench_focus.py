@@ -93,7 +93,9 @@ def main() -> None:
             sd = np.maximum(2.0, 0.015 * moduli)
             data = folder / f"{metal}_{seed}.csv"
             rows = np.column_stack([euler, moduli + sd * rng.normal(size=GRAINS), sd])
-            np.savetxt(data, rows, delimiter=",", header="phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", comments="# synthetic\n", fmt="%.6f")
+            np.savetxt(
+                data, rows, delimiter=",", header="phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", comments="# synthetic\n", fmt="%.6f"
+            )
             values = {"symmetry": symmetry, "seed": seed, "data": data, "bulk": bulk * (1 + 0.02 * rng.normal()), "bulk_sd": 0.02 * bulk}
             output = folder / f"{metal}_{seed}"
             build, found = run(f"{metal}_{seed}", CASE.format(design=options.design, **values), folder, output)
@@ -108,7 +110,9 @@ def main() -> None:
                     candidates(output, euler, table)
                 design = f"budget = {options.many}, focus = 'domain', candidates = '{table}'"
                 domain = "&domain log_anisotropy_max = 6, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /"
-                _, many = run(f"{metal}_many_{seed}", CASE.format(design=design, **values) + domain + "\n", folder, folder / f"{metal}_many")
+                _, many = run(
+                    f"{metal}_many_{seed}", CASE.format(design=design, **values) + domain + "\n", folder, folder / f"{metal}_many"
+                )
                 line += "; sd over that of many" + "".join(f" {sds[name] / one['sd']:.2f}" for name, one in many["parameters"].items())
             print(line + ("" if found["usable"] else f"; unusable: {found['reasons'][0]}"), flush=True)
 

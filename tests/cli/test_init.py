@@ -55,7 +55,9 @@ def test_the_files_of_a_metal_run(bayesindent, tmp_path):
     text = (tmp_path / "grains.nml").read_text()
     assert "mean = 137.1 " in text
     (tmp_path / "grains.nml").write_text(
-        text.replace("! modulus_kind = 'indentation_modulus'", "modulus_kind = 'indentation_modulus'").replace("! samples = 10000", "samples = 300")
+        text.replace("! modulus_kind = 'indentation_modulus'", "modulus_kind = 'indentation_modulus'").replace(
+            "! samples = 10000", "samples = 300"
+        )
     )
     checked = bayesindent("run", "grains.nml", "--check")
     assert checked.stderr.splitlines()[-1] == "next: bayesindent run grains.nml", checked.stderr

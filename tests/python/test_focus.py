@@ -124,7 +124,9 @@ def test_without_measurements_or_with_the_papers_model_the_domain_is_simulated(t
 
 @pytest.mark.filterwarnings("ignore")
 def test_what_the_budget_left_is_a_warning(tmp_path):
-    with pytest.warns(bi.BayesindentWarning, match=r"the surrogate contributes \d+ % of the variance of C\d\d; allowed: 10 %. Increase &design budget, 15"):
+    with pytest.warns(
+        bi.BayesindentWarning, match=r"the surrogate contributes \d+ % of the variance of C\d\d; allowed: 10 %. Increase &design budget, 15"
+    ):
         bi.build(problem_of(tmp_path, table(noise=0.002), design={"budget": 15}), tmp_path / "out", simulate=specimen)
 
 
@@ -155,9 +157,13 @@ def test_a_film_of_another_metal_than_the_domain_holds(metal, tmp_path):
         surrogate = bi.build(problem, tmp_path / focus)
         found = bi.summary(
             bi.extract(
-                tmp_path / "grains.csv", symmetry="cubic", surrogate=surrogate, modulus_kind="indentation_modulus",
-                knowledge={"bulk_modulus": (bulk, 0.02 * bulk)}, samples=2000,
-            )  # fmt: skip
+                tmp_path / "grains.csv",
+                symmetry="cubic",
+                surrogate=surrogate,
+                modulus_kind="indentation_modulus",
+                knowledge={"bulk_modulus": (bulk, 0.02 * bulk)},
+                samples=2000,
+            )
         )
         z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), OUTSIDE[metal], strict=True)]
         if focus == "domain":
