@@ -2,7 +2,6 @@
 #include "multifrontal.h"
 
 #include <algorithm>
-#include <numeric>
 
 namespace bayesindent {
 
@@ -26,19 +25,13 @@ void analysis::build_tree() {
     }
   }
   parent.assign(supernodes, -1);
-  child_start.assign(supernodes + 1, 0);
+  children.resize(supernodes);
   for (integer k = 0; k < supernodes; ++k) {
     if (rows_of(k) > columns_of(k)) {
       parent[k] = owner[rows[row_start[k] + columns_of(k)]];
-      ++child_start[parent[k] + 1];
+      children[parent[k]].push_back(k);
     }
   }
-  std::partial_sum(child_start.begin(), child_start.end(), child_start.begin());
-  child.resize(child_start[supernodes]);
-  std::vector<integer> next(child_start.begin(), child_start.end() - 1);
-  for (integer k = 0; k < supernodes; ++k)
-    if (parent[k] >= 0)
-      child[next[parent[k]]++] = k;
   parity.assign(supernodes, 0);
   for (integer k = supernodes - 1; k >= 0; --k) {
     if (parent[k] >= 0)
@@ -62,8 +55,7 @@ void analysis::plan_memory() {
       shared[side] = std::max(shared[side], block_start[k + 1] + depth[side]);
     }
     tallest = std::max(tallest, rows_of(k));
-    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-      const integer d = child[c];
+    for (const integer d : children[k]) {
       for (std::size_t p = row_start[d] + columns_of(d); p < row_start[d + 1]; ++p) {
         relative[p] = local[rows[p]];
         if (relative[p] < 0)
@@ -83,28 +75,15 @@ void analysis::plan_memory() {
 }
 
 void analysis::map_entries(const integer *start, const integer *row) {
-  const integer given = start[n];
-  std::vector<integer> column_count(n + 1, 0), column_of(given), row_of(given), local(n, -1);
+  entries_of.resize(supernodes);
   for (integer j = 0; j < n; ++j) {
     for (integer p = start[j]; p < start[j + 1]; ++p) {
-      column_of[p] = std::min(position[j], position[row[p]]);
-      row_of[p] = std::max(position[j], position[row[p]]);
-      ++column_count[column_of[p] + 1];
+      const auto [column, below] = std::minmax(position[j], position[row[p]]);
+      const integer k = static_cast<integer>(std::upper_bound(first.begin(), first.end(), column) - first.begin()) - 1;
+      const auto own = rows.begin() + static_cast<std::ptrdiff_t>(row_start[k]);
+      const auto place = std::lower_bound(own, own + rows_of(k), below) - own;
+      entries_of[k].emplace_back(p, (column - first[k]) * rows_of(k) + static_cast<integer>(place));
     }
-  }
-  std::partial_sum(column_count.begin(), column_count.end(), column_count.begin());
-  entry.resize(given);
-  target.resize(given);
-  entry_start.resize(supernodes + 1);
-  for (integer k = 0; k <= supernodes; ++k)
-    entry_start[k] = column_count[first[k]];
-  for (integer p = 0; p < given; ++p)
-    entry[column_count[column_of[p]]++] = p;
-  for (integer k = 0; k < supernodes; ++k) {
-    for (std::size_t p = row_start[k]; p < row_start[k + 1]; ++p)
-      local[rows[p]] = static_cast<integer>(p - row_start[k]);
-    for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
-      target[e] = (column_of[entry[e]] - first[k]) * rows_of(k) + local[row_of[entry[e]]];
   }
 }
 

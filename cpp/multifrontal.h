@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 enum bayesindent_cholesky_status {
@@ -88,18 +89,18 @@ private:
   void map_entries(const integer *start, const integer *row);
 
   integer n, kept, supernodes = 0;
-  std::vector<integer> position;           // of an unknown in the elimination order
-  std::vector<integer> unknown_at;         // its inverse
-  std::vector<integer> first;              // first column of each supernode
-  std::vector<std::size_t> row_start;      // of each supernode in `rows`
-  std::vector<integer> rows;               // rows of each supernode, its own columns first
-  std::vector<std::size_t> block_start;    // of each supernode's columns in the factor
-  std::vector<integer> parent;             // -1 at a root
-  std::vector<integer> relative;           // place of each row of `rows` in the parent's rows
-  std::vector<integer> child_start, child; // children in elimination order
-  std::vector<unsigned char> parity;       // of the depth of each supernode in the tree
-  std::vector<integer> entry_start, entry; // entries of the matrix that each supernode receives
-  std::vector<integer> target;             // place of each of them in the supernode's columns
+  std::vector<integer> position;              // of an unknown in the elimination order
+  std::vector<integer> unknown_at;            // its inverse
+  std::vector<integer> first;                 // first column of each supernode
+  std::vector<std::size_t> row_start;         // of each supernode in `rows`
+  std::vector<integer> rows;                  // rows of each supernode, its own columns first
+  std::vector<std::size_t> block_start;       // of each supernode's columns in the factor
+  std::vector<integer> parent;                // -1 at a root
+  std::vector<integer> relative;              // place of each row of `rows` in the parent's rows
+  std::vector<std::vector<integer>> children; // of each supernode, in elimination order
+  std::vector<unsigned char> parity;          // of the depth of each supernode in the tree
+  // Entries of the matrix that each supernode receives, and their places in its columns.
+  std::vector<std::vector<std::pair<integer, integer>>> entries_of;
   std::size_t arena_size = 0, stack_size = 0, panel_size = 0, column_size = 0;
   int upper = 0; // parity of the stack in the arena
   std::mutex pool_lock;

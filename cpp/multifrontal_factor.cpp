@@ -78,15 +78,15 @@ bayesindent_cholesky_status analysis::factor(workspace &work, const double *valu
     const int mine = parity[k], theirs = 1 - mine;
     real *const block = work.arena.get() + block_start[k];
     std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
-    for (integer e = entry_start[k]; e < entry_start[k + 1]; ++e)
-      block[target[e]] = static_cast<real>(values[entry[e]]);
+    for (const auto &[entry, target] : entries_of[k])
+      block[target] = static_cast<real>(values[entry]);
     std::size_t base = depth[theirs];
-    for (integer c = child_start[k]; c < child_start[k + 1]; ++c)
-      base -= update_size(child[c]);
+    for (const integer d : children[k])
+      base -= update_size(d);
     std::size_t at = base;
-    for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-      add_child(update_matrix(work, child[c], at), child[c], k, block, true);
-      at += update_size(child[c]);
+    for (const integer d : children[k]) {
+      add_child(update_matrix(work, d, at), d, k, block, true);
+      at += update_size(d);
     }
     const integer failed = factor_columns(block, height, own, work.panel.get());
     if (failed != 0) {
@@ -97,9 +97,9 @@ bayesindent_cholesky_status analysis::factor(workspace &work, const double *valu
       real *const front = update_matrix(work, k, depth[mine]);
       ssyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
       at = base;
-      for (integer c = child_start[k]; c < child_start[k + 1]; ++c) {
-        add_child(update_matrix(work, child[c], at), child[c], k, front, false);
-        at += update_size(child[c]);
+      for (const integer d : children[k]) {
+        add_child(update_matrix(work, d, at), d, k, front, false);
+        at += update_size(d);
       }
       depth[mine] += update_size(k);
     }

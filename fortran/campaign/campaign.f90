@@ -51,7 +51,6 @@ module campaign
       procedure :: rows
       procedure :: find
       procedure :: add
-      procedure :: add_rows
       procedure :: add_soon
       procedure :: flush
       procedure :: begin_change
@@ -250,22 +249,6 @@ contains
       end subroutine bind_curve
    end subroutine add
 
-   !> Store some rows at once: all or none.
-   subroutine add_rows(self, rows, error)
-      class(campaign_type), intent(inout) :: self
-      !> Rows, as `add` takes them.
-      type(row_type), intent(in) :: rows(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i
-
-      call self%begin_change(error)
-      do i = 1, size(rows)
-         if (allocated(error)) exit
-         call self%add(rows(i), error)
-      end do
-      call self%end_change(error)
-   end subroutine add_rows
-
    !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of them or some seconds have passed.
    subroutine add_soon(self, row, error)
       class(campaign_type), intent(inout) :: self
@@ -283,12 +266,18 @@ contains
       if (full .or. row%outcome%seconds > quick .or. row%outcome%elements > 0) call self%flush(error)
    end subroutine add_soon
 
-   !> Store all that wait.
+   !> Store all that wait: all or none.
    subroutine flush(self, error)
       class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      integer :: i
 
-      if (self%n_waiting > 0) call self%add_rows(self%waiting(:self%n_waiting), error)
+      if (self%n_waiting == 0) return
+      call self%begin_change(error)
+      do i = 1, self%n_waiting
+         if (.not. allocated(error)) call self%add(self%waiting(i), error)
+      end do
+      call self%end_change(error)
       self%n_waiting = 0
    end subroutine flush
 
@@ -297,7 +286,7 @@ contains
       class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      call begin_transaction(self%file, error)
+      call self%file%run(begin_transaction, error)
       call name_file(self%path, error)
    end subroutine begin_change
 

@@ -10,6 +10,8 @@ module campaign_file
 
    !> Marks the file as ours ('bayi'), and the version of its layout.
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
+   !> From here to `end_transaction` all changes are kept, or none.
+   character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
    !> What version 2 has more than version 1, whose rows stay without a checksum.
    character(len=*), parameter :: from_version_1 = 'ALTER TABLE simulation ADD COLUMN checksum TEXT; PRAGMA user_version = 2'
 
@@ -110,21 +112,13 @@ contains
 
       call file%value('PRAGMA user_version', version, error)
       if (allocated(error) .or. version == layout_version) return
-      call begin_transaction(file, error)
+      call file%run(begin_transaction, error)
       if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
       if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
       call end_transaction(file, error)
    end subroutine migrate
 
-   !> From here to `end_transaction` all changes are kept, or none.
-   subroutine begin_transaction(file, error)
-      type(database_type), intent(in) :: file
-      type(error_type), allocatable, intent(out) :: error
-
-      call file%run('BEGIN IMMEDIATE', error)
-   end subroutine begin_transaction
-
-   !> Keep what was changed, or nothing after an `error`.
+   !> Keep what was changed since `begin_transaction` was run, or nothing after an `error`.
    subroutine end_transaction(file, error)
       type(database_type), intent(in) :: file
       type(error_type), allocatable, intent(inout) :: error

@@ -8,74 +8,9 @@ module linear_algebra
    public :: cholesky_factor, cholesky_solve, cholesky_inverse, symmetric_eigen, add_gram, multiply, multiply_by_factor, &
       & orthonormalize
 
-   interface
-      subroutine dpotrf(uplo, n, a, lda, info)
-         import :: wp
-         character(len=1), intent(in) :: uplo
-         integer, intent(in) :: n, lda
-         real(wp), intent(inout) :: a(lda, *)
-         integer, intent(out) :: info
-      end subroutine dpotrf
-      subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
-         import :: wp
-         character(len=1), intent(in) :: uplo
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(in) :: a(lda, *)
-         real(wp), intent(inout) :: b(ldb, *)
-         integer, intent(out) :: info
-      end subroutine dpotrs
-      subroutine dpotri(uplo, n, a, lda, info)
-         import :: wp
-         character(len=1), intent(in) :: uplo
-         integer, intent(in) :: n, lda
-         real(wp), intent(inout) :: a(lda, *)
-         integer, intent(out) :: info
-      end subroutine dpotri
-      subroutine dsyevd(jobz, uplo, n, a, lda, w, work, lwork, iwork, liwork, info)
-         import :: wp
-         character(len=1), intent(in) :: jobz, uplo
-         integer, intent(in) :: n, lda, lwork, liwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: w(*), work(*)
-         integer, intent(out) :: iwork(*), info
-      end subroutine dsyevd
-      subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
-         import :: wp
-         character(len=1), intent(in) :: uplo, trans
-         integer, intent(in) :: n, k, lda, ldc
-         real(wp), intent(in) :: alpha, beta, a(lda, *)
-         real(wp), intent(inout) :: c(ldc, *)
-      end subroutine dsyrk
-      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
-         import :: wp
-         character(len=1), intent(in) :: transa, transb
-         integer, intent(in) :: m, n, k, lda, ldb, ldc
-         real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
-         real(wp), intent(inout) :: c(ldc, *)
-      end subroutine dgemm
-      subroutine dtrmm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
-         import :: wp
-         character(len=1), intent(in) :: side, uplo, transa, diag
-         integer, intent(in) :: m, n, lda, ldb
-         real(wp), intent(in) :: alpha, a(lda, *)
-         real(wp), intent(inout) :: b(ldb, *)
-      end subroutine dtrmm
-      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, lda, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: tau(*), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeqrf
-      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, k, lda, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(in) :: tau(*)
-         real(wp), intent(out) :: work(*)
-         integer, intent(out) :: info
-      end subroutine dorgqr
-   end interface
+   !> Of LAPACK and BLAS; sizes are checked by their callers here.
+   ! allow(C091)
+   external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dgemm, dtrmm, dgeqrf, dorgqr
 
 contains
 

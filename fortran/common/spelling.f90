@@ -13,8 +13,7 @@ contains
       character(len=*), intent(in) :: written
       !> Names, separated by ', '.
       character(len=*), intent(in) :: allowed
-      character(len=:), allocatable :: words
-      character(len=:), allocatable :: names(:)
+      character(len=:), allocatable :: words, names(:)
       integer :: i, nearest
 
       words = ''
@@ -29,8 +28,7 @@ contains
    !> Levenshtein's distance.
    pure integer function edit_distance(a, b) result(distance)
       character(len=*), intent(in) :: a, b
-      integer :: previous(0:len(b)), current(0:len(b))
-      integer :: i, j
+      integer :: previous(0:len(b)), current(0:len(b)), i, j
 
       previous = [(j, j=0, len(b))]
       do i = 1, len(a)

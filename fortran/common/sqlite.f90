@@ -76,7 +76,6 @@ module sqlite
    procedure(pointer_of), bind(c, name='sqlite3_errmsg') :: c_message
    procedure(pointer_of), bind(c, name='sqlite3_db_handle') :: c_database
    procedure(code_of_number), bind(c, name='sqlite3_busy_timeout') :: c_busy_timeout
-   procedure(code_of_number), bind(c, name='sqlite3_column_bytes') :: c_column_bytes
 
    interface
       integer(c_int) function c_open(path, handle, flags, vfs) bind(c, name='sqlite3_open_v2')
@@ -205,14 +204,10 @@ contains
       integer(c_int), intent(in) :: code
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: reason
-      type(c_ptr) :: message
 
       if (any(int(code) == [ok, row_code, done_code])) return
       reason = 'the database is not open'
-      if (c_associated(self%handle)) then
-         message = c_message(self%handle)
-         call copy_text(message, int(c_length(message)), reason)
-      end if
+      if (c_associated(self%handle)) call copy_text(c_message(self%handle), reason)
       if (iand(int(code), 255) == full) reason = 'the disk is full'
       if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
       call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
@@ -281,10 +276,8 @@ contains
       class(statement_type), intent(in) :: self
       integer, intent(in) :: i
       character(len=:), allocatable, intent(out) :: text
-      type(c_ptr) :: bytes
 
-      bytes = c_column_text(self%handle, i - 1)
-      call copy_text(bytes, c_column_bytes(self%handle, i - 1), text)
+      call copy_text(c_column_text(self%handle, i - 1), text)
    end subroutine column_text
 
    !> Make ready for other parameters, NULL until they are bound, and leave the file to others.
@@ -306,16 +299,18 @@ contains
       self%handle = c_null_ptr
    end subroutine finish
 
-   !> A text of the library of `n` bytes.
-   subroutine copy_text(bytes, n, text)
+   !> A text of the library.
+   subroutine copy_text(bytes, text)
       type(c_ptr), intent(in) :: bytes
-      integer, intent(in) :: n
       character(len=:), allocatable, intent(out) :: text
       character(kind=c_char), pointer :: characters(:)
+      integer(c_size_t) :: n
       integer :: i
 
-      allocate (character(len=merge(n, 0, c_associated(bytes))) :: text)
-      call c_f_pointer(bytes, characters, [len(text)])
+      n = 0
+      if (c_associated(bytes)) n = c_length(bytes)
+      allocate (character(len=n) :: text)
+      call c_f_pointer(bytes, characters, [n])
       do i = 1, len(text)
          text(i:i) = characters(i)
       end do

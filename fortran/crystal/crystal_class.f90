@@ -13,8 +13,7 @@ module crystal_class
    public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotation_about, rotations_about
 
    type :: row_type
-      character(len=12) :: name
-      character(len=12) :: synonyms
+      character(len=12) :: name, synonyms
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
@@ -126,8 +125,7 @@ contains
    pure function rotation_about(axis, angle) result(rotation)
       !> Of any length; radians.
       real(wp), intent(in) :: axis(3), angle
-      real(wp) :: rotation(3, 3)
-      real(wp) :: u(3), cross(3, 3)
+      real(wp) :: rotation(3, 3), u(3), cross(3, 3)
 
       u = axis/norm2(axis)
       cross = reshape([0.0_wp, u(3), -u(2), -u(3), 0.0_wp, u(1), u(2), -u(1), 0.0_wp], [3, 3])

@@ -28,8 +28,7 @@ contains
    !> Bunge's g from (phi1, Phi, phi2) in radians: v_crystal = g v_sample.
    pure function rotation_matrix(euler) result(g)
       real(wp), intent(in) :: euler(3)
-      real(wp) :: g(3, 3)
-      real(wp) :: c1, s1, c, s, c2, s2
+      real(wp) :: g(3, 3), c1, s1, c, s, c2, s2
 
       c1 = cos(euler(1))
       s1 = sin(euler(1))
@@ -61,8 +60,7 @@ contains
    !> Stiffness in the sample frame of a crystal whose orientation is `g`: C' = M C Mᵀ with Bond's matrix of gᵀ.
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
-      real(wp) :: rotated(6, 6)
-      real(wp) :: bond(6, 6)
+      real(wp) :: rotated(6, 6), bond(6, 6)
 
       bond = bond_matrix(transpose(g))
       rotated = matmul(bond, matmul(c, transpose(bond)))
@@ -139,8 +137,7 @@ contains
    pure function compliance(c) result(s)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: s(6, 6)
-      real(wp) :: inverse(6, 6)
+      real(wp) :: s(6, 6), inverse(6, 6)
       integer :: i, j
       logical :: stable
 
@@ -221,8 +218,7 @@ contains
    pure function isotropic_stiffness(young, poisson) result(c)
       !> GPa, and Poisson's ratio.
       real(wp), intent(in) :: young, poisson
-      real(wp) :: c(6, 6)
-      real(wp) :: shear, lame
+      real(wp) :: c(6, 6), shear, lame
       integer :: i
 
       shear = young/(2.0_wp*(1.0_wp + poisson))
@@ -239,8 +235,7 @@ contains
    pure function polycrystal_stiffness(crystal) result(c)
       !> GPa.
       real(wp), intent(in) :: crystal(6, 6)
-      real(wp) :: c(6, 6)
-      real(wp) :: young, poisson
+      real(wp) :: c(6, 6), young, poisson
 
       call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
       c = isotropic_stiffness(young, poisson)

@@ -60,8 +60,7 @@ contains
    function group_rotations(class, order) result(rotations)
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
-      real(wp), allocatable :: rotations(:, :, :)
-      real(wp), allocatable :: generators(:, :, :), group(:, :, :)
+      real(wp), allocatable :: rotations(:, :, :), generators(:, :, :), group(:, :, :)
       logical, allocatable :: retained(:)
       integer :: g, infinite
 
@@ -157,8 +156,7 @@ contains
       type(region_type), intent(in) :: region
       !> Unit vector in crystal axes.
       real(wp), intent(in) :: direction(3)
-      real(wp) :: best(3)
-      real(wp) :: image(3), height
+      real(wp) :: best(3), image(3), height
       integer :: g
 
       select case (region%dimension)
@@ -297,8 +295,7 @@ contains
    pure function arc(region, n) result(directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
-      real(wp) :: directions(3, n)
-      real(wp) :: angle
+      real(wp) :: directions(3, n), angle
       integer :: i
 
       do i = 1, n

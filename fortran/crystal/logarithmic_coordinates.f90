@@ -108,8 +108,7 @@ contains
    pure function logarithm_of(c) result(logarithm)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: logarithm(6, 6)
-      real(wp) :: values(6), vectors(6, 6)
+      real(wp) :: logarithm(6, 6), values(6), vectors(6, 6)
 
       call diagonalise(kelvin_form(c), values, vectors)
       logarithm = composed(log(values), vectors)
@@ -149,8 +148,7 @@ contains
       class(log_coordinates_type), intent(in) :: self
       type(log_frame_type), intent(in) :: frame
       real(wp), intent(in) :: reference
-      real(wp) :: y(self%n)
-      real(wp) :: matrix(6, 6)
+      real(wp) :: y(self%n), matrix(6, 6)
       integer :: j
 
       matrix = composed(1.0_wp/(1.0_wp + reference*exp(-frame%values)), frame%vectors)

@@ -3,10 +3,10 @@ module crystal_operations
    use abstract_observable, only: observable_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
-   use distinct_directions, only: all_alike, lattice_of_directions, new_region, region_type, representative, spread_of_directions
+   use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
-   use kinds, only: degree, wp
+   use kinds, only: wp
    use observables, only: new_observable
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
@@ -66,14 +66,13 @@ contains
             call lattice_of_directions(region, x%values)
          end if
       case ('representatives')
-         ! Of directions (3, n) the images in that region, and whether all are within `angle_deg` of one of them.
+         ! Of directions (3, n) the images in that region.
          call new_region(class, region)
          given => x%in%columns('directions', 3)
          allocate (x%values, mold=given)
          do i = 1, size(given, 2)
             x%values(:, i) = representative(region, given(:, i))
          end do
-         call x%out%put('alike', all_alike(region, given, x%in%real('angle_deg')*degree))
       case ('theory')
          ! Indentation modulus (GPa), exact and of a circular contact, of crystals at angles (degrees).
          allocate (x%values(size(c, 3), 2))

@@ -5,15 +5,16 @@ module surrogate_operations
    use bases, only: describe_basis
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: exit_bad_input, raise
+   use evidence_regression, only: coefficient_covariance, coefficient_mean
    use exchange, only: exchange_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
    use posterior_operations, only: new_posterior
-   use sequential_design, only: update_posterior_mean
+   use sequential_design, only: absorb_choices, update_posterior_mean
    use surrogate_domain, only: spread_crystals
    use surrogate_file, only: check_values, exchange_surrogate, save_surrogate
-   use surrogate_learner, only: add_simulations, choose_next, describe_learner, evaluate_evidence, exclude_candidates, &
-      & fit_learner, leave_out, learner_type, learner_values, new_learner, predict_moduli, set_learner_candidates, surrogate_of
+   use surrogate_learner, only: add_simulations, choose_next, evaluate_evidence, exclude_candidates, fit_learner, leave_out, &
+      & learner_type, new_learner, predict_moduli, set_learner_candidates, surrogate_of
    use surrogate_model, only: predict_crystals, surrogate_type
    implicit none
    private
@@ -142,10 +143,22 @@ contains
       end if
       select case (verb)
       case ('describe')
-         call describe_learner(learner, x%out)
+         call x%out%put('alpha', learner%design%regression%alpha)
+         call x%out%put('beta', learner%design%regression%beta)
+         call x%out%put('fall', learner%design%regression%decay_rate)
+         call x%out%put('log_evidence', learner%log_evidence)
       case ('values')
-         call learner_values(learner, x%in%text('name'), values)
-         x%values = reshape(values, [size(values), 1])
+         ! Of the coefficients, and of the candidates where there are some.
+         call absorb_choices(learner%design)
+         associate (design => learner%design)
+            values = coefficient_mean(design%regression)
+            call x%out%put_array('mean', values, shape(values))
+            call x%out%put_array('prior_width', design%regression%prior_width, shape(values))
+            if (allocated(design%variance)) call x%out%put_array('variances', design%variance, shape(design%variance))
+         end associate
+      case ('covariance')
+         call absorb_choices(learner%design)
+         call coefficient_covariance(learner%design%regression, x%values)
       case ('set_candidates')
          call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), x%error)
       case ('exclude')

@@ -4,7 +4,6 @@ module surrogate_learner
    use acquisitions, only: new_acquisition
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
-   use named_values, only: named_values_type
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
       & leave_groups_out, log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
    use kinds, only: wp
@@ -15,8 +14,7 @@ module surrogate_learner
    implicit none
    private
    public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, revert, fit_learner, &
-      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, describe_learner, &
-      & learner_values
+      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of
 
    type :: learner_type
       class(basis_type), allocatable :: basis
@@ -270,40 +268,4 @@ contains
       surrogate%simulations = learner%simulations
       surrogate%provenance = provenance
    end subroutine surrogate_of
-
-   !> Name the numbers of a learner; its arrays are not listed but given if wanted.
-   subroutine describe_learner(learner, visitor)
-      type(learner_type), intent(inout) :: learner
-      type(named_values_type), intent(inout) :: visitor
-
-      associate (regression => learner%design%regression)
-         call visitor%put('alpha', regression%alpha)
-         call visitor%put('beta', regression%beta)
-         call visitor%put('log_evidence', learner%log_evidence)
-         call visitor%put('fall', regression%decay_rate)
-      end associate
-   end subroutine describe_learner
-
-   !> Values of the coefficients, 'mean' or 'prior_width' (n_terms), 'covariance' (n_terms squared), or of the candidates, 'variances'.
-   subroutine learner_values(learner, name, values)
-      type(learner_type), intent(inout) :: learner
-      character(len=*), intent(in) :: name
-      real(wp), allocatable, intent(out) :: values(:)
-      real(wp), allocatable :: covariance(:, :)
-
-      call absorb_choices(learner%design)
-      associate (regression => learner%design%regression)
-         select case (name)
-         case ('prior_width')
-            values = regression%prior_width
-         case ('mean')
-            values = coefficient_mean(regression)
-         case ('variances')
-            values = learner%design%variance
-         case default
-            call coefficient_covariance(regression, covariance)
-            values = reshape(covariance, [size(covariance)])
-         end select
-      end associate
-   end subroutine learner_values
 end module surrogate_learner

@@ -3,7 +3,6 @@
 !> The tests of a grain in one group are one measurement: the mean with weights 1/sd², whose sd is (sum of 1/sd²)^-1/2. Their chi-square,
 !> the sum of the squared deviations from that mean in sds, has one degree of freedom less than there are tests.
 module repeated_tests
-   use chi_square, only: chi_square_above
    use crystal_class, only: crystal_class_type
    use distinct_directions, only: angle_between, new_region, region_type
    use errors, only: error_type, refuse
@@ -11,6 +10,7 @@ module repeated_tests
    use kinds, only: degree, wp
    use point_index, only: number_equal
    use point_tables, only: first_rows, points_type
+   use statistics, only: chi_square_above
    use table_columns, only: find_column
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type

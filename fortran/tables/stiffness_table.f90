@@ -77,16 +77,6 @@ contains
       if (allocated(error)) return
       self%mean = values(:, 1)
       self%covariance = transpose(values(:, 2:))
-      call check_mean(self, class, error)
-      if (.not. allocated(error)) call check_covariance(self, class, error)
-   end subroutine new_stiffness_table
-
-   subroutine check_mean(self, class, error)
-      type(stiffness_table_type), intent(in) :: self
-      type(crystal_class_type), intent(in) :: class
-      type(error_type), allocatable, intent(out) :: error
-      integer :: j
-
       j = findloc(abs(self%mean) <= stiffness_most, .false., dim=1)
       if (j > 0) then
          call refuse(error, 'the mean of '//class%constants(j)//', '//to_text(self%mean(j)) &
@@ -95,7 +85,8 @@ contains
       end if
       call check_stiffness(class%stiffness(self%mean), error)
       if (allocated(error)) error%message = 'the mean: '//error%message
-   end subroutine check_mean
+      if (.not. allocated(error)) call check_covariance(self, class, error)
+   end subroutine new_stiffness_table
 
    !> Symmetric to the digits that people write, and positive definite.
    subroutine check_covariance(self, class, error)

@@ -184,8 +184,7 @@ contains
       type(table_type), intent(in) :: table
       !> Of `known_columns`.
       character(len=*), intent(in) :: names
-      character(len=:), allocatable :: words
-      character(len=:), allocatable :: allowed, near
+      character(len=:), allocatable :: words, allowed, near
       integer :: j
 
       allowed = names

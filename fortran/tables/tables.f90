@@ -464,8 +464,7 @@ contains
    !> A short name for the cells.
    function digest(self)
       class(table_type), intent(in) :: self
-      character(len=:), allocatable :: digest
-      character(len=:), allocatable :: joined
+      character(len=:), allocatable :: digest, joined
       integer :: i, j, filled
 
       filled = 0

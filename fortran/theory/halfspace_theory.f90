@@ -40,8 +40,7 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: one(9, 9), both(6, 6)
-      real(wp) :: h(finest), cosine(finest), sine(finest), shape(2), change
+      real(wp) :: one(9, 9), both(6, 6), h(finest), cosine(finest), sine(finest), shape(2), change
       integer :: done, n
 
       call check_stiffness(c, error)

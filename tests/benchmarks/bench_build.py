@@ -19,12 +19,12 @@ import time
 from contextlib import nullcontext
 
 import numpy as np
+from learner import Learner, to_y
 from paper_domains import DOMAINS
 from scipy.linalg import cho_factor, solve_triangular
 
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.surrogate.basis import Basis
-from bayesindent.surrogate.learner import Learner
 
 #: Candidates of which scikit-learn predicts at a time.
 BLOCK = 4000
@@ -118,7 +118,7 @@ def time_fit(basis: Basis, rule: str, n: int, candidates: int, repeats: int) -> 
     seconds["step"] = timed(step, 3 * repeats)
     terms, scale = basis.terms(constants, angles)
     if (ridge := bayesian_ridge()) is not None:
-        rows, y = np.ascontiguousarray((width[:, None] * terms).T), basis.to_y(modulus, scale)
+        rows, y = np.ascontiguousarray((width[:, None] * terms).T), to_y(basis, modulus, scale)
         blocks = [slice(i, i + BLOCK) for i in range(0, candidates, BLOCK)]
         wide = [np.ascontiguousarray((width[:, None] * basis.terms(others[0][block], others[1][block])[0]).T) for block in blocks]
 

@@ -19,9 +19,8 @@ import numpy as np
 from bench_studies import BINS, DRAWS, effective_size, holm
 from scipy import stats
 
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, stiffness_rows
 from bayesindent.inference.posterior import PRIOR, Posterior
-from bayesindent.inference.quantities import quantities
 from bayesindent.surrogate.surrogate import Surrogate
 
 REFERENCE = Path(__file__).parents[1] / "reference"

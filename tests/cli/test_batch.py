@@ -17,8 +17,7 @@ from theory_cases import theory_surrogate
 from bayesindent import Problem
 from bayesindent.inference.extract import groups_of, inference_data, summary
 from bayesindent.inference.posterior import EXTRACTION, Posterior
-from bayesindent.surrogate.lookup import SHIPPED
-from bayesindent.surrogate.surrogate import Surrogate
+from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 from conftest import DOMAIN, SOURCE
 
 BAD = [path for path in sorted((SOURCE / "inputs" / "bad").glob("*.nml")) if "\n! command: " not in path.read_text()]

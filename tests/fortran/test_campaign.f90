@@ -139,7 +139,10 @@ contains
          rows(i)%outcome%status = outcome_done
          rows(i)%outcome%modulus = real(i, wp)
       end do
-      call store%add_rows(rows, error)
+      do i = 1, n
+         if (.not. allocated(error)) call store%add_soon(rows(i), error)
+      end do
+      if (.not. allocated(error)) call store%flush(error)
       call check_success('many rows', error)
       all_found = .true.
       do i = 1, n

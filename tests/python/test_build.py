@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from learner import Learner
 from paper_domains import DOMAINS
 from test_surrogate import specimen
 
@@ -20,7 +21,6 @@ from bayesindent.pipeline.stage import Simulations
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem, read_crystals
 from bayesindent.surrogate.basis import Basis
-from bayesindent.surrogate.learner import Learner
 from bayesindent.surrogate.surrogate import Surrogate
 
 #: The paper's model of cubic crystals, 16 terms; and a correction of all crystals with 29.

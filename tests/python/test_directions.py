@@ -5,8 +5,6 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.directions import (
-    all_alike,
-    direction_lattice,
     euler_of,
     indentation_direction,
     representative,
@@ -19,11 +17,11 @@ def test_lattice_of_the_standard_triangle():
     corners = np.array([[0, 0, 1], [1, 0, 1] / np.sqrt(2), [1, 1, 1] / np.sqrt(3)])
     expected = np.array([(i, j, 16 - i - j) for i in range(17) for j in range(17 - i)]) @ corners
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    assert direction_lattice("m-3m") == pytest.approx(expected, abs=1e-15)
+    assert spread_of_directions("m-3m") == pytest.approx(expected, abs=1e-15)
 
 
 def test_lattice_of_an_arc():
-    assert euler_of(direction_lattice("hexagonal"))[:, 1] == pytest.approx(np.arange(0, 91, 2), abs=1e-6)
+    assert euler_of(spread_of_directions("hexagonal"))[:, 1] == pytest.approx(np.arange(0, 91, 2), abs=1e-6)
 
 
 def test_angles_and_directions():
@@ -48,8 +46,3 @@ def test_equivalent_directions_have_one_modulus(symmetry):
     crystal = bi.stiffness(symmetry, **values)
     images = representative(symmetry, directions)
     assert bi.halfspace_modulus(crystal, euler_of(images)) == pytest.approx(bi.halfspace_modulus(crystal, euler_of(directions)), rel=1e-8)
-
-
-def test_directions_that_are_alike():
-    assert all_alike("cubic", [[0, 0, 1], [1, 0, 0]], 5.0)
-    assert not all_alike("hexagonal", [[0, 0, 1], [1, 0, 0]], 5.0)

@@ -9,8 +9,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.report.figures.comparison import limits
-from bayesindent.report.figures.posterior import stacked
-from bayesindent.report.figures.residuals import chi_square
+from bayesindent.report.figures.posterior import chi_square, stacked
 from bayesindent.report.figures.young import youngs_modulus
 from bayesindent.report.results import NothingToShow
 from conftest import HANGS_S

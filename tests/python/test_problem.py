@@ -174,7 +174,7 @@ def test_warnings(tmp_path, rows, warning):
 def test_candidates_with_training_moduli(tmp_path):
     write(tmp_path, "C11,C12,C44,phi1_deg,Phi_deg,phi2_deg,modulus_gpa\n225,135,118,1,20,3,220.5\n500,135,118,1,20,3,\n", "c.csv")
     problem = bi.Problem(write(tmp_path, HEAD + "&design candidates='c.csv'/\n"), "build")
-    assert problem.candidates.constants_array().tolist() == [[225, 135, 118], [500, 135, 118]]
+    assert [list(row.values()) for row in problem.candidates.constants] == [[225, 135, 118], [500, 135, 118]]
     assert problem.candidates.modulus_gpa[0] == 220.5
     assert np.isnan(problem.candidates.modulus_gpa[1])
     assert "1 of 2 rows of c.csv lie outside &domain" in problem.warnings[0]

@@ -9,7 +9,7 @@ import pytest
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
-from bayesindent.inference.quantities import quantity_names
+from bayesindent.crystal.elasticity import quantity_names
 from bayesindent.program.cli import main
 from bayesindent.report.figures import FIGURES
 from bayesindent.report.formatting import limit_name, products_as_html, quantity_name, share_cells

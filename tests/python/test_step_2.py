@@ -9,10 +9,9 @@ from step_2_cases import KIND, columns, reference, rough_correction, table_of
 from theory_cases import FILES, theory_surrogate
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names, stiffness_rows
+from bayesindent.crystal.elasticity import constant_names, quantity_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
 from bayesindent.inference.posterior import EXTRACTION, Posterior
-from bayesindent.inference.quantities import quantity_names
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main

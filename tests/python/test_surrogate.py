@@ -5,12 +5,12 @@ import pickle
 
 import numpy as np
 import pytest
+from learner import Learner
 from paper_domains import DOMAINS
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import log_anisotropy, stiffness_rows
 from bayesindent.surrogate.basis import Basis
-from bayesindent.surrogate.learner import Learner
 from bayesindent.surrogate.surrogate import Surrogate
 
 PAPER = {"model": "paper", "truncation": "tensor"}

@@ -1,7 +1,7 @@
 """Code lines (without blanks and comments) by folder, and the largest file, class, procedure and list of arguments.
 
 Counted are fortran/, cpp/ and python/. Docstrings count as code; sizes of files, classes and procedures count every line; `self` and `cls`
-are no arguments; calls into LAPACK, which stand in interfaces, are not counted.
+are no arguments; procedures that interfaces declare are not counted.
 """
 
 import argparse

@@ -17,7 +17,7 @@ import numpy as np
 from ..core import InputError, call
 
 __all__ = [
-    "as_csv", "cell", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
+    "as_csv", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
 ]  # fmt: skip
 
 
@@ -98,13 +98,6 @@ def as_csv(header: Sequence[str], rows: Iterable[Sequence]) -> str:
     writer.writerow(header)
     writer.writerows([repr(float(value)) if isinstance(value, float) else value for value in row] for row in rows)
     return text.getvalue()
-
-
-def cell(value) -> str:
-    """A value for people: ten digits, nothing where it is not finite."""
-    if isinstance(value, float):
-        return f"{value:.10g}" if math.isfinite(value) else ""
-    return str(value)
 
 
 def plain(value):

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from ..core import call
 from ..crystal.elasticity import class_name
 
-__all__ = ["all_alike", "direction_lattice", "euler_of", "indentation_direction", "representative", "spread_of_directions"]
+__all__ = ["euler_of", "indentation_direction", "representative", "spread_of_directions"]
 
 
 def indentation_direction(euler_deg: ArrayLike) -> np.ndarray:
@@ -23,24 +23,9 @@ def euler_of(directions: ArrayLike) -> np.ndarray:
 
 def representative(symmetry: str, directions: ArrayLike) -> np.ndarray:
     """Of directions (n, 3) those that stand for them in the region that the class tells apart."""
-    return _representatives(symmetry, directions, 0.0)["values"]
+    return call("crystal.representatives", symmetry=class_name(symmetry), directions=np.reshape(directions, (-1, 3)))["values"]
 
 
-def all_alike(symmetry: str, directions: ArrayLike, angle_deg: float) -> bool:
-    """Whether one of directions (n, 3) has all others within an angle."""
-    return _representatives(symmetry, directions, angle_deg)["alike"]
-
-
-def _representatives(symmetry: str, directions: ArrayLike, angle_deg: float) -> dict:
-    vectors = np.reshape(directions, (-1, 3))
-    return call("crystal.representatives", symmetry=class_name(symmetry), directions=vectors, angle_deg=float(angle_deg))
-
-
-def direction_lattice(symmetry: str) -> np.ndarray:
-    """Directions (m, 3) evenly over the region that the class tells apart."""
-    return spread_of_directions(symmetry, 0)
-
-
-def spread_of_directions(symmetry: str, n: int) -> np.ndarray:
-    """n directions (n, 3) that are far apart in the region that the class tells apart, its corners first."""
+def spread_of_directions(symmetry: str, n: int = 0) -> np.ndarray:
+    """n directions (n, 3) that are far apart in the region that the class tells apart, its corners first; of 0 those of an even lattice."""
     return call("crystal.directions", symmetry=class_name(symmetry), count=n)["values"]

@@ -1,5 +1,6 @@
-"""Single crystals: stiffness, anisotropy, and the exact theory of the indented half-space."""
+"""Single crystals: stiffness, anisotropy, quantities by name (constants, averages, directional moduli, products of powers), and the exact theory of the indented half-space."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -7,8 +8,30 @@ from numpy.typing import ArrayLike
 
 from ..core import InputError, call
 
-__all__ = ["anisotropy_index", "class_name", "constant_names", "constants_array", "halfspace_modulus", "log_anisotropy",
-           "polycrystal_averages", "stiffness", "stiffness_rows"]  # fmt: skip
+__all__ = [
+    "anisotropy_index", "class_name", "constant_names", "halfspace_modulus", "log_anisotropy", "polycrystal_averages", "quantities",
+    "quantity_names", "stiffness", "stiffness_rows",
+]  # fmt: skip
+
+
+def quantity_names(symmetry: str) -> dict[str, str]:
+    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
+    found = call("crystal.reported_quantities", symmetry=symmetry)
+    return dict(zip(found["names"], found["units"], strict=True))
+
+
+def quantities(symmetry: str, constants: ArrayLike, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Quantities of stable crystals of a `symmetry`, constants (..., k) in GPa; each an array (...).
+
+    `names`: any of the vocabulary of `&knowledge`, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
+    are reported: constants, bulk modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
+    anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
+    """
+    matrices = stiffness_rows(symmetry, constants)
+    names = list(quantity_names(symmetry) if names is None else names)
+    found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
+    return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T, strict=True)}
+
 
 #: A stiffness is symmetric if its halves differ by no more than this share of its largest entry.
 SYMMETRIC = 1e-6
@@ -16,7 +39,6 @@ SYMMETRIC = 1e-6
 
 @cache
 def _crystal_class(symmetry: str) -> tuple[str, tuple[str, ...]]:
-    """Name and constants of a class as the core's table has them."""
     found = call("crystal.class", symmetry=symmetry)
     return found["name"], tuple(found["constants"])
 
@@ -31,21 +53,17 @@ def constant_names(symmetry: str) -> tuple[str, ...]:
     return _crystal_class(symmetry)[1]
 
 
-def constants_array(symmetry: str, constants: dict) -> np.ndarray:
-    """Stack named constants (GPa, scalars or arrays that broadcast) into (..., k) in the order of `constant_names`."""
-    names = constant_names(symmetry)
-    if set(constants) != set(names):
-        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
-    return np.stack(np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names)), axis=-1)
-
-
 def stiffness(symmetry: str, **constants) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa, crystal frame, Voigt order 11,22,33,23,13,12, from constants in GPa.
 
     `symmetry` names a crystal class ('cubic', 'hexagonal', '4/mmm', ..); the constants are those of `constant_names`.
     Arrays of constants broadcast. Raises `InputError` for other names.
     """
-    return stiffness_rows(symmetry, constants_array(symmetry, constants))
+    names = constant_names(symmetry)
+    if set(constants) != set(names):
+        raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
+    arrays = np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names))
+    return stiffness_rows(symmetry, np.stack(arrays, axis=-1))
 
 
 def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:

@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 
 import numpy as np
@@ -110,7 +111,7 @@ class Indentation(NativeObject):
         for name in NOT_OURS:
             if name in settings:
                 raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
-        self._made_of: tuple = (_made_anew, (type(self), settings))
+        self._made_of: tuple = (partial(type(self), **settings), ())
         self._set_up(Problem.from_keywords("Indentation", **by_group(settings)))
 
     @classmethod
@@ -229,10 +230,6 @@ class Indentation(NativeObject):
         return write_deck(
             self.mesh_arrays(), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
         )  # fmt: skip
-
-
-def _made_anew(kind: type, settings: dict) -> Indentation:
-    return kind(**settings)
 
 
 def by_group(settings: dict) -> dict:

@@ -1,4 +1,4 @@
-"""Step 2: the constants behind measured moduli. The densities, the chains and what is said of them are the core's."""
+"""Step 2: the constants behind measured moduli, and which grain to measure next. The densities, the chains and what is said of them are the core's."""
 
 import json
 from os import PathLike
@@ -6,13 +6,29 @@ from os import PathLike
 import numpy as np
 
 from ..core import warn_of
-from ..crystal.elasticity import constant_names
+from ..crystal.elasticity import constant_names, quantity_names
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
-from .quantities import quantity_names
 
-__all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "summary"]
+__all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "next_grain", "summary"]
+
+
+def next_grain(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", result=None, **settings) -> dict:
+    """Orientations worth measuring next, ranked, each given those above it.
+
+    `measurements`, `surrogate` and `settings` are those of `extract`, whose `result` may be given, and the variables of `&next`: `target`: 'all' (gain: information on
+    the constants in nats), a quantity of the vocabulary of `&knowledge`, or a product of powers, of which the logarithm is to be known
+    (gain: the share of the variance that is expected to go); `sd_gpa`: of the next measurement, 0: the median of those made; `count`.
+    """
+    surrogate = loaded(surrogate)
+    problem = problem_of("bi.next_grain", surrogate, measurements, **settings)
+    if result is None:
+        result = extract(measurements, surrogate=surrogate, **settings)
+    draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
+    document = Posterior(problem, surrogate).suggest(problem, draws)
+    warn_of(document)
+    return document
 
 
 def extract(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", **settings):
@@ -56,7 +72,7 @@ def arviz_data(groups: dict):
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
-    and facts. `found`: by the names of fortran/pipeline/extraction_values.f90; fortran/inference/model_checks.f90 says what a likelihood
+    and facts. `found`: by the names of fortran/pipeline/posterior_file.f90; fortran/inference/model_checks.f90 says what a likelihood
     and a prediction are."""
     document = json.loads(found["document"])
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])

@@ -122,7 +122,6 @@ ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 
 
 def _array(values) -> np.ndarray:
-    """Numbers of a table."""
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):

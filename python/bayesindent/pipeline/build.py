@@ -11,8 +11,7 @@ import numpy as np
 from ..common.progress import Progress
 from ..core import BayesindentError, InputError, MachineError, warn_of
 from ..settings.problem import Points, Problem
-from ..surrogate.lookup import places
-from ..surrogate.surrogate import Surrogate
+from ..surrogate.surrogate import Surrogate, places
 from .stage import Job, Stage, run_stage
 
 __all__ = ["ask", "build", "build_surrogate", "tell"]

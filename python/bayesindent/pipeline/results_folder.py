@@ -6,7 +6,7 @@ from pathlib import Path
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..settings.problem import stages
-from ..surrogate.lookup import places
+from ..surrogate.surrogate import places
 
 __all__ = ["DOCUMENTS", "belongs", "read_manifest", "read_posterior", "read_resolved", "surrogate_digest"]
 
@@ -28,7 +28,7 @@ def read_resolved(folder: Path) -> str:
 
 
 def read_posterior(folder: Path) -> dict:
-    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_values.f90; nothing where there are none."""
+    """The numbers of Step 2 by their names, see fortran/pipeline/posterior_file.f90; nothing where there are none."""
     if not (folder / "posterior.bin").exists():
         return {}
     return call("file.read_posterior", folder=folder)

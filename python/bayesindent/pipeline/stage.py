@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from ..common.progress import Progress
 from ..core import MachineError, NativeObject
 from ..engines import ENGINES
 from ..settings.problem import Problem
-from ..surrogate.lookup import places
+from ..surrogate.surrogate import places
 
 __all__ = ["Job", "Simulations", "Simulator", "Stage", "run_stage"]
 
@@ -39,9 +39,7 @@ class Simulator(NativeObject):
 
     def __init__(self, origin: str, physics: str):
         # The messages begin with the origin.
-        self._made_of = (origin, physics)
-        problem = Problem.parse(origin, physics)
-        self._hold(problem._call("simulator")["handle"])
+        self._hold(Problem.parse(origin, physics)._call("simulator")["handle"])
 
     def __call__(self, stiffness: np.ndarray, euler_deg: np.ndarray) -> dict:
         """What became of a crystal: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
@@ -53,7 +51,8 @@ class Simulations:
 
     def __init__(self, origin: str):
         self.origin, self._lock = origin, Lock()
-        self._made: dict[str, Simulator] = {}
+        # Of many specimens each is simulated a few times.
+        self._simulator = lru_cache(8)(partial(Simulator, origin))
 
     def __reduce__(self):
         return Simulations, (self.origin,)
@@ -61,12 +60,7 @@ class Simulations:
     def __call__(self, job: Job) -> dict:
         """What became of a job, see `Simulator`."""
         with self._lock:
-            if job.physics not in self._made:
-                # Of many specimens each is simulated a few times.
-                while len(self._made) >= 8:
-                    del self._made[next(iter(self._made))]
-                self._made[job.physics] = Simulator(self.origin, job.physics)
-            simulator = self._made[job.physics]
+            simulator = self._simulator(job.physics)
         return simulator(job.stiffness, job.euler_deg)
 
 

@@ -10,9 +10,8 @@ from math import isclose
 import numpy as np
 
 from ..core import InputError
-from ..crystal.elasticity import class_name, constant_names
-from ..inference.quantities import quantities
-from ..settings.problem import Variable, schema
+from ..crystal.elasticity import class_name, constant_names, quantities
+from ..settings.problem import Variable, schema, spelled
 
 __all__ = ["Metal", "metals", "template"]
 
@@ -121,21 +120,15 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
 
 
 def knowledge(metal: Metal) -> list[str]:
-    """The variables of &knowledge with what is known of a metal."""
     stated = ", ".join(f"{name} {value:g}" for name, value in metal.constants.items())
     said = f"Of pure {metal.name} at room temperature, by its constants {stated} GPa ({metal.source}). Of an alloy take its own, or a larger sd."
     units = "GPa" if "bulk_modulus" in metal.known else "1/TPa"
     return [
         *(f"  ! {line}" for line in textwrap.wrap(said, 120)),
-        f"  quantity = {', '.join(quoted(name) for name in metal.known)}",
+        f"  quantity = {', '.join(spelled(name) for name in metal.known)}",
         f"  mean = {', '.join(f'{mean:.4g}' for mean, _ in metal.known.values())}   ! {units}",
         f"  sd = {', '.join(f'{sd:.2g}' for _, sd in metal.known.values())}",
     ]
-
-
-def quoted(text: str) -> str:
-    """A text of a namelist."""
-    return "'" + text.replace("'", "''") + "'"
 
 
 def explained(variable: Variable, value: str | None) -> list[str]:
@@ -145,7 +138,7 @@ def explained(variable: Variable, value: str | None) -> list[str]:
     meaning = textwrap.wrap(f"{variable.meaning}{unit}{allowed}", 120)
     stated = variable.default if value is None else value
     if variable.kind in ("text", "choice", "file") and stated not in ("*", "unset"):
-        stated = quoted(stated)
+        stated = spelled(stated)
     elif stated in ("unset", "*", ""):
         stated = ".."
     return [*(f"  ! {line}" for line in meaning), f"  {'! ' if value is None else ''}{variable.name} = {stated}"]

@@ -169,10 +169,8 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
 
 
 def tell(text: str) -> None:
-    """One line on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def open_logs() -> list[logging.Handler]:
-    """Every run.log that is open."""
     return [handler for handler in log.handlers if isinstance(handler, logging.FileHandler)]

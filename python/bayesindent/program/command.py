@@ -12,7 +12,7 @@ from ..common.progress import Progress
 from ..core import call
 from ..pipeline.stage import run_stage
 from ..settings.problem import Problem, schema, stages
-from ..surrogate.lookup import places
+from ..surrogate.surrogate import places
 from ..version import __version__
 
 __all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "take_folder"]

@@ -12,8 +12,6 @@ from types import ModuleType
 
 
 class _Report(ModuleType):
-    """A package that can be called."""
-
     def __call__(self, folder: str | PathLike, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
         """See the package."""
         from .report import write_report

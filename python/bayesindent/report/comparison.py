@@ -2,17 +2,83 @@
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..common.result_files import whole_file, write_csv, write_json
-from ..core import warn_of
+from ..core import InputError, warn_of
+from ..inference.extract import arviz_data
 from .formatting import number
-from .runs import Run, read_runs
+from .results import Results
 
-__all__ = ["compare", "compare_runs"]
+__all__ = ["Run", "compare", "compare_runs", "read_runs"]
+
+
+class Run(Results):
+    """The results of a folder that has a posterior of its present inputs, under a name that differs from those of the others."""
+
+    def __init__(self, folder: Path, label: str):
+        super().__init__(folder)
+        self.label = label
+        if "extract" in self.outdated:
+            raise InputError(
+                f"{folder}: the posterior there is of other inputs than were used last; run 'bayesindent extract' on its file again"
+            )
+        if not self.documents["extract"]:
+            raise InputError(f"{folder}: there is no posterior in it; 'bayesindent extract FILE.nml --output {folder}' makes one")
+        if not self.posterior:
+            raise InputError(f"{folder}: has no posterior.bin that belongs to its summary.json; 'bayesindent extract' writes both")
+        self.parameters = {name: self.documents["extract"]["parameters"][name] for name in self.constants}
+
+    @cached_property
+    def measured(self) -> tuple:
+        """What the likelihood is a density of: kind, moduli, sds and angles."""
+        sd = np.where(self.posterior["sd_gpa"] > 0, self.posterior["sd_gpa"], 1.0)
+        return self.kind, *(values.tolist() for values in (self.posterior["modulus_gpa"], sd, self.posterior["euler_deg"]))
+
+    @cached_property
+    def leave_one_out(self) -> Any:
+        """ArviZ' estimate of how well each grain is predicted by the others."""
+        # Not above: importing them takes seconds, and only the comparison of models needs them.
+        import arviz
+        import xarray
+
+        # The same draws of the constants, by whose effective size ArviZ judges the weights.
+        draws = {name: (("chain", "draw"), chains[:, :: self.posterior["stride"]]) for name, chains in self.samples.items()}
+        density = {"modulus": (("chain", "draw", "grain"), self.posterior["log_likelihood"])}
+        with warnings.catch_warnings():
+            # `compare` has its own words for what it warns of.
+            warnings.simplefilter("ignore")
+            groups = {"posterior": xarray.Dataset(draws), "log_likelihood": xarray.Dataset(density)}
+            return arviz.loo(arviz_data(groups), pointwise=True)
+
+    @property
+    def pointwise(self) -> np.ndarray:
+        """Its value for each grain."""
+        found = self.leave_one_out
+        return np.asarray(found.loo_i if hasattr(found, "loo_i") else found.elpd_i)
+
+
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """The runs of two or more folders, each under the shortest name that tells it from the others."""
+    if len(folders) < 2:
+        raise InputError("compare: two or more folders of results are needed")
+    paths = [folder.resolve() for folder in folders]
+    for i, folder in enumerate(folders):
+        if not folder.is_dir():
+            raise InputError(f"{folder}: there is no such folder of results")
+        if paths[i] in paths[:i]:
+            raise InputError(f"{folder}: is named twice")
+    depth = 1
+    while len({path.parts[-depth:] for path in paths}) < len(paths):
+        depth += 1
+    return [Run(folder, "/".join(path.parts[-depth:])) for folder, path in zip(folders, paths, strict=True)]
+
 
 #: Above this shape of the tail of its importance weights (Pareto's k) a grain's leave-one-out density is not to be relied on.
 GREATEST_SHAPE = 0.7
@@ -73,7 +139,6 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
 
 
 def constants_of(runs: Sequence[Run]) -> list[str]:
-    """The constants of all runs."""
     return list(dict.fromkeys(name for run in runs for name in run.parameters))
 
 

@@ -11,13 +11,41 @@ from ..core import InputError
 from ..crystal.elasticity import stiffness_rows
 from ..fe.deck import elastic_constants
 from ..version import __version__
+from .figures.posterior import chi_square
 from .formatting import SHARE_HEADER, enumeration, latex, number, numbers, orientation, quantity_format, quantity_name, share_cells
-from .methods import methods
 from .results import Results
 from .sections import identifiability_cells
-from .templates import render
+from .summary import measured_ranges, specimen, with_count, with_verdict
+from .templates import read_data, render
 
-__all__ = ["write_paper"]
+__all__ = ["methods", "write_paper"]
+
+
+def methods(results: Results) -> tuple[str, str]:
+    """The paragraph in LaTeX, and the works that it cites in BibTeX."""
+    document, parameters = results.documents["extract"], results.documents["extract"]["parameters"]
+    moduli, sds = measured_ranges(results)
+    chains = [item for item in parameters.values() if item["r_hat"] is not None]
+    combinations = results.identifiability("combination")
+    constants = [
+        rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$~GPa"
+        if name in results.constants
+        else f"{name} {item['mean']:.3g}"
+        for name, item in parameters.items()
+    ]
+    prior, surrogate = results.prior_and_surrogate
+    text = render(
+        "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
+        version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
+        prior=prior, surrogate=surrogate, chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
+        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=constants, combinations=len(combinations),
+        determined=len(with_verdict(combinations, "determined")),
+        chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
+    )  # fmt: skip
+    works = read_data("references.bib").replace("@VERSION@", __version__).rstrip().split("\n\n")
+    cited = [work for work in works if work.partition("{")[2].partition(",")[0] in text]
+    return text, "\n\n".join(cited) + "\n"
+
 
 #: GPa in MPa.
 MPA = 1000.0
@@ -28,8 +56,6 @@ SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts."""
-
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]

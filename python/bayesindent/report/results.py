@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import constant_names
-from ..inference.extract import groups_of
 from ..pipeline.results_folder import DOCUMENTS, belongs, read_manifest, read_posterior, read_resolved, surrogate_digest
 from ..surrogate.surrogate import Surrogate
 
@@ -100,20 +99,15 @@ class Results:
         return np.array([exact["indentation_modulus_gpa"] for row, exact in zip(simulated, theory) if succeeded(row)])
 
     @cached_property
-    def posterior(self) -> dict[str, tuple[dict[str, np.ndarray], dict]]:
-        """Variables and facts of the groups of the posterior that the document of `extract` is about; nothing where there is none."""
+    def posterior(self) -> dict:
+        """The numbers of the posterior that the document of `extract` is about, see `read_posterior`; nothing where there is none."""
         found = read_posterior(self.folder) if self.documents["extract"] else {}
-        if not found or json.loads(f"{{{found['inputs']}}}") != self.documents["extract"]["inputs"]:
-            return {}
-        groups = groups_of(found)
-        return {
-            name: ({label: values for label, (_, values, *_) in variables.items()}, facts) for name, (variables, facts) in groups.items()
-        }
+        return found if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"] else {}
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
         """Chains (chain, draw) of each constant; nothing where there is no posterior."""
-        return {name: self.posterior["posterior"][0][name] for name in self.constants} if self.posterior else {}
+        return {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)} if self.posterior else {}
 
     def draws(self, count: int) -> np.ndarray:
         """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""

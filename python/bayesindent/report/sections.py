@@ -96,13 +96,11 @@ def identifiability_cells(row: dict) -> list[str]:
 
 
 def knowledge_row(row: dict, parameters: dict) -> list[str]:
-    """What a further piece of knowledge would bring."""
     sds = [f"{name} {number(parameters[name]['sd'])} → {number(sd)}" for name, sd in row["sd_then"].items()]
     return [f"{quantities_label(row)} to {100 * row['relative_sd']:.0f} %", ", ".join(sds)]
 
 
 def prior_rows(results: Results) -> list[list[str]]:
-    """What the document of `extract` says of its prior."""
     prior, (words, surrogate) = results.documents["extract"]["prior"], results.prior_and_surrogate
     rows = [["density", words[0]]]
     rows += [[f"{name} (GPa)", " .. ".join(map(number, bounds))] for name, bounds in prior["bounds"].items()]

@@ -104,6 +104,5 @@ def with_verdict(rows: list[dict], verdict: str) -> list[dict]:
 
 
 def with_sd(row: dict) -> str:
-    """A quantity with its sd."""
     unit, digits = quantity_format(row)
     return f"{quantity_name(row['name'])} {' ± '.join(numbers(row, mean=digits, sd=digits))} {unit}".rstrip()

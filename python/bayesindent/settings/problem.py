@@ -1,21 +1,20 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
-import csv
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
-from functools import cache, cached_property
-from io import StringIO
+from functools import cache, cached_property, partial
 from itertools import starmap
 from pathlib import Path
 
 import numpy as np
 
+from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "stages"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
 
 
 @dataclass(frozen=True)
@@ -84,43 +83,14 @@ class Points:
         rows = zip(self.symmetry, self._numbers("constants").tolist(), strict=True)
         return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
 
-    @cached_property
-    def stiffness(self) -> np.ndarray | None:
-        """Crystal frame, GPa."""
-        return self._numbers("stiffness") if self._classes else None
-
-    @cached_property
-    def euler_deg(self) -> np.ndarray:
-        """Bunge-Euler angles, degrees."""
-        return self._numbers("euler_deg")
-
-    @cached_property
-    def modulus_gpa(self) -> np.ndarray | None:
-        """GPa."""
-        return self._given("modulus_gpa")
-
-    @cached_property
-    def sd_gpa(self) -> np.ndarray | None:
-        """GPa."""
-        return self._given("sd_gpa")
-
-    @cached_property
-    def _cells(self) -> list[list[str]]:
-        return _rows(self.problem._call("column", table=self._table, column="cells"), "cells")
-
-    @property
-    def columns(self) -> list[str]:
-        """The header."""
-        return self._cells[0]
-
-    @property
-    def rows(self) -> list[list[str]]:
-        """The cells of each row."""
-        return self._cells[1:]
-
-    def constants_array(self) -> np.ndarray:
-        """Constants (n, k) in GPa in the order of `constant_names`, of a table whose rows have one crystal class."""
-        return self._numbers("constants")[:, : len(constant_names(self.symmetry[0]))]
+    # Others see the class.
+    stiffness = cached_property(lambda self: self._numbers("stiffness") if self._classes else None)
+    euler_deg = cached_property(lambda self: self._numbers("euler_deg"))
+    modulus_gpa = cached_property(lambda self: self._given("modulus_gpa"))
+    sd_gpa = cached_property(lambda self: self._given("sd_gpa"))
+    _cells = cached_property(lambda self: _rows(self.problem._call("column", table=self._table, column="cells"), "cells"))
+    columns = property(lambda self: self._cells[0])
+    rows = property(lambda self: self._cells[1:])
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the crystals as the table that they came from, with columns of n numbers added or, where it has them, replaced."""
@@ -139,7 +109,7 @@ class Problem(NativeObject):
     kind = "problem"
 
     def __init__(self, path: str | os.PathLike, command: str = "run"):
-        self._made_of: tuple = (path, command)
+        self._made_of: tuple = (type(self), (path, command))
         self._fill(call("file.problem", path=path, command=command), Path(path))
 
     @classmethod
@@ -151,9 +121,13 @@ class Problem(NativeObject):
         The messages are those of a file with these values. What is None is left out. `measurements_table`: columns of equal length by name, as
         a file of measurements has them. `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
         """
-        text = "".join(f"&{group}\n{_spelled(origin, group, values)}/\n" for group, values in groups.items() if values is not None)
+        text = ""
+        for group, values in groups.items():
+            stated = {name: value for name, value in (values or {}).items() if value is not None}
+            lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in stated.items()]
+            text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
         self = cls.parse(origin, text, measurements_table, stiffness_page)
-        object.__setattr__(self, "_made_of", (origin, measurements_table, stiffness_page, groups))
+        object.__setattr__(self, "_made_of", (partial(cls.from_keywords, origin, measurements_table, stiffness_page, **groups), ()))
         return self
 
     @classmethod
@@ -169,7 +143,7 @@ class Problem(NativeObject):
         if stiffness_page:
             self._set_table("stiffness", stiffness_page)
         if measurements_table is not None:
-            self._set_table("measurements", _page(measurements_table))
+            self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._call("describe")
         if "spreadsheet" in facts:
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
@@ -201,59 +175,24 @@ class Problem(NativeObject):
     def _set_table(self, table: str, page: str) -> None:
         self._call("set_table", table=table, page=page)
 
-    @property
-    def crystals(self):
-        """The table of &crystals."""
-        return self._points("crystals")
-
-    @property
-    def measurements(self):
-        """The table of &measurements."""
-        return self._points("measurements")
-
-    @property
-    def candidates(self):
-        """The table of &design."""
-        return self._points("candidates")
-
-    @property
-    def grains(self):
-        """The table of &next."""
-        return self._points("grains")
-
     def _points(self, table: str):
         return Points(self, table, self._tables[table]) if table in self._tables else None
+
+    crystals = property(partial(_points, table="crystals"))
+    measurements = property(partial(_points, table="measurements"))
+    candidates = property(partial(_points, table="candidates"))
+    grains = property(partial(_points, table="grains"))
 
     def __repr__(self) -> str:
         asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"
         return f"<Problem {self.path}: {self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
 
     def __reduce__(self):
-        if len(self._made_of) == 2:
-            return type(self), self._made_of
-        return _from_keywords, self._made_of
+        return self._made_of or super().__reduce__()
 
 
-def _page(columns: Mapping) -> str:
-    """Columns as a page of CSV."""
-    page = StringIO()
-    writer = csv.writer(page, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return page.getvalue()
-
-
-def _from_keywords(origin: str, measurements_table: Mapping | None, stiffness_page: str, groups: Mapping) -> Problem:
-    return Problem.from_keywords(origin, measurements_table, stiffness_page, **groups)
-
-
-def _spelled(origin: str, group: str, values: Mapping) -> str:
-    """The lines of a namelist group."""
-    return "".join(f"{name} = {_spelled_value(origin, group, name, value)}\n" for name, value in values.items() if value is not None)
-
-
-def _spelled_value(origin: str, group: str, name: str, value) -> str:
-    """A value as a namelist has it."""
+def spelled(value, place: str = "") -> str:
+    """A value as a namelist has it; `place` begins the message of a refusal."""
     if isinstance(value, bool | np.bool_):
         return ".true." if value else ".false."
     if isinstance(value, int | float | np.integer | np.floating):
@@ -263,8 +202,8 @@ def _spelled_value(origin: str, group: str, name: str, value) -> str:
     if isinstance(value, Mapping):
         value = [f"{key} = {item}" for key, item in value.items()]
     if isinstance(value, list | tuple | np.ndarray) and len(value):
-        return ", ".join(_spelled_value(origin, group, name, item) for item in value)
-    raise InputError(f"{origin}: &{group} {name}: {str(value)[:80]} is neither number nor text, nor a list of them")
+        return ", ".join(spelled(item, place) for item in value)
+    raise InputError(f"{place}: {str(value)[:80]} is neither number nor text, nor a list of them")
 
 
 def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
@@ -304,31 +243,26 @@ def batched(values: list, n: int) -> Iterator[list]:
 
 
 def _rows(found: dict, name: str) -> list[list[str]]:
-    """The rows of a table's cells."""
     return list(batched(found[name], found[f"{name}.columns"]))
 
 
 @cache
-def _types() -> dict[str, type]:
-    """A frozen class for each group of the schema, and under '' one that holds them all."""
+def _types() -> tuple[dict[str, type], type]:
+    """A frozen class for each group of the schema, and one that holds them all."""
     names: dict[str, list[str]] = {}
     for variable in schema():
         names.setdefault(variable.group, ["given"]).append(variable.name)
     types = {group: make_dataclass(f"{group}_settings", names_, frozen=True, eq=False) for group, names_ in names.items()}
-    return types | {"": make_dataclass("settings", names, frozen=True, eq=False)}
+    return types, make_dataclass("settings", names, frozen=True, eq=False)
 
 
 def _settings(values: dict):
     """The values of all groups, as frozen objects in a frozen object."""
-    types = _types()
-    groups = {}
-    for group, its_type in types.items():
-        if group:
-            members = {field.name: values.get(f"{group}.{field.name}") for field in fields(its_type)}
-            for name, value in members.items():
-                if isinstance(value, np.ndarray):
-                    value.flags.writeable = False
-                elif isinstance(value, list):
-                    members[name] = tuple(value)
-            groups[group] = its_type(**members)
-    return types[""](**groups)
+
+    def frozen(value):
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        return tuple(value) if isinstance(value, list) else value
+
+    groups, all_groups = _types()
+    return all_groups(*(kind(*(frozen(values.get(f"{group}.{name.name}")) for name in fields(kind))) for group, kind in groups.items()))

@@ -1,15 +1,33 @@
-"""Spreadsheets as the text of a table, which the core reads like any other."""
+"""Spreadsheets as the text of a table, which the core reads like any other; and what reads files that only other packages read."""
 
 import csv
+import sys
 from contextlib import closing
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
+from types import ModuleType
 from zipfile import BadZipFile
 
 from ..core import InputError
-from .foreign_files import reader_of
 
-__all__ = ["page_of"]
+__all__ = ["page_of", "reader_of"]
+
+
+def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "") -> ModuleType:
+    """The `module` of another package that reads a file of this `kind`, which is there. `place` begins the message of a refusal; `otherwise`:
+    what else can be done than to install the package."""
+    package = module.partition(".")[0]
+    try:
+        import_module(package)
+        found = import_module(module)
+    except ImportError:
+        raise InputError(
+            f"{place}reading {kind} needs {package}, which is not installed: {sys.executable} -m pip install {package}{otherwise}"
+        ) from None
+    if not path.is_file():
+        raise InputError(f"{place}the file does not exist")
+    return found
 
 
 def page_of(place: str, path: Path, sheet: str) -> str:

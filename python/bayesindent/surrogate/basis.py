@@ -59,15 +59,6 @@ class Basis(NativeObject):
         found = self._call("terms", **self.rows(constants, euler_deg))
         return found["values"].T, found["scale"]
 
-    def to_y(self, modulus_gpa: ArrayLike, scale: ArrayLike) -> np.ndarray:
-        """The quantity that is linear in the coefficients: M/scale, or its logarithm."""
-        y = np.asarray(modulus_gpa, dtype=float) / scale
-        return np.log(y) if self.logarithmic else y
-
-    def to_modulus(self, y: ArrayLike, scale: ArrayLike) -> np.ndarray:
-        """The modulus (GPa) of a y."""
-        return scale * (np.exp(y) if self.logarithmic else np.asarray(y))
-
     def coverage(self, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of crystals (n, 6, 6) in GPa: the largest of the coordinates, 1 at the end of its range; whether a surrogate is valid for it; and
         the scale in GPa, the geometric mean of the eigenvalues of the Kelvin stiffness."""

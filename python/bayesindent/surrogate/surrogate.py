@@ -4,6 +4,7 @@ Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
 
 import json
+import os
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,9 +16,18 @@ from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
 from ..settings.problem import Points
 from ..surrogate.basis import Basis
-from ..surrogate.lookup import places
 
-__all__ = ["Surrogate"]
+__all__ = ["SHIPPED", "Surrogate", "places"]
+
+#: The folder of the surrogates that come with the package, and their names.
+DATA = Path(os.environ.get("BAYESINDENT_DATA") or Path(__file__).parents[1] / "data")
+SHIPPED = tuple(sorted(path.stem for path in DATA.glob("*.txt")))
+
+
+def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, str]:
+    """Folders of the results, the namelist and the package's data, and the names of the shipped surrogates, as the core takes them."""
+    folders = {"output": output, "folder": folder, "data_folder": DATA}
+    return {name: f"{place}/" if str(place) else "" for name, place in folders.items()} | {"shipped": ", ".join(SHIPPED)}
 
 
 class Surrogate(NativeObject):

@@ -40,7 +40,6 @@ def show(document: dict) -> None:
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:
-    """What to do next."""
     if "points" in document:
         return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
     if "imported" in document:
@@ -49,7 +48,6 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     either = parser.add_mutually_exclusive_group()
     either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
     either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")

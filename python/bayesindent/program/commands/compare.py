@@ -3,9 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ...report.comparison import compare_runs
+from ...report.comparison import compare_runs, read_runs
 from ...report.formatting import number
-from ...report.runs import read_runs
 from ..command import Command, take_folder
 from ..console import show_table
 
@@ -52,12 +51,10 @@ def show(document: dict) -> None:
 
 
 def with_sd(value: float | None, sd: float | None, digits: int) -> str:
-    """A value with its sd; a dash where there is none."""
     return "–" if value is None else f"{number(value, digits)} ± {number(sd, digits)}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     parser.add_argument("runs", metavar="RUN", nargs="+", type=Path, help="output folders of extract or run, two or more")
     parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="png", help="kind of the figures (default: png)")
 

@@ -38,7 +38,6 @@ def show(document: dict) -> None:
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:
-    """What to do next."""
     more = f", and bayesindent next {arguments.file} for the grain to measure next" if document["usable"] else ""
     return f"bayesindent report {arguments.results}{more}"
 

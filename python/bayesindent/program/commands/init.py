@@ -27,7 +27,6 @@ def init(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     parser.add_argument("symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as mmm; or fcc, bcc, hcp")
     parser.add_argument(
         "--metal", metavar="SYMBOL", help="state what is known of a pure metal, such as Cu; an unknown one lists those that are"

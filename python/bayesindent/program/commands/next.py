@@ -20,7 +20,6 @@ def show(document: dict) -> None:
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:
-    """What to do next."""
     return f"measure such grains, add them to the measurements of {arguments.file}, and bayesindent run it again"
 
 

@@ -30,7 +30,6 @@ def predict(arguments: argparse.Namespace) -> dict:
 
 
 def show(document: dict) -> None:
-    """CSV, for pipes."""
     sys.stdout.flush()
     with open(document["file"], "rb") as file:
         shutil.copyfileobj(file, sys.stdout.buffer)
@@ -38,7 +37,6 @@ def show(document: dict) -> None:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     parser.add_argument("--surrogate", required=True, help="'halfspace', 'block', or a surrogate.txt")
     columns = "columns: the constants and phi1_deg, Phi_deg, phi2_deg"
     parser.add_argument("--symmetry", default="", help="class of the rows that do not say theirs (default: that of the surrogate)")

@@ -29,14 +29,12 @@ def report(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     parser.add_argument("folder", metavar="DIR", type=Path, help="the output folder of other commands")
     parser.add_argument("--figures", choices=("png", "pdf", "svg"), default="", help="every figure as a file in DIR/figures, too")
     parser.add_argument("--paper", action="store_true", help="texts, tables, figures and stiffness cards for a paper in DIR/paper, too")
 
 
 def show(document: dict) -> None:
-    """Where the page is, and the pack."""
     print(f"Report: {document['file']}")
     if "paper" in document:
         print(f"For a paper: {document['paper']}, methods.tex first")

@@ -4,7 +4,7 @@ import argparse
 
 from ...common.progress import Progress
 from ...settings.problem import Problem
-from ...surrogate.lookup import places
+from ...surrogate.surrogate import places
 from ..command import namelist_command, output_folder, perform, prepare, with_warnings
 from . import report
 
@@ -35,7 +35,6 @@ def check(problem, arguments: argparse.Namespace) -> dict:
 
 
 def show(document: dict) -> None:
-    """The stages, one after another."""
     from ..commands import COMMANDS
 
     if "stages" in document:
@@ -46,7 +45,6 @@ def show(document: dict) -> None:
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:
-    """What to do next."""
     if arguments.check:
         return f"bayesindent run {arguments.file}"
     more = f"; bayesindent report {arguments.results} --paper for a paper" if "extract" in document else ""
@@ -54,7 +52,6 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options."""
     parser.add_argument("--check", action="store_true", help="only validate the file and what it names")
 
 

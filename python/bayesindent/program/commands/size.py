@@ -15,7 +15,7 @@ __all__ = ["COMMAND"]
 def size(problem: Problem, output: Path, progress: Progress) -> dict:
     """Size.png and the document."""
     # Not above: importing matplotlib is slow, and every command would.
-    from ...report.figures.specimen_size import draw_bias
+    from ...report.figures.simulations import draw_bias
     from ...report.figures.style import house_style
 
     document = run_stage(problem, "size", output, progress)

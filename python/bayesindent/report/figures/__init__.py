@@ -1,6 +1,6 @@
 """The figures of the report: functions of `Results` that give a `Picture`, or raise `NothingToShow`."""
 
-from . import knowledge, learning, mesh, orientations, posterior, residuals, simulations, specimen_size, young
+from . import learning, mesh, orientations, posterior, simulations, young
 
 __all__ = ["FIGURES"]
 
@@ -9,7 +9,7 @@ FIGURES = (
     ("simulation", mesh.mesh),
     ("simulation", simulations.load_depth),
     ("simulation", simulations.theory),
-    ("size", specimen_size.specimen_size),
+    ("size", simulations.specimen_size),
     ("surrogate", learning.learning_curve),
     ("surrogate", learning.coefficients),
     ("surrogate", learning.parity),
@@ -19,12 +19,12 @@ FIGURES = (
     ("posterior", posterior.prior_posterior),
     ("posterior", posterior.pairs),
     ("posterior", posterior.grain_comparison),
-    ("posterior", residuals.residuals),
+    ("posterior", posterior.residuals),
     ("posterior", orientations.orientations),
     ("posterior", young.young_surface),
     ("posterior", posterior.traces),
     ("identifiability", posterior.shares),
     ("identifiability", posterior.error_budget),
-    ("identifiability", knowledge.knowledge),
+    ("identifiability", posterior.knowledge),
     ("next", orientations.next_grains),
 )

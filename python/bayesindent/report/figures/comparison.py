@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..comparison import Run
 from ..formatting import subscript
-from ..runs import Run
 from .style import CYCLE, Picture, density_axes, grid_of_constants, unique_legend
 
 __all__ = ["forest", "limits", "overlay"]

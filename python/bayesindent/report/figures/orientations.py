@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...crystal.directions import direction_lattice, euler_of, indentation_direction, representative
+from ...crystal.directions import euler_of, indentation_direction, representative, spread_of_directions
 from ...crystal.elasticity import stiffness_rows
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, SKY, Picture, panels
@@ -26,7 +26,7 @@ def orientations(results: Results) -> Picture:
     grains, surrogate = results.predicted, results.surrogate
     if surrogate is None or any("euler_deg" not in item for item in grains):
         raise NothingToShow
-    lattice, directions = direction_lattice(results.symmetry), directions_of(results, grains)
+    lattice, directions = spread_of_directions(results.symmetry), directions_of(results, grains)
     crystals = stiffness_rows(results.symmetry, results.draws(DRAWS))
     modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
@@ -100,7 +100,6 @@ def labelled(kind: str, directions: np.ndarray, *columns: Any) -> list[list]:
 
 
 def is_arc(directions: np.ndarray) -> bool:
-    """Whether directions (n, 3) differ in their declination alone."""
     return bool(np.ptp(directions[:, 1]) < 1e-9)
 
 

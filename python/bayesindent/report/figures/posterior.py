@@ -1,14 +1,92 @@
-"""The posterior of the constants."""
+"""The posterior of the constants, what is left of the measurements when its prediction is taken off, and what further knowledge would bring."""
 
-import json
+from statistics import NormalDist
 
 import numpy as np
 
-from ..formatting import product_label, quantity_name, subscript
-from ..results import Results, present
-from .style import BLACK, BLUE, CYCLE, RED, SKY, Picture, density_axes, grid_of_constants, panels, unique_legend
+from ..formatting import number, product_label, quantities_label, quantity_name, subscript
+from ..results import NothingToShow, Results, present
+from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, sd_axes, unique_legend
 
-__all__ = ["error_budget", "grain_comparison", "marginals", "pairs", "prior_posterior", "shares", "traces"]
+__all__ = [
+    "chi_square", "error_budget", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
+    "traces",
+]  # fmt: skip
+
+#: Samples of normal numbers behind the band of the quantiles.
+SAMPLES = 2000
+
+
+def chi_square(predicted: list[dict]) -> tuple[float, float]:
+    """The sum of squares of the residuals in units of the measurements' sds, and what is expected of it.
+
+    Of a linear model with normal errors s a prediction of sd p leaves a residual of variance s² - p².
+    """
+    measured, mean, error, sd = (np.array([item[name] for item in predicted]) for name in ("measured", "mean", "measured_sd", "sd"))
+    return float(np.sum(((measured - mean) / error) ** 2)), float(np.sum(np.maximum(0.0, 1 - (sd / error) ** 2)))
+
+
+def residuals(results: Results) -> Picture:
+    """Residuals of the grains, and their quantiles beside those of a normal distribution."""
+    predicted, count = results.predicted, len(results.predicted)
+    if count < 2 or not all(item.get("measured_sd") for item in predicted):
+        raise NothingToShow
+    mean, measured, error = (np.array([item[name] for item in predicted]) for name in ("mean", "measured", "measured_sd"))
+    values = (measured - mean) / error
+    small = 3 if count > 60 else 4
+    figure, (left, right) = panels(3.3, 1, 2)
+    sd_axes(left)
+    left.plot(mean, values, "o", color=BLUE, ms=small)
+    for index in np.flatnonzero(np.abs(values) > 2):
+        left.annotate(str(index + 1), (mean[index], values[index]), (4, 3), textcoords="offset points")
+    limit = max(2.6, 1.15 * np.abs(values).max())
+    left.set(xlabel=f"predicted {results.kind} (GPa)", ylabel="(measured - predicted) / sd", ylim=(-limit, limit))
+    quantiles = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
+    low, high = np.percentile(np.sort(np.random.default_rng(1).standard_normal((SAMPLES, count)), axis=1), [2.5, 97.5], axis=0)
+    right.fill_between(quantiles, low, high, color=SKY, alpha=0.35, lw=0, label="95 % of normal samples")
+    ends = np.array([min(quantiles[0], values.min()), max(quantiles[-1], values.max())])
+    right.plot(ends, ends, color=BLACK, lw=0.8)
+    right.plot(quantiles, np.sort(values), "o", color=BLUE, ms=small)
+    right.set(xlabel="quantile of a normal distribution", ylabel="residual / sd, in order")
+    right.legend(loc="upper left")
+    total, expected = map(number, chi_square(predicted))
+    statistic = f"χ² = {total} for {count} grains"
+    return Picture(
+        figure,
+        f"Residuals of {count} grains in units of their sd, and their normal quantiles; {statistic}.",
+        f"Left: measured minus predicted modulus of each grain in units of the sd of its measurement; the bands are 1 and 2 sd, and rows of "
+        f"the measurements beyond 2 are numbered. Right: the same in order beside the quantiles of a normal distribution. {statistic} about the mean prediction, "
+        f"where some {expected} are expected if the stated sds are right, since the fit takes up a part.",
+    )
+
+
+def knowledge(results: Results) -> Picture:
+    """The sd of each constant now, and as it would be with one more piece of knowledge."""
+    rows = present(results.identifiability("knowledge"))
+    names = [name for name in results.constants if name in rows[0]["sd_then"]]
+    now = np.array([results.documents["extract"]["parameters"][name]["sd"] for name in names])
+    place = -np.arange(len(names), dtype=float)
+    figure, axes = panels(0.4 * len(names) + 0.2 * len(rows) + 1.2)
+    axes.plot(now, place, "|", color=BLACK, ms=13, mew=2, label="sd now")
+    table = []
+    for index, (row, colour, marker) in enumerate(zip(rows, np.resize(CYCLE, len(rows)), np.resize(list(MARKERS), len(rows)))):
+        then = np.array([row["sd_then"][name] for name in names])
+        lifted = place + 0.5 * ((index + 1) / (len(rows) + 1) - 0.5)
+        axes.hlines(lifted, np.minimum(then, now), now, color=colour, lw=1.2)
+        label = f"{quantities_label(row)} known to {100 * row['relative_sd']:.0f} %"
+        axes.plot(then, lifted, marker, color=colour, ms=5, label=label)
+        table += [[row["name"], row["relative_sd"], *sds] for sds in zip(names, now.tolist(), then.tolist())]
+    axes.set_yticks(place, [subscript(name) for name in names])
+    axes.set(xlabel="sd (GPa)", xlim=(0, 1.05 * now.max()), ylim=(place[-1] - 0.6, 0.6))
+    figure.legend(loc="outside upper left", ncols=1)
+    return Picture(
+        figure,
+        f"Standard deviation of {len(names)} constants now, and with each of {len(rows)} further pieces of knowledge.",
+        "What else to measure or to look up: the sd of each constant now (black), and what is expected of it with each further piece of "
+        "knowledge by itself.",
+        (["known", "relative_sd", "constant", "sd_now_gpa", "sd_then_gpa"], table),
+    )
+
 
 #: Points of the posterior that are drawn at most.
 POINTS, LINE_POINTS = 3000, 1500
@@ -19,7 +97,7 @@ LEAST_PART = 0.005
 def marginals(results: Results) -> Picture:
     """Marginal distribution of each constant, with mean, sd, most probable value, and the bounds of the prior where near."""
     samples, parameters = present(results.samples), results.documents["extract"]["parameters"]
-    bounds = json.loads(results.posterior["posterior"][1]["bounds"])
+    bounds = dict(zip(samples, zip(results.posterior["lower"], results.posterior["upper"])))
     figure, grid = grid_of_constants(samples, 2.5)
     for name, axes in grid.items():
         mean, sd, best = samples[name].mean(), samples[name].std(), parameters[name]["map"]
@@ -46,8 +124,8 @@ def prior_posterior(results: Results) -> Picture:
     """Prior and posterior of each constant on one axis."""
     samples = present(results.samples)
     figure, grid = grid_of_constants(samples, 1.7, 0.3)
-    for name, axes in grid.items():
-        before, after = results.posterior["prior"][0][name], samples[name]
+    for (name, axes), before in zip(grid.items(), np.moveaxis(results.posterior["prior_draws"], -1, 0)):
+        after = samples[name]
         low, high = np.percentile(before, [0.5, 99.5])
         edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
         for values, colour, label in ((before, "0.7", "prior"), (after, BLUE, "posterior")):

@@ -1,15 +1,26 @@
-"""What learns a surrogate: the core's posterior of the coefficients, and the choice of the next candidates, under a handle."""
+"""What trains a surrogate, step by step: the operations of the core, for tests and benchmarks of the choice of simulations."""
 
 import json
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import NativeObject
-from ..surrogate.basis import Basis
-from ..surrogate.surrogate import Surrogate
+from bayesindent.core import NativeObject
+from bayesindent.surrogate.basis import Basis
+from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner"]
+__all__ = ["Learner", "to_modulus", "to_y"]
+
+
+def to_y(basis: Basis, modulus_gpa: ArrayLike, scale: ArrayLike) -> np.ndarray:
+    """The quantity that is linear in the coefficients: M/scale, or its logarithm."""
+    y = np.asarray(modulus_gpa, dtype=float) / scale
+    return np.log(y) if basis.logarithmic else y
+
+
+def to_modulus(basis: Basis, y: ArrayLike, scale: ArrayLike) -> np.ndarray:
+    """The modulus (GPa) of a y."""
+    return scale * (np.exp(y) if basis.logarithmic else np.asarray(y))
 
 
 class Learner(NativeObject):
@@ -66,11 +77,11 @@ class Learner(NativeObject):
 
     def values(self, name: str) -> np.ndarray:
         """'mean' or 'prior_width' of the coefficients (n_terms,)."""
-        return self._call("values", name=name)["values"][0]
+        return self._call("values")[name]
 
     def covariance(self) -> np.ndarray:
         """Posterior covariance (n_terms, n_terms) of the coefficients."""
-        return self.values("covariance").reshape(self.basis.n_terms, -1)
+        return self._call("covariance")["values"]
 
     def variances(self) -> np.ndarray:
         """Variance of y at each candidate, noise not included."""
