@@ -21,6 +21,8 @@ module abstract_specimen
       logical :: has_length = .true.
       !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at refine = 1, um.
       real(wp) :: contact_radius = 0.0_wp, element_size = 0.0_wp
+      !> How far the refined zone of the mesh reaches, relative to the default: an elliptical contact may be longer than that.
+      real(wp) :: zone = 1.0_wp
       !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing is.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
       !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
@@ -28,13 +30,14 @@ module abstract_specimen
    contains
       procedure(take_settings), deferred :: set_up
       procedure(plan_mesh), deferred :: plan
+      procedure :: check_sizes
       procedure :: materials
       procedure, non_overridable :: make
       procedure, non_overridable :: own_stiffness
    end type specimen_type
 
    abstract interface
-      !> Its own variables; refuse sizes that cannot be meshed, in a message that begins with the variable.
+      !> Its own variables.
       subroutine take_settings(self, settings, error)
          import :: error_type, settings_type, specimen_type
          !> With its contact radius and element size, and the element that was asked for, or ''.
@@ -63,6 +66,15 @@ contains
 
       call new_mesh(self%plan(refine), mesh, error)
    end subroutine make
+
+   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; by default there are none.
+   subroutine check_sizes(self, error)
+      class(specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self)
+      end associate
+   end subroutine check_sizes
 
    !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
    pure function materials(self, crystal) result(c)

@@ -44,6 +44,7 @@ contains
       specimen%element_size = finest_edge(contact_radius)
       specimen%element = settings%simulation%element
       call specimen%set_up(settings, error)
+      if (.not. allocated(error)) call specimen%check_sizes(error)
       if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_specimen
 
