@@ -9,6 +9,7 @@ module fe_indentation
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
    use kinds, only: i8, wp
+   use mesh_resolution, only: wants_extrapolation
    use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimens, only: new_indentation
@@ -30,6 +31,8 @@ module fe_indentation
       integer :: formulation = brick_selective
       !> Elements per contact radius relative to the default, of each mesh.
       real(wp), allocatable :: refine(:)
+      !> The second mesh is made for the crystals that want one (`mesh_resolution`).
+      logical :: as_needed = .false.
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
       !> Depths of the curve (um).
@@ -83,8 +86,9 @@ contains
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
 
-         model%refine = [simulation%refine]
-         if (simulation%extrapolate) model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
+         model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
+         model%as_needed = .not. allocated(simulation%extrapolate)
+         if (allocated(simulation%extrapolate)) model%refine = model%refine(:merge(2, 1, simulation%extrapolate))
          call make_grids(model, error)
          if (allocated(error)) return
          if (.not. any(is_resolved(model))) then
@@ -108,6 +112,7 @@ contains
       allocate (wider%specimen, source=model%specimen)
       wider%formulation = model%formulation
       wider%refine = model%refine
+      wider%as_needed = model%as_needed
       wider%depth = model%depth
       wider%specimen%zone = zone
       call wider%specimen%check_sizes(error)
@@ -120,7 +125,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      allocate (model%grid(size(model%refine)))
+      allocate (model%grid(merge(1, size(model%refine), model%as_needed)))
       do i = 1, size(model%grid)
          call new_grid(model%specimen, model%indenter, model%refine(i), model%grid(i), error)
          if (allocated(error)) then
@@ -157,7 +162,8 @@ contains
 
    !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where `field_step` is given.
    !>
-   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with a wider one takes its place.
+   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with a wider one takes its place. Where one
+   !> mesh may be too wrong for the crystal, a coarser one is made for it.
    subroutine simulate_indentation(model, stiffness, euler, result, error, field_step)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -171,6 +177,7 @@ contains
       real(wp) :: c(6, 6), zone, moduli(3)
       integer(i8) :: start, finish, rate
       integer :: elements, step
+      logical :: two_meshes
 
       call system_clock(start, rate)
       step = 0
@@ -178,9 +185,11 @@ contains
       call check_request(model, stiffness, euler, error, field_step)
       if (allocated(error)) return
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
-      elements = model%elements
+      two_meshes = size(model%refine) == 2
+      if (model%as_needed) two_meshes = wants_extrapolation(model%specimen, model%refine(1), stiffness)
       zone = 1.0_wp
-      call simulate_depths(model, c, step, result, error)
+      call simulate_depths(model, c, two_meshes, step, result, error)
+      elements = result%elements
       do while (result%left_zone > 0)
          ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is.
          associate (radius => model%indenter%contact_radius_of(model%depth), i => result%left_zone)
@@ -193,8 +202,8 @@ contains
             if (obstacle%status == machine_failure) error%status = machine_failure
             exit
          end if
-         elements = elements + wider%elements
-         call simulate_depths(wider, c, step, result, error)
+         call simulate_depths(wider, c, two_meshes, step, result, error)
+         elements = elements + result%elements
          call free_indentation_model(wider)
       end do
       if (allocated(error)) return
@@ -228,36 +237,60 @@ contains
       end if
    end subroutine check_request
 
-   !> The curve, extrapolated where the model has a second mesh.
-   subroutine simulate_depths(model, c, field_step, result, error)
+   !> The curve, extrapolated where two meshes are wanted.
+   subroutine simulate_depths(model, c, two_meshes, field_step, result, error)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the sample frame, GPa.
       real(wp), intent(in) :: c(6, 6)
+      logical, intent(in) :: two_meshes
       integer, intent(in) :: field_step
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      type(curve_type) :: coarse
-      real(wp) :: ratio, moduli(3)
+      type(grid_type) :: coarse
+      real(wp) :: moduli(3)
 
+      result%elements = model%elements
       result%depth = model%depth
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
       moduli = moduli_of(model, result%force)
       result%modulus_of_mesh = moduli(1:1)
-      if (size(model%grid) == 1) return
+      if (.not. two_meshes) return
+      if (size(model%grid) == 2) then
+         call extrapolate_curve(model, c, model%grid(2), result, error)
+         return
+      end if
+      call new_grid(model%specimen, model%indenter, model%refine(2), coarse, error)
+      if (allocated(error)) return
+      result%elements = result%elements + size(coarse%mesh%brick, 2) + size(coarse%mesh%facet, 2)
+      call extrapolate_curve(model, c, coarse, result, error)
+      call free_analysis(coarse%cholesky)
+   end subroutine simulate_depths
+
+   !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is taken to fall with the square of the element
+   !> size.
+   subroutine extrapolate_curve(model, c, grid, result, error)
+      type(indentation_model_type), intent(in) :: model
+      !> Stiffness in the sample frame, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      type(grid_type), intent(in) :: grid
+      type(indentation_result_type), intent(inout) :: result
+      type(error_type), allocatable, intent(out) :: error
+      type(curve_type) :: coarse
+      real(wp) :: ratio, moduli(3)
+
       coarse%depth = model%depth
-      call indent_grid(model%grid(2), model%formulation, model%specimen%materials(c), 0, coarse, error)
+      call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
       moduli = moduli_of(model, coarse%force)
       result%modulus_of_mesh = [result%modulus_of_mesh, moduli(1)]
-      ! The error of both meshes is taken to fall with the square of the element size.
-      ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
+      ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
       result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
       result%seconds_factor = result%seconds_factor + coarse%seconds_factor
       result%contact_residual = max(result%contact_residual, coarse%contact_residual)
       result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
-   end subroutine simulate_depths
+   end subroutine extrapolate_curve
 
    !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
    !> last point alone.

@@ -5,6 +5,7 @@
 !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
 module film_specimen
    use abstract_specimen, only: require, specimen_type
+   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use mesh_plan, only: core_of_contact, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
@@ -25,6 +26,7 @@ module film_specimen
       procedure :: check_sizes
       procedure :: plan
       procedure :: materials
+      procedure :: contrast_error
    end type film_specimen_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
@@ -119,4 +121,19 @@ contains
       c(:, :, 2) = self%own_stiffness()
       c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
    end function materials
+
+   !> A film that is stiffer than its substrate is resolved worse (docs/simulation.md, `bench simulate pairs`).
+   pure real(wp) function contrast_error(self, crystal)
+      class(film_specimen_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      !> Of what is alike, and by the logarithm of the ratio of Young's moduli.
+      real(wp), parameter :: alike = 0.0015_wp, slope = 0.0055_wp
+      real(wp) :: young, poisson
+
+      contrast_error = alike
+      if (.not. self%young > 0.0_wp) return
+      call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      contrast_error = alike + slope*max(0.0_wp, log(young/self%young))
+   end function contrast_error
 end module film_specimen

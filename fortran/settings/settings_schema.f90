@@ -52,7 +52,8 @@ module settings_schema
       real(wp) :: refine = 0.0_wp, outer = 0.0_wp
       real(wp), allocatable :: growth
       integer :: depths = 0
-      logical :: extrapolate = .false., vtu = .false., inp = .false.
+      logical, allocatable :: extrapolate
+      logical :: vtu = .false., inp = .false.
    end type simulation_settings_type
 
    type, extends(group_settings_type) :: domain_settings_type
@@ -218,8 +219,8 @@ contains
       call v%text('integration', s%simulation%integration, kind_choice, 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
       call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', 'elements per contact radius, relative to the default mesh')
-      call v%logical('extrapolate', s%simulation%extrapolate, '.false.', &
-         & 'solve on a second, coarser mesh too and extrapolate in mesh size')
+      call v%optional_logical('extrapolate', s%simulation%extrapolate, 'solve on a second, coarser mesh too and extrapolate ' &
+         & //'in mesh size (unset: the crystals of which one mesh of C3D8I may be wrong by more than 0.5 %)')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%optional_real('growth', s%simulation%growth, '[1.01, 2]', '', &

@@ -34,6 +34,7 @@ contains
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       type(error_type), allocatable :: error
+      logical :: two_meshes
       integer :: i
 
       allocate (pairs(0))
@@ -46,7 +47,10 @@ contains
          if (allocated(indenter)) wanted = wanted//', '//indenter%variables
          if (allocated(specimen)) then
             wanted = wanted//', '//specimen%variables
-            if (settings%simulation%extrapolate) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
+            two_meshes = .not. allocated(settings%simulation%extrapolate)
+            if (two_meshes) call add_pair(pairs, 'extrapolate', '"as needed"')
+            if (.not. two_meshes) two_meshes = settings%simulation%extrapolate
+            if (two_meshes) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
       list = list_settings(settings)

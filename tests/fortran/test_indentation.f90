@@ -246,27 +246,38 @@ contains
    !> The stated error grows towards instability and falls with the mesh; an ordinary crystal has no warning.
    subroutine test_resolution()
       type(settings_type) :: settings
-      real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), block(2)
+      real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), automatic(2), block(2)
+      logical :: extended(2)
+      character(len=:), allocatable :: warning
 
       pair(:, :, 1) = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       pair(:, :, 2) = stiffness_of('cubic', [130.0_wp, 125.0_wp, 100.0_wp])
       settings = default_settings()
-      coarse = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, coarse, extended)
+      call check('nothing without being asked', .not. any(extended))
       settings%simulation%refine = 2.0_wp
-      fine = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, fine, extended)
       settings%simulation%refine = 1.0_wp
       settings%simulation%extrapolate = .true.
-      extrapolated = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, extrapolated, extended)
+      deallocate (settings%simulation%extrapolate)
+      call largest_mesh_error(settings, pair, automatic, extended)
+      call check('what is not stated is as needed', all(extended .eqv. [.false., .true.]) &
+         & .and. .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp))
+      warning = resolution_warning(automatic, extended)
+      call check('and is said', index(warning, '1 of 2 crystals are extrapolated from two meshes') == 1 &
+         & .and. index(warning, 'more than 0.5 % (rows 2); 1 of 2') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
-      block = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, block, extended)
       call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp .and. coarse(2) > 0.02_wp, &
          & to_text(coarse(1))//' '//to_text(coarse(2)))
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
          & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
-      call check('no warning for copper', resolution_warning(coarse(:1)) == '')
-      call check('a warning for the other', index(resolution_warning(coarse), '1 of 2 crystals are so near instability') &
-         & == 1 .and. index(resolution_warning(coarse), '(rows 2)') > 0, resolution_warning(coarse))
+      call check('no warning for copper', resolution_warning(coarse(:1), [.false.]) == '')
+      warning = resolution_warning(coarse, [.false., .false.])
+      call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
+         & .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution
 
    !> What the machine cannot hold is an error of the machine, not of the input.

@@ -10,7 +10,14 @@ from scipy.integrate import quad
 from scipy.linalg import expm, schur
 from scipy.optimize import brentq
 
-__all__ = ["LayeredContact", "compliance", "thick_layer"]
+__all__ = ["LayeredContact", "compliance", "random_pairs", "thick_layer"]
+
+
+def random_pairs(count: int, seed: int = 1) -> list[tuple[float, float, float, float]]:
+    """Films: Young's modulus over the substrate's (1/6 to 6), both Poisson's ratios (0.1 to 0.45), thickness in contact radii (0.5 to 12)."""
+    rng = np.random.default_rng(seed)
+    low, high = (-np.log(6), 0.1, 0.1, np.log(0.5)), (np.log(6), 0.45, 0.45, np.log(12))
+    return [(np.exp(a), b, c, np.exp(d)) for a, b, c, d in rng.uniform(low, high, (count, 4)).tolist()]
 
 
 def transfer(young, nu) -> np.ndarray:
@@ -72,3 +79,9 @@ class LayeredContact:
         radius = np.array([brentq(lambda a, h=h: self.at(a)[0] - h, 0.2 * (h * self.radius) ** 0.5, 3 * (h * self.radius) ** 0.5) for h in depth_um])
         found = np.array([self.at(a) for a in radius])
         return radius, found[:, 1], found[:, 2]
+
+    def modulus_of_curve(self, depth_um) -> float:
+        """M by least squares of P against h^1.5 through the origin, over the depths whose contact radius spans five elements."""
+        depth = np.asarray(depth_um)
+        depth = depth[(depth * self.radius) ** 0.5 >= (1 - 1e-9) * 5 / 9.5 * (depth[-1] * self.radius) ** 0.5]
+        return 0.75 / self.radius**0.5 * (self.curve(depth)[1] @ depth**1.5) / (depth**3).sum()

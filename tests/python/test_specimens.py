@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from layered_halfspace import thick_layer
+from layered_halfspace import LayeredContact, random_pairs, thick_layer
 from paper_domains import DOMAINS
 
 import bayesindent as bi
@@ -37,6 +37,33 @@ def test_isotropic_films(row):
     assert result.force_mn[-1] == pytest.approx(case["force_mn"], rel=5e-3)
     assert result.modulus_by_depth_gpa[-1] == pytest.approx(case["modulus_gpa"], rel=5e-3)
     assert result.contact_radius_um[-1] == pytest.approx(case["contact_radius_um"], abs=0.5 / 9.5)
+
+
+def test_the_exact_contact_of_a_layer():
+    """The solution that films are compared with, against the values computed elsewhere."""
+    for case in COATED[[0, 9, 17]]:
+        layer, substrate = ((case[f"{part}_young_gpa"], case[f"{part}_nu"]) for part in ("layer", "substrate"))
+        depth, force, _ = LayeredContact(layer, substrate, case["thickness_um"]).at(case["contact_radius_um"])
+        assert (depth, force) == pytest.approx((case["depth_um"], case["force_mn"]), rel=1e-7)
+
+
+@pytest.mark.long_where("pair 1", "pair 2", "pair 3", "pair 4")
+@pytest.mark.parametrize(
+    "pair", [(300 / 70, 0.3, 0.3, 2.0), *random_pairs(4, seed=11)], ids=["stiff on soft", *(f"pair {i}" for i in range(1, 5))]
+)
+def test_films_within_half_a_percent_by_themselves(pair):
+    """A stiff film is extrapolated without being asked, unless it is stated that it is not, and the result says so."""
+    ratio, nu, below, thickness = pair
+    settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 70.0, "substrate_nu": below}
+    result = bi.Indentation(**settings).run(isotropic(70 * ratio, nu), [0, 0, 0])
+    exact = LayeredContact((70 * ratio, nu), (70.0, below), 0.5 * thickness).modulus_of_curve(result.depth_um)
+    assert result.indentation_modulus_gpa == pytest.approx(exact, rel=5e-3)
+    extrapolated = len(result.modulus_of_mesh_gpa) == 2
+    assert ("extrapolated from two meshes" in result.warning) == extrapolated
+    if pair[0] == 300 / 70:
+        one = bi.Indentation(**settings, extrapolate=False).run(isotropic(70 * ratio, nu), [0, 0, 0])
+        assert extrapolated and result.elements > one.elements and len(one.modulus_of_mesh_gpa) == 1
+        assert one.indentation_modulus_gpa == result.modulus_of_mesh_gpa[0] > 1.005 * exact
 
 
 @pytest.mark.long
