@@ -8,7 +8,7 @@ module fe_indentation
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
-   use kinds, only: i8, wp
+   use kinds, only: i8, pi, wp
    use mesh_resolution, only: wants_extrapolation
    use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
@@ -35,15 +35,17 @@ module fe_indentation
       logical :: as_needed = .false.
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
-      !> Depths of the curve (um).
-      real(wp), allocatable :: depth(:)
+      !> Depths of the curve, and those around its last point from which the contact stiffness is taken (um).
+      real(wp), allocatable :: depth(:), window(:)
+      !> How the modulus is read from these (`&specimen estimator`).
+      character(len=:), allocatable :: estimator
       !> Elements of all meshes.
       integer :: elements = 0
    contains
       final :: free_indentation_model
    end type indentation_model_type
 
-   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli.
+   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the window.
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
@@ -61,6 +63,11 @@ module fe_indentation
 
    !> A depth counts for the modulus from this many elements per contact radius on.
    real(wp), parameter :: least_elements = 5.0_wp
+   !> The window reaches over this share of the last contact radius to both sides, in so many depths.
+   real(wp), parameter :: window_share = 0.16_wp
+   integer, parameter :: window_depths = 25
+   !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
+   real(wp), parameter :: edge_bias = 0.3_wp
    !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
    real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
@@ -85,6 +92,14 @@ contains
          end if
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
+         model%estimator = settings%specimen%estimator
+         model%window = [real(wp) ::]
+         if (model%estimator /= 'curve') then
+            call indenter%check_length('contact_radius_um with the window of the stiffness', &
+               & (1.0_wp + window_share)*indenter%contact_radius, error)
+            if (allocated(error)) return
+            model%window = indenter%depth_of(indenter%contact_radius*(1.0_wp + window_share*window_position()))
+         end if
 
          model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
          model%as_needed = .not. allocated(simulation%extrapolate)
@@ -114,6 +129,8 @@ contains
       wider%refine = model%refine
       wider%as_needed = model%as_needed
       wider%depth = model%depth
+      wider%window = model%window
+      wider%estimator = model%estimator
       wider%specimen%zone = zone
       call wider%specimen%check_sizes(error)
       if (.not. allocated(error)) call make_grids(wider, error)
@@ -192,8 +209,8 @@ contains
       elements = result%elements
       do while (result%left_zone > 0)
          ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is.
-         associate (radius => model%indenter%contact_radius_of(model%depth), i => result%left_zone)
-            zone = zone*min(most_widening, radius(size(radius))/max(radius(max(1, i - 1)), tiny(1.0_wp)))
+         associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), i => result%left_zone)
+            zone = zone*min(most_widening, maxval(radius)/max(radius(max(1, i - 1)), tiny(1.0_wp)))
          end associate
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
@@ -207,8 +224,11 @@ contains
          call free_indentation_model(wider)
       end do
       if (allocated(error)) return
+      result%modulus = modulus_of(model, result%curve_type)
+      result%depth = model%depth
+      result%force = result%force(:size(model%depth))
+      result%contact_radius = result%contact_radius(:size(model%depth))
       moduli = moduli_of(model, result%force)
-      result%modulus = moduli(1)
       result%modulus_slope = moduli(2)
       result%modulus_last = moduli(3)
       result%modulus_by_depth = model%indenter%unit_force(model%depth)
@@ -247,14 +267,12 @@ contains
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
       type(grid_type) :: coarse
-      real(wp) :: moduli(3)
 
       result%elements = model%elements
-      result%depth = model%depth
+      result%depth = [model%depth, model%window]
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
-      moduli = moduli_of(model, result%force)
-      result%modulus_of_mesh = moduli(1:1)
+      result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
       if (.not. two_meshes) return
       if (size(model%grid) == 2) then
          call extrapolate_curve(model, c, model%grid(2), result, error)
@@ -277,20 +295,61 @@ contains
       type(indentation_result_type), intent(inout) :: result
       type(error_type), allocatable, intent(out) :: error
       type(curve_type) :: coarse
-      real(wp) :: ratio, moduli(3)
+      real(wp) :: ratio
 
-      coarse%depth = model%depth
+      coarse%depth = result%depth
       call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
-      moduli = moduli_of(model, coarse%force)
-      result%modulus_of_mesh = [result%modulus_of_mesh, moduli(1)]
+      ! The contact of the finer mesh is the better one.
+      coarse%contact_radius = result%contact_radius
+      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
       ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
       result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
       result%seconds_factor = result%seconds_factor + coarse%seconds_factor
       result%contact_residual = max(result%contact_residual, coarse%contact_residual)
       result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
    end subroutine extrapolate_curve
+
+   !> Places of the depths of a window, from -1 to 1.
+   pure function window_position() result(position)
+      real(wp) :: position(window_depths)
+      integer :: i
+
+      position = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
+   end function window_position
+
+   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the slope
+   !> at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
+   pure real(wp) function modulus_of(model, curve) result(modulus)
+      type(indentation_model_type), intent(in) :: model
+      type(curve_type), intent(in) :: curve
+      real(wp), dimension(window_depths) :: u, linear, square, weight, area
+      real(wp) :: moduli(3), mixed
+      integer :: n
+
+      n = size(model%depth)
+      if (size(model%window) == 0) then
+         moduli = moduli_of(model, curve%force(:n))
+         modulus = moduli(1)
+         return
+      end if
+      weight = cos(0.5_wp*pi*window_position()*(window_depths - 1)/(window_depths + 1))**2
+      weight = weight/sum(weight)
+      u = model%indenter%unit_force(model%window) - model%indenter%unit_force(model%depth(n))
+      linear = u - sum(weight*u)
+      mixed = sum(weight*u**2*linear)/sum(weight*linear**2)
+      square = u**2 - sum(weight*u**2) - mixed*linear
+      modulus = sum(weight*linear*curve%force(n + 1:))/sum(weight*linear**2) &
+         & - mixed*sum(weight*square*curve%force(n + 1:))/sum(weight*square**2)
+      if (model%estimator == 'stiffness_hertz') return
+      ! The area of the contact grows about linearly with the depth.
+      area = (curve%contact_radius(n + 1:) - edge_bias*model%grid(1)%mesh%element_size)**2
+      u = model%window - model%depth(n)
+      linear = u - sum(weight*u)
+      modulus = modulus*model%indenter%contact_radius/sqrt(sum(weight*area) &
+         & - sum(weight*u)*sum(weight*linear*area)/sum(weight*linear**2))
+   end function modulus_of
 
    !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
    !> last point alone.

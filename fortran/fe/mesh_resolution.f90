@@ -61,6 +61,7 @@ contains
       real(wp), intent(in) :: stiffness(:, :, :)
       !> Relative (crystals).
       real(wp), intent(out) :: largest(:)
+      !> (crystals).
       logical, intent(out) :: extended(:)
       type(error_type), allocatable :: error
       class(indenter_type), allocatable :: indenter

@@ -17,8 +17,8 @@ module physics_identity
    public :: identity_text
 
    !> What every simulation by finite elements reads.
-   character(len=*), parameter :: common = 'geometry, shape, depth_um, contact_radius_um, simulator, element, integration, ' &
-      & //'refine, extrapolate, depths'
+   character(len=*), parameter :: common = 'geometry, estimator, shape, depth_um, contact_radius_um, simulator, element, ' &
+      & //'integration, refine, extrapolate, depths'
 
 contains
 
@@ -40,7 +40,6 @@ contains
       allocate (pairs(0))
       wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call add_pair(pairs, 'estimator', '"least squares through the origin"')
          call add_pair(pairs, 'numerics', to_text(numerics_revision))
          wanted = common
          call new_indentation(settings, indenter, specimen, error)

@@ -328,7 +328,7 @@ contains
 
       settings = default_settings()
       call check('of the half-space', identity_text(settings) == '{"contact_radius_um": 0.5, "depths": 10, "element": "", ' &
-         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
+         & //'"estimator": "curve", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
          & //'"integration": "selective", "numerics": 7, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
          & //'"simulator": "fe"}', identity_text(settings))
       settings%specimen%geometry = 'block'
@@ -336,7 +336,7 @@ contains
       settings%indenter%depth_um = 0.25_wp
       deallocate (settings%indenter%contact_radius_um)
       call check('of a block', identity_text(settings) == '{"depth_um": 0.25, "depths": 10, "element": "", ' &
-         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "block", ' &
+         & //'"estimator": "curve", "extrapolate": false, "geometry": "block", ' &
          & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 7, "refine": 1.0, ' &
          & //'"shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
       settings%simulation%simulator = 'theory'

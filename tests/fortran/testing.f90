@@ -87,6 +87,7 @@ contains
 
       settings%specimen%geometry = 'halfspace'
       settings%specimen%width_um = 9.6_wp
+      settings%specimen%estimator = 'curve'
       settings%specimen%substrate = 'isotropic'
       settings%specimen%matrix = 'self'
       settings%specimen%height_um = 4.8_wp
