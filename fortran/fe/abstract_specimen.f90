@@ -15,6 +15,8 @@ module abstract_specimen
       character(len=:), allocatable :: variables
       !> What its materials are, separated by ', '.
       character(len=:), allocatable :: parts
+      !> How its modulus is read (`&specimen estimator`).
+      character(len=:), allocatable :: estimator
       !> Brick element, 'c3d8' or 'c3d8i': as asked for, or the specimen's own.
       character(len=:), allocatable :: element
       !> Whether it has a length of its own: then its modulus depends on the depth, and theory, which is of the half-space, does not hold.

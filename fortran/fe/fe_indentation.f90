@@ -37,8 +37,6 @@ module fe_indentation
       type(grid_type), allocatable :: grid(:)
       !> Depths of the curve, and those around its last point from which the contact stiffness is taken (um).
       real(wp), allocatable :: depth(:), window(:)
-      !> How the modulus is read from these (`&specimen estimator`).
-      character(len=:), allocatable :: estimator
       !> Elements of all meshes.
       integer :: elements = 0
    contains
@@ -67,7 +65,7 @@ module fe_indentation
    real(wp), parameter :: window_share = 0.16_wp
    integer, parameter :: window_depths = 25
    !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
-   real(wp), parameter :: edge_bias = 0.3_wp
+   real(wp), parameter :: edge_bias = 0.31_wp
    !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
    real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
@@ -92,9 +90,8 @@ contains
          end if
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
-         model%estimator = settings%specimen%estimator
          model%window = [real(wp) ::]
-         if (model%estimator /= 'curve') then
+         if (model%specimen%estimator /= 'curve') then
             call indenter%check_length('contact_radius_um with the window of the stiffness', &
                & (1.0_wp + window_share)*indenter%contact_radius, error)
             if (allocated(error)) return
@@ -130,7 +127,6 @@ contains
       wider%as_needed = model%as_needed
       wider%depth = model%depth
       wider%window = model%window
-      wider%estimator = model%estimator
       wider%specimen%zone = zone
       call wider%specimen%check_sizes(error)
       if (.not. allocated(error)) call make_grids(wider, error)
@@ -342,7 +338,7 @@ contains
       square = u**2 - sum(weight*u**2) - mixed*linear
       modulus = sum(weight*linear*curve%force(n + 1:))/sum(weight*linear**2) &
          & - mixed*sum(weight*square*curve%force(n + 1:))/sum(weight*square**2)
-      if (model%estimator == 'stiffness_hertz') return
+      if (model%specimen%estimator == 'stiffness_hertz') return
       ! The area of the contact grows about linearly with the depth.
       area = (curve%contact_radius(n + 1:) - edge_bias*model%grid(1)%mesh%element_size)**2
       u = model%window - model%depth(n)

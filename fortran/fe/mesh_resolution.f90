@@ -45,13 +45,15 @@ contains
       mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
    end function mesh_error
 
-   !> Whether one mesh may be too wrong for a crystal; C3D8 is Abaqus' element, and stays alone unless it is stated otherwise.
+   !> Whether one mesh may be too wrong for a crystal; for contact stiffnesses it is. C3D8 is Abaqus' element, and stays alone unless it is
+   !> stated otherwise.
    pure logical function wants_extrapolation(specimen, refine, stiffness)
       class(specimen_type), intent(in) :: specimen
       !> As in `mesh_error`.
       real(wp), intent(in) :: refine, stiffness(6, 6)
 
-      wants_extrapolation = specimen%element == 'c3d8i' .and. mesh_error(specimen, refine, stiffness, .false.) > limit_of_one_mesh
+      wants_extrapolation = specimen%element == 'c3d8i' .and. (specimen%estimator /= 'curve' .or. &
+         & mesh_error(specimen, refine, stiffness, .false.) > limit_of_one_mesh)
    end function wants_extrapolation
 
    !> The error of each crystal as &simulation has it simulated, and which of them are extrapolated without being asked.
