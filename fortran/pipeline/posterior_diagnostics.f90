@@ -401,10 +401,10 @@ contains
          where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
          where (measured%contact_radius_um > 0.0_wp) contact_radius = measured%contact_radius_um
          pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
-         worst = maxloc(pressure, 1)
+         worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure > elastic_pressure), 1)
          if (pressure(worst) > elastic_pressure) call warn(warnings, 'the mean contact pressure is up to ' &
             & //to_text(pressure(worst)*modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2)//' % of the ' &
-            & //'modulus: few metals are elastic above 3 %; use the moduli of shallower indentations')
+            & //'modulus: few metals are elastic above 3 %; use shallower indentations or a blunter tip')
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
