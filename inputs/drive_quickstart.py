@@ -10,7 +10,7 @@ from pathlib import Path
 import bayesindent as bi
 
 HERE = Path(__file__).parent
-FILM = {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 163, "substrate_nu": 0.223}
+FILM = {"geometry": "film", "thickness_um": 1.0, "estimator": "curve", "substrate_young_gpa": 163, "substrate_nu": 0.223}
 GRAINS = HERE / "data" / "copper_film.csv"
 KNOWN = {"bulk_modulus": (137, 3)}  # mean and sd, GPa
 

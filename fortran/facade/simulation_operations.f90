@@ -3,7 +3,7 @@ module simulation_operations
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
-   use fe_indentation, only: indentation_model_type, indentation_result_type, simulate_indentation
+   use fe_indentation, only: indentation_model_type, indentation_result_type, new_wider_model, simulate_indentation
    use kinds, only: degree, wp
    use named_values, only: named_values_type
    use simulate, only: outcome_type, simulator_type
@@ -38,61 +38,72 @@ contains
       character(len=*), intent(in) :: verb
       type(indentation_model_type), intent(in) :: model
       type(exchange_type), intent(inout) :: x
+      type(indentation_model_type) :: wider
       type(indentation_result_type) :: result
+
+      select case (verb)
+      case ('describe')
+         call describe_model(model, x%out)
+      case ('mesh')
+         call put_mesh(model, x%out)
+      case ('run')
+         call simulate_indentation(model, x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), result, x%error)
+         if (allocated(x%error)) return
+         call x%out%put('indentation_modulus_gpa', result%modulus)
+         call x%out%put_array('depth_um', result%depth, shape(result%depth))
+         call x%out%put_array('force_mn', result%force, shape(result%depth))
+         call x%out%put_array('modulus_by_depth_gpa', result%modulus_by_depth, shape(result%depth))
+         call x%out%put_array('contact_radius_um', result%contact_radius, shape(result%depth))
+         call x%out%put('elements', result%elements)
+         call x%out%put('seconds', result%seconds)
+         call x%out%put('seconds_factor', result%seconds_factor)
+         call x%out%put('modulus_slope_gpa', result%modulus_slope)
+         call x%out%put('modulus_last_gpa', result%modulus_last)
+         call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, shape(result%modulus_of_mesh))
+         call x%out%put('contact_residual', result%contact_residual)
+         call x%out%put('equilibrium_residual', result%equilibrium_residual)
+      case ('fields')
+         call simulate_indentation(model, x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), result, x%error, &
+            & x%in%integer('step'))
+         if (allocated(x%error)) return
+         if (result%zone > 1.0_wp) then
+            call new_wider_model(model, result%zone, wider, x%error)
+            if (.not. allocated(x%error)) call put_fields(wider, result, x)
+         else
+            call put_fields(model, result, x)
+         end if
+      case default
+         call x%refuse(verb)
+      end select
+   end subroutine use_model
+
+   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the nodes (um), mean stress of the bricks (GPa,
+   !> order 11,22,33,23,13,12), stiffness of the materials in the axes of the sample (GPa) and of each infinite element (mN/um).
+   subroutine put_fields(model, result, x)
+      type(indentation_model_type), intent(in) :: model
+      type(indentation_result_type), intent(in) :: result
+      type(exchange_type), intent(inout) :: x
       real(wp), allocatable :: c(:, :, :), infinite(:, :, :)
-      real(wp) :: stiffness(6, 6), euler(3)
       integer :: i
 
-      if (x%in%has('stiffness')) then
-         stiffness = x%in%columns('stiffness', 6)
-         euler = degree*x%in%reals('euler_deg')
-         c = model%specimen%materials(rotate_stiffness(stiffness, rotation_matrix(euler)))
-      end if
+      c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), &
+         & rotation_matrix(degree*x%in%reals('euler_deg'))))
+      call put_mesh(model, x%out)
       associate (mesh => model%grid(1)%mesh)
-         select case (verb)
-         case ('describe')
-            call describe_model(model, x%out)
-         case ('mesh')
-            call put_mesh(model, x%out)
-         case ('run')
-            call simulate_indentation(model, stiffness, euler, result, x%error)
-            if (allocated(x%error)) return
-            call x%out%put('indentation_modulus_gpa', result%modulus)
-            call x%out%put_array('depth_um', result%depth, shape(result%depth))
-            call x%out%put_array('force_mn', result%force, shape(result%depth))
-            call x%out%put_array('modulus_by_depth_gpa', result%modulus_by_depth, shape(result%depth))
-            call x%out%put_array('contact_radius_um', result%contact_radius, shape(result%depth))
-            call x%out%put('elements', result%elements)
-            call x%out%put('seconds', result%seconds)
-            call x%out%put('seconds_factor', result%seconds_factor)
-            call x%out%put('modulus_slope_gpa', result%modulus_slope)
-            call x%out%put('modulus_last_gpa', result%modulus_last)
-            call x%out%put_array('modulus_of_mesh_gpa', result%modulus_of_mesh, shape(result%modulus_of_mesh))
-            call x%out%put('contact_residual', result%contact_residual)
-            call x%out%put('equilibrium_residual', result%equilibrium_residual)
-         case ('fields')
-            ! Displacement of the nodes (um), and mean stress of the bricks (GPa, order 11,22,33,23,13,12) of the finest mesh.
-            call simulate_indentation(model, stiffness, euler, result, x%error, x%in%integer('step'))
-            if (allocated(x%error)) return
-            call x%out%put_array('displacement_um', result%displacement, shape(result%displacement))
-            allocate (x%values(6, size(mesh%brick, 2)))
-            do i = 1, size(mesh%brick, 2)
-               call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
-                  & result%displacement(:, mesh%brick(:, i)), x%values(:, i))
-            end do
-         case ('stiffness')
-            ! Of the materials in the axes of the sample (GPa), and of each infinite element of the finest mesh (mN/um).
-            allocate (infinite(12, 12, size(mesh%facet, 2)))
-            do i = 1, size(infinite, 3)
-               call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), infinite(:, :, i))
-            end do
-            call x%out%put_array('materials', c, shape(c))
-            call x%out%put_array('infinite', infinite, shape(infinite))
-         case default
-            call x%refuse(verb)
-         end select
+         allocate (x%values(6, size(mesh%brick, 2)), infinite(12, 12, size(mesh%facet, 2)))
+         do i = 1, size(mesh%brick, 2)
+            call brick_stress(mesh%x(:, mesh%brick(:, i)), c(:, :, mesh%material(i)), model%formulation, mesh%growth(i), &
+               & result%displacement(:, mesh%brick(:, i)), x%values(:, i))
+         end do
+         do i = 1, size(infinite, 3)
+            call infinite_stiffness(mesh%x(:, mesh%facet(:, i)), c(:, :, mesh%facet_material(i)), infinite(:, :, i))
+         end do
       end associate
-   end subroutine use_model
+      call x%out%put_array('displacement_um', result%displacement, shape(result%displacement))
+      call x%out%put_array('materials', c, shape(c))
+      call x%out%put_array('infinite', infinite, shape(infinite))
+      call x%out%put_array('depth_um', result%depth, shape(result%depth))
+   end subroutine put_fields
 
    !> Sizes and costs, summed over the meshes; of the finest mesh how much there is.
    subroutine describe_model(model, out)

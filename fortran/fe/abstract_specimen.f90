@@ -15,12 +15,16 @@ module abstract_specimen
       character(len=:), allocatable :: variables
       !> What its materials are, separated by ', '.
       character(len=:), allocatable :: parts
+      !> How its modulus is read (`&specimen estimator`).
+      character(len=:), allocatable :: estimator
       !> Brick element, 'c3d8' or 'c3d8i': as asked for, or the specimen's own.
       character(len=:), allocatable :: element
       !> Whether it has a length of its own: then its modulus depends on the depth, and theory, which is of the half-space, does not hold.
       logical :: has_length = .true.
       !> Contact radius at the last depth (half-space), and edge of the bricks under the contact at refine = 1, um.
       real(wp) :: contact_radius = 0.0_wp, element_size = 0.0_wp
+      !> How far the refined zone of the mesh reaches, relative to the default: an elliptical contact may be longer than that.
+      real(wp) :: zone = 1.0_wp
       !> Young's modulus (GPa) and Poisson's ratio of what is given beside the crystal; 0: nothing is.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
       !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer.
@@ -28,13 +32,15 @@ module abstract_specimen
    contains
       procedure(take_settings), deferred :: set_up
       procedure(plan_mesh), deferred :: plan
+      procedure :: check_sizes
       procedure :: materials
+      procedure :: contrast_error
       procedure, non_overridable :: make
       procedure, non_overridable :: own_stiffness
    end type specimen_type
 
    abstract interface
-      !> Its own variables; refuse sizes that cannot be meshed, in a message that begins with the variable.
+      !> Its own variables.
       subroutine take_settings(self, settings, error)
          import :: error_type, settings_type, specimen_type
          !> With its contact radius and element size, and the element that was asked for, or ''.
@@ -64,6 +70,15 @@ contains
       call new_mesh(self%plan(refine), mesh, error)
    end subroutine make
 
+   !> Refuse sizes that cannot be meshed, in a message that begins with the variable; by default there are none.
+   subroutine check_sizes(self, error)
+      class(specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self)
+      end associate
+   end subroutine check_sizes
+
    !> Stiffness of each material of the mesh, sample frame, GPa (6, 6, materials): the crystal alone, unless a specimen has more.
    pure function materials(self, crystal) result(c)
       class(specimen_type), intent(in) :: self
@@ -75,6 +90,17 @@ contains
       end associate
       c = spread(crystal, 3, 1)
    end function materials
+
+   !> About how large the error of the mesh at refine = 1 may be, relative, by what the crystal is joined with; by default it is small.
+   pure real(wp) function contrast_error(self, crystal)
+      class(specimen_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+
+      associate (unused => self, unused_crystal => crystal)
+      end associate
+      contrast_error = 0.0_wp
+   end function contrast_error
 
    !> Stiffness of what is given beside the crystal, GPa; zero where there is nothing, so that the crystal's scale changes the moduli by a
    !> factor only.

@@ -17,6 +17,7 @@ module block_specimen
       real(wp) :: width = 0.0_wp, height = 0.0_wp
    contains
       procedure :: set_up
+      procedure :: check_sizes
       procedure :: plan
    end type block_specimen_type
 
@@ -26,10 +27,11 @@ module block_specimen
    real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
    !> The block is this many contact radii wide, and as high as these shares of half its width.
    real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp
+   !> Its half-width over that of the box under the contact, at least.
+   real(wp), parameter :: least_ratio = 1.2_wp
 
 contains
 
-   !> Refuse a block that is too small for its contact, or that is no block.
    subroutine set_up(self, settings, error)
       class(block_specimen_type), intent(inout) :: self
       type(settings_type), intent(in) :: settings
@@ -41,7 +43,15 @@ contains
       self%element_size = box_width*self%contact_radius/box_cells
       self%width = settings%specimen%width_um
       self%height = settings%specimen%height_um
-      associate (half => 0.5_wp*self%width, narrowest => least_width*self%contact_radius)
+   end subroutine set_up
+
+   !> Refuse a block that is too small for its contact, or that is no block.
+   subroutine check_sizes(self, error)
+      class(block_specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (half => 0.5_wp*self%width, narrowest => max(least_width, 2.0_wp*least_ratio*box_width*self%zone) &
+         & *self%contact_radius)
          if (self%width < narrowest) then
             call raise(error, 'width_um: '//to_text(self%width)//' um is too narrow for a contact radius of ' &
                & //to_text(self%contact_radius, 3)//' um; allowed from '//to_text(narrowest, 3)//' um', exit_bad_input)
@@ -50,7 +60,7 @@ contains
                & //'; allowed '//to_text(lowest*half)//' to '//to_text(highest*half)//' um', exit_bad_input)
          end if
       end associate
-   end subroutine set_up
+   end subroutine check_sizes
 
    !> The box under the contact has the proportions of the block.
    pure function plan(self, refine)
@@ -58,11 +68,13 @@ contains
       real(wp), intent(in) :: refine
       type(mesh_plan_type) :: plan
       real(wp) :: proportion, ratio
+      integer :: default_cells
 
       proportion = self%height/(0.5_wp*self%width)
-      plan%half_cells = max(2, nint(box_cells*refine))
+      default_cells = max(2, nint(box_cells*refine))
+      plan%half_cells = nint(default_cells*self%zone)
       plan%depth_cells = max(2, nint(proportion*plan%half_cells))
-      plan%half_width = box_width*self%contact_radius
+      plan%half_width = box_width*self%contact_radius*(real(plan%half_cells, wp)/default_cells)
       plan%depth = proportion*plan%half_width
       ratio = 0.5_wp*self%width/plan%half_width
       plan%stages = [layers_of_ratio(ratio, exp(log(paper_ratio)/paper_layers), refine)]

@@ -33,8 +33,8 @@ module fe_grid
       real(wp) :: seconds_factor = 0.0_wp
       !> Largest violation of the contact conditions, and imbalance of indenter force and reactions, relative.
       real(wp) :: contact_residual = 0.0_wp, equilibrium_residual = 0.0_wp
-      !> The contact left the refined zone of the mesh.
-      logical :: left_zone = .false.
+      !> Number of the depth at which the contact left the refined zone of the mesh; 0: it did not.
+      integer :: left_zone = 0
       !> Displacement (um) of the nodes at the depth that was asked for (3, nodes).
       real(wp), allocatable :: displacement(:, :)
    end type curve_type
@@ -135,8 +135,8 @@ contains
       do i = 1, size(curve%depth)
          call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
          if (allocated(error)) return
-         curve%left_zone = any(active .and. edge)
-         if (curve%left_zone) then
+         if (any(active .and. edge)) then
+            curve%left_zone = i
             call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
                & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
             return

@@ -5,10 +5,11 @@ module fe_indentation
    use abstract_indenter, only: indenter_type
    use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, machine_failure, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
-   use kinds, only: i8, wp
+   use kinds, only: i8, pi, wp
+   use mesh_resolution, only: wants_extrapolation
    use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimens, only: new_indentation
@@ -16,11 +17,11 @@ module fe_indentation
    implicit none
    private
    public :: indentation_model_type, indentation_result_type
-   public :: new_indentation_model, free_indentation_model, simulate_indentation
+   public :: new_indentation_model, new_wider_model, free_indentation_model, simulate_indentation
    public :: numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
-   integer, parameter :: numerics_revision = 6
+   integer, parameter :: numerics_revision = 7
 
    !> Read-only once made, so that threads share it.
    type :: indentation_model_type
@@ -28,17 +29,21 @@ module fe_indentation
       class(specimen_type), allocatable :: specimen
       !> Formulation of the bricks (`fe_element`).
       integer :: formulation = brick_selective
+      !> Elements per contact radius relative to the default, of each mesh.
+      real(wp), allocatable :: refine(:)
+      !> The second mesh is made for the crystals that want one (`mesh_resolution`).
+      logical :: as_needed = .false.
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
-      !> Depths of the curve (um); see `simulate_indentation` for crystals with a very long contact ellipse.
-      real(wp), allocatable :: depth(:)
+      !> Depths of the curve, and those around its last point from which the contact stiffness is taken (um).
+      real(wp), allocatable :: depth(:), window(:)
       !> Elements of all meshes.
       integer :: elements = 0
    contains
       final :: free_indentation_model
    end type indentation_model_type
 
-   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli.
+   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the window.
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
@@ -48,14 +53,21 @@ module fe_indentation
       real(wp), allocatable :: modulus_of_mesh(:)
       !> Of all solves.
       integer :: elements = 0
+      !> Size of the mesh's refined zone relative to the default (`new_wider_model`).
+      real(wp) :: zone = 1.0_wp
       !> Wall time in all, s.
       real(wp) :: seconds = 0.0_wp
    end type indentation_result_type
 
    !> A depth counts for the modulus from this many elements per contact radius on.
    real(wp), parameter :: least_elements = 5.0_wp
-   !> Contact radii are multiplied by this where the contact leaves the refined zone.
-   real(wp), parameter :: shrink = 0.85_wp
+   !> The window reaches over this share of the last contact radius to both sides, in so many depths.
+   real(wp), parameter :: window_share = 0.16_wp
+   integer, parameter :: window_depths = 25
+   !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
+   real(wp), parameter :: edge_bias = 0.31_wp
+   !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
+   real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
 contains
 
@@ -78,18 +90,20 @@ contains
          end if
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
+         model%window = [real(wp) ::]
+         if (model%specimen%estimator /= 'curve') then
+            call indenter%check_length('contact_radius_um with the window of the stiffness', &
+               & (1.0_wp + window_share)*indenter%contact_radius, error)
+            if (allocated(error)) return
+            model%window = indenter%depth_of(indenter%contact_radius*(1.0_wp + window_share*window_position()))
+         end if
 
-         allocate (model%grid(merge(2, 1, simulation%extrapolate)))
-         do i = 1, size(model%grid)
-            call new_grid(model%specimen, indenter, merge(1.0_wp, model%specimen%coarse_ratio, i == 1)*simulation%refine, &
-               & model%grid(i), error)
-            if (allocated(error)) then
-               call free_indentation_model(model)
-               return
-            end if
-            model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
-         end do
-         if (.not. any(is_resolved(model, model%depth))) then
+         model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
+         model%as_needed = .not. allocated(simulation%extrapolate)
+         if (allocated(simulation%extrapolate)) model%refine = model%refine(:merge(2, 1, simulation%extrapolate))
+         call make_grids(model, error)
+         if (allocated(error)) return
+         if (.not. any(is_resolved(model))) then
             call raise(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
                & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
                & //to_text(simulation%refine)//')', exit_bad_input)
@@ -98,15 +112,50 @@ contains
       end associate
    end subroutine new_indentation_model
 
-   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus.
-   pure function is_resolved(model, depth)
+   !> The same specimen, fineness and depths on meshes whose refined zone reaches farther.
+   subroutine new_wider_model(model, zone, wider, error)
       type(indentation_model_type), intent(in) :: model
-      !> um.
-      real(wp), intent(in) :: depth(:)
-      logical :: is_resolved(size(depth))
-      real(wp) :: contact_radius(size(depth))
+      !> Its size relative to the default.
+      real(wp), intent(in) :: zone
+      type(indentation_model_type), intent(out) :: wider
+      type(error_type), allocatable, intent(out) :: error
 
-      contact_radius = model%indenter%contact_radius_of(depth)
+      allocate (wider%indenter, source=model%indenter)
+      allocate (wider%specimen, source=model%specimen)
+      wider%formulation = model%formulation
+      wider%refine = model%refine
+      wider%as_needed = model%as_needed
+      wider%depth = model%depth
+      wider%window = model%window
+      wider%specimen%zone = zone
+      call wider%specimen%check_sizes(error)
+      if (.not. allocated(error)) call make_grids(wider, error)
+   end subroutine new_wider_model
+
+   !> The meshes of a model and the analyses of their matrices.
+   subroutine make_grids(model, error)
+      type(indentation_model_type), intent(inout) :: model
+      type(error_type), allocatable, intent(out) :: error
+      integer :: i
+
+      allocate (model%grid(merge(1, size(model%refine), model%as_needed)))
+      do i = 1, size(model%grid)
+         call new_grid(model%specimen, model%indenter, model%refine(i), model%grid(i), error)
+         if (allocated(error)) then
+            call free_indentation_model(model)
+            return
+         end if
+         model%elements = model%elements + size(model%grid(i)%mesh%brick, 2) + size(model%grid(i)%mesh%facet, 2)
+      end do
+   end subroutine make_grids
+
+   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate of the modulus.
+   pure function is_resolved(model)
+      type(indentation_model_type), intent(in) :: model
+      logical :: is_resolved(size(model%depth))
+      real(wp) :: contact_radius(size(model%depth))
+
+      contact_radius = model%indenter%contact_radius_of(model%depth)
       is_resolved = contact_radius >= least_elements*model%grid(1)%mesh%element_size*(1.0_wp - 1.0e-9_wp)
    end function is_resolved
 
@@ -126,8 +175,8 @@ contains
 
    !> Indent a crystal: the whole curve and its modulus, and the displacement at one depth where `field_step` is given.
    !>
-   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, the depths shrink until it fits, as long
-   !> as the last one is resolved; not in a specimen with a length of its own.
+   !> Where the contact ellipse is so long that it leaves the refined zone of the mesh, a mesh with a wider one takes its place. Where one
+   !> mesh may be too wrong for the crystal, a coarser one is made for it.
    subroutine simulate_indentation(model, stiffness, euler, result, error, field_step)
       type(indentation_model_type), intent(in) :: model
       !> Stiffness in the crystal frame (GPa) and Bunge-Euler angles (radians).
@@ -136,9 +185,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> Number of the depth whose displacement is kept.
       integer, intent(in), optional :: field_step
-      real(wp) :: c(6, 6), depth(size(model%depth)), smaller(size(model%depth)), moduli(3)
+      type(indentation_model_type) :: wider
+      type(error_type), allocatable :: obstacle
+      real(wp) :: c(6, 6), zone, moduli(3)
       integer(i8) :: start, finish, rate
-      integer :: solves, step
+      integer :: elements, step
+      logical :: two_meshes
 
       call system_clock(start, rate)
       step = 0
@@ -146,25 +198,39 @@ contains
       call check_request(model, stiffness, euler, error, field_step)
       if (allocated(error)) return
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
-      depth = model%depth
-      solves = 0
-      do
-         solves = solves + 1
-         call simulate_depths(model, c, depth, step, result, error)
-         ! A specimen with a length has another modulus at another depth.
-         if (model%specimen%has_length .or. .not. result%left_zone) exit
-         smaller = model%indenter%depth_of(shrink*model%indenter%contact_radius_of(depth))
-         if (.not. any(is_resolved(model, smaller))) exit
-         depth = smaller
+      two_meshes = size(model%refine) == 2
+      if (model%as_needed) two_meshes = wants_extrapolation(model%specimen, model%refine(1), stiffness)
+      zone = 1.0_wp
+      call simulate_depths(model, c, two_meshes, step, result, error)
+      elements = result%elements
+      do while (result%left_zone > 0)
+         ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is.
+         associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), i => result%left_zone)
+            zone = zone*min(most_widening, maxval(radius)/max(radius(max(1, i - 1)), tiny(1.0_wp)))
+         end associate
+         if (zone > widest) exit
+         call new_wider_model(model, zone, wider, obstacle)
+         if (allocated(obstacle)) then
+            error%message = error%message//', and no wider zone can be made: '//obstacle%message
+            if (obstacle%status == machine_failure) error%status = machine_failure
+            exit
+         end if
+         call simulate_depths(wider, c, two_meshes, step, result, error)
+         elements = elements + result%elements
+         call free_indentation_model(wider)
       end do
       if (allocated(error)) return
-      moduli = moduli_of(model, depth, result%force)
-      result%modulus = moduli(1)
+      result%modulus = modulus_of(model, result%curve_type)
+      result%depth = model%depth
+      result%force = result%force(:size(model%depth))
+      result%contact_radius = result%contact_radius(:size(model%depth))
+      moduli = moduli_of(model, result%force)
       result%modulus_slope = moduli(2)
       result%modulus_last = moduli(3)
-      result%modulus_by_depth = model%indenter%unit_force(depth)
+      result%modulus_by_depth = model%indenter%unit_force(model%depth)
       result%modulus_by_depth = result%force/result%modulus_by_depth
-      result%elements = solves*model%elements
+      result%elements = elements
+      result%zone = zone
       call system_clock(finish)
       result%seconds = real(finish - start, wp)/real(rate, wp)
    end subroutine simulate_indentation
@@ -187,49 +253,112 @@ contains
       end if
    end subroutine check_request
 
-   !> The curve at given depths, extrapolated where the model has a second mesh.
-   subroutine simulate_depths(model, c, depth, field_step, result, error)
+   !> The curve, extrapolated where two meshes are wanted.
+   subroutine simulate_depths(model, c, two_meshes, field_step, result, error)
       type(indentation_model_type), intent(in) :: model
-      !> Stiffness in the sample frame, GPa; um.
-      real(wp), intent(in) :: c(6, 6), depth(:)
+      !> Stiffness in the sample frame, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      logical, intent(in) :: two_meshes
       integer, intent(in) :: field_step
       type(indentation_result_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      type(curve_type) :: coarse
-      real(wp) :: ratio, moduli(3)
+      type(grid_type) :: coarse
 
-      result%depth = depth
+      result%elements = model%elements
+      result%depth = [model%depth, model%window]
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, result%curve_type, error)
       if (allocated(error)) return
-      moduli = moduli_of(model, depth, result%force)
-      result%modulus_of_mesh = moduli(1:1)
-      if (size(model%grid) == 1) return
-      coarse%depth = depth
-      call indent_grid(model%grid(2), model%formulation, model%specimen%materials(c), 0, coarse, error)
+      result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
+      if (.not. two_meshes) return
+      if (size(model%grid) == 2) then
+         call extrapolate_curve(model, c, model%grid(2), result, error)
+         return
+      end if
+      call new_grid(model%specimen, model%indenter, model%refine(2), coarse, error)
+      if (allocated(error)) return
+      result%elements = result%elements + size(coarse%mesh%brick, 2) + size(coarse%mesh%facet, 2)
+      call extrapolate_curve(model, c, coarse, result, error)
+      call free_analysis(coarse%cholesky)
+   end subroutine simulate_depths
+
+   !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is taken to fall with the square of the element
+   !> size.
+   subroutine extrapolate_curve(model, c, grid, result, error)
+      type(indentation_model_type), intent(in) :: model
+      !> Stiffness in the sample frame, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      type(grid_type), intent(in) :: grid
+      type(indentation_result_type), intent(inout) :: result
+      type(error_type), allocatable, intent(out) :: error
+      type(curve_type) :: coarse
+      real(wp) :: ratio
+
+      coarse%depth = result%depth
+      call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, coarse, error)
       result%left_zone = coarse%left_zone
       if (allocated(error)) return
-      moduli = moduli_of(model, depth, coarse%force)
-      result%modulus_of_mesh = [result%modulus_of_mesh, moduli(1)]
-      ! The error of both meshes is taken to fall with the square of the element size.
-      ratio = (model%grid(2)%mesh%element_size/model%grid(1)%mesh%element_size)**2
+      ! The contact of the finer mesh is the better one.
+      coarse%contact_radius = result%contact_radius
+      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
+      ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
       result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
       result%seconds_factor = result%seconds_factor + coarse%seconds_factor
       result%contact_residual = max(result%contact_residual, coarse%contact_residual)
       result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
-   end subroutine simulate_depths
+   end subroutine extrapolate_curve
+
+   !> Places of the depths of a window, from -1 to 1.
+   pure function window_position() result(position)
+      real(wp) :: position(window_depths)
+      integer :: i
+
+      position = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
+   end function window_position
+
+   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the slope
+   !> at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
+   pure real(wp) function modulus_of(model, curve) result(modulus)
+      type(indentation_model_type), intent(in) :: model
+      type(curve_type), intent(in) :: curve
+      real(wp), dimension(window_depths) :: u, linear, square, weight, area
+      real(wp) :: moduli(3), mixed
+      integer :: n
+
+      n = size(model%depth)
+      if (size(model%window) == 0) then
+         moduli = moduli_of(model, curve%force(:n))
+         modulus = moduli(1)
+         return
+      end if
+      weight = cos(0.5_wp*pi*window_position()*(window_depths - 1)/(window_depths + 1))**2
+      weight = weight/sum(weight)
+      u = model%indenter%unit_force(model%window) - model%indenter%unit_force(model%depth(n))
+      linear = u - sum(weight*u)
+      mixed = sum(weight*u**2*linear)/sum(weight*linear**2)
+      square = u**2 - sum(weight*u**2) - mixed*linear
+      modulus = sum(weight*linear*curve%force(n + 1:))/sum(weight*linear**2) &
+         & - mixed*sum(weight*square*curve%force(n + 1:))/sum(weight*square**2)
+      if (model%specimen%estimator == 'stiffness_hertz') return
+      ! The area of the contact grows about linearly with the depth.
+      area = (curve%contact_radius(n + 1:) - edge_bias*model%grid(1)%mesh%element_size)**2
+      u = model%window - model%depth(n)
+      linear = u - sum(weight*u)
+      modulus = modulus*model%indenter%contact_radius/sqrt(sum(weight*area) &
+         & - sum(weight*u)*sum(weight*linear*area)/sum(weight*linear**2))
+   end function modulus_of
 
    !> Moduli of a curve, GPa: least squares through the origin over the depths that are used, the slope of a line with intercept, and the
    !> last point alone.
-   pure function moduli_of(model, depth, force) result(moduli)
+   pure function moduli_of(model, force) result(moduli)
       type(indentation_model_type), intent(in) :: model
-      !> um, mN.
-      real(wp), intent(in) :: depth(:), force(:)
+      !> mN (depths).
+      real(wp), intent(in) :: force(:)
       real(wp) :: moduli(3)
-      real(wp) :: unit_force(size(depth)), x(size(depth)), y(size(depth))
-      logical :: used(size(depth))
+      real(wp), dimension(size(force)) :: unit_force, x, y
+      logical :: used(size(force))
 
-      unit_force = model%indenter%unit_force(depth)
-      used = is_resolved(model, depth)
+      unit_force = model%indenter%unit_force(model%depth)
+      used = is_resolved(model)
       moduli(1:2) = sum(force*unit_force, mask=used)/sum(unit_force**2, mask=used)
       moduli(3) = force(size(force))/unit_force(size(force))
       if (count(used) < 2) return

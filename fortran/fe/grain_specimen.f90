@@ -21,9 +21,9 @@ module grain_specimen
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
    contains
       procedure :: set_up
+      procedure :: check_sizes
       procedure :: plan
       procedure :: materials
-      procedure, private :: check_sizes
    end type grain_specimen_type
 
    !> The boundary is at least so far from the box under the contact, over the box's size.
@@ -55,7 +55,6 @@ contains
             self%poisson = stated%matrix_nu
          end if
       end associate
-      if (.not. allocated(error)) call self%check_sizes(error)
    end subroutine set_up
 
    !> Refuse a grain that does not hold the refined zone of the mesh.
@@ -65,7 +64,7 @@ contains
       type(mesh_plan_type) :: plan
       real(wp) :: corner(3)
 
-      plan = core_of_contact(1.0_wp, self%contact_radius)
+      plan = core_of_contact(1.0_wp, self%contact_radius, self%zone)
       corner = [plan%half_width, plan%half_width, plan%depth]
       if (self%depth > 0.0_wp) then
          call refuse_below(clearance*plan%depth, 'grain_depth_um', self%depth)
@@ -96,11 +95,11 @@ contains
       type(mesh_stage_type) :: turn
       real(wp) :: width
 
-      plan = core_of_contact(refine, self%contact_radius)
+      plan = core_of_contact(refine, self%contact_radius, self%zone)
       width = turning*self%radius
       if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
       width = max(width, plan%half_width)
-      plan%stages = graded_layers(plan%half_width, width, self%contact_radius, refine, 0.0_wp, 1)
+      plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, refine, 0.0_wp, 1)
       turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, turning_growth, refine)
       turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
       turn%radius = self%radius

@@ -41,8 +41,8 @@ contains
       real(wp), intent(in) :: refine
       type(mesh_plan_type) :: plan
 
-      plan = core_of_contact(refine, self%contact_radius)
-      plan%stages = [layers_of_ratio(self%outer*self%contact_radius/plan%half_width, self%growth, refine)]
+      plan = core_of_contact(refine, self%contact_radius, self%zone)
+      plan%stages = [layers_of_ratio(self%outer*self%contact_radius*plan%widening/plan%half_width, self%growth, refine)]
       plan%stages(1)%coarsen = .true.
    end function plan
 end module halfspace_specimen

@@ -36,6 +36,8 @@ module mesh_plan
       integer :: half_cells = 0, depth_cells = 0
       !> Half-width and depth of the box, um.
       real(wp) :: half_width = 0.0_wp, depth = 0.0_wp
+      !> Its half-width over that of the default's box.
+      real(wp) :: widening = 1.0_wp
       type(mesh_stage_type), allocatable :: stages(:)
       integer :: closing = closed_by_infinite
       !> The bottom of the box and of the layers is clamped where this depth (um) is reached: layers go on sideways only. 0: nowhere.
@@ -60,9 +62,9 @@ contains
    end function finest_edge
 
    !> The box under a contact: nothing around it yet.
-   pure function core_of_contact(refine, contact_radius) result(plan)
-      !> Relative to the default; contact radius, um.
-      real(wp), intent(in) :: refine, contact_radius
+   pure function core_of_contact(refine, contact_radius, zone) result(plan)
+      !> Relative to the default; contact radius, um; size of the refined zone relative to the default.
+      real(wp), intent(in) :: refine, contact_radius, zone
       type(mesh_plan_type) :: plan
       !> Depth of the box in contact radii.
       real(wp), parameter :: depth = 1.1_wp
@@ -70,7 +72,8 @@ contains
 
       across = fineness*refine
       ! Room for an elliptical contact, and for the ring of nodes around it that must stay free.
-      plan%half_cells = max(4, nint(1.25_wp*across) + 2)
+      plan%half_cells = max(4, nint(1.25_wp*across*zone) + 2)
+      plan%widening = plan%half_cells/real(max(4, nint(1.25_wp*across) + 2), wp)
       plan%depth_cells = max(2, 2*nint(0.5_wp*depth*across))
       plan%half_width = contact_radius*plan%half_cells/across
       plan%depth = contact_radius*plan%depth_cells/across

@@ -43,7 +43,9 @@ contains
       specimen%contact_radius = contact_radius
       specimen%element_size = finest_edge(contact_radius)
       specimen%element = settings%simulation%element
+      specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)
+      if (.not. allocated(error)) call specimen%check_sizes(error)
       if (len(specimen%element) == 0) specimen%element = 'c3d8i'
    end subroutine new_specimen
 

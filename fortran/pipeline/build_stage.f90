@@ -55,6 +55,11 @@ contains
          end do
          call simulation_error(settings, stiffness, largest, words)
          if (len(words) > 0) call warn(self%warnings, self%problem%path//': &simulation: '//words)
+         i = learning%n() + self%n_failed
+         if (allocated(self%unseen_modulus)) i = i + size(self%unseen_modulus)
+         if (100*self%n_failed > i) call warn(self%warnings, to_text(self%n_failed)//' of '//to_text(i)//' simulations failed: ' &
+            & //'the stated errors do not include their crystals, which are often the hardest. campaign.sqlite has the reasons; ' &
+            & //'anisotropy_cap or log_anisotropy_max of &domain leave such crystals out')
          call page%begin_object()
          call page%put('simulations', learning%n())
          call page%put('new_simulations', self%n_new)

@@ -7,7 +7,7 @@ module crystal_tables
    use abstract_observable, only: observable_type
    use indenters, only: new_indenter
    use json, only: json_type
-   use kinds, only: wp
+   use kinds, only: pi, wp
    use observables, only: moduli_of_indentation, new_observable
    use numbers, only: short_text
    use point_tables, only: points_type
@@ -107,6 +107,9 @@ contains
          call page%put('depth_um', outcome%depth)
          call page%put('force_mn', outcome%force)
          call page%put('modulus_by_depth_gpa', outcome%force/indenter%unit_force(outcome%depth))
+         ! 4/(3 pi) M a/R under a paraboloid.
+         call page%put_if(outcome%status == outcome_done, 'mean_pressure_gpa', &
+            & outcome%modulus*indenter%unit_force(indenter%depth)/(pi*indenter%contact_radius**2))
       end associate
    end subroutine put_outcome
 end module crystal_tables

@@ -7,7 +7,7 @@ module posterior_diagnostics
    use field_degree, only: allowed_error
    use files, only: printable
    use indenters, only: new_indenter
-   use kinds, only: wp
+   use kinds, only: pi, wp
    use prior_sensitivity, only: change_type
    use problem, only: problem_type
    use text, only: fixed, to_text
@@ -24,6 +24,8 @@ module posterior_diagnostics
    real(wp), parameter :: furthest = 10.0_wp
    !> A bias is small, and two contact radii are alike, below these.
    real(wp), parameter :: small_bias = 0.01_wp, alike = 0.05_wp
+   !> Mean contact pressure over the modulus that is taken for elastic: a/R up to 0.08.
+   real(wp), parameter :: elastic_pressure = 1.0_wp/30.0_wp
    !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10
    !> and 20 contact radii among neighbours 0.8 and 1.25 times as stiff (docs/case_studies/films.md).
    real(wp), parameter :: slope = 0.95_wp
@@ -379,14 +381,14 @@ contains
       end function change_text
    end subroutine check_sensitivity
 
-   !> Warnings of the columns depth_um and grain_radius_um.
+   !> Warnings of the depth of the measurements and of the columns depth_um, contact_radius_um and grain_radius_um.
    subroutine check_sizes(problem, found, warnings)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
-      real(wp), dimension(problem%measurements%n) :: contact_radius, bias
+      real(wp), dimension(problem%measurements%n) :: contact_radius, pressure, bias
       real(wp) :: ratio
       integer :: worst, biased
 
@@ -397,10 +399,17 @@ contains
          & addition => found%surrogate_correction)
          contact_radius = indenter%contact_radius
          where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
+         where (measured%contact_radius_um > 0.0_wp) contact_radius = measured%contact_radius_um
+         pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
+         worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure > elastic_pressure), 1)
+         if (pressure(worst) > elastic_pressure) call warn(warnings, 'the mean contact pressure is up to ' &
+            & //to_text(pressure(worst)*modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2)//' % of the ' &
+            & //'modulus: few metals are elastic above 3 %; use shallower indentations or a blunter tip')
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(measured%depth_um > 0.0_wp) .and. ratio > alike) call warn(warnings, 'the measurements have contact radii of ' &
+            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) &
+               & call warn(warnings, 'the measurements have contact radii of ' &
                & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
                & //to_text(trained, 3)//' um: what its specimen adds to the theory, '//fixed(100.0_wp*addition, 1) &
                & //' % on average, grows about as the contact radius, so that moduli are expected to be off by up to ' &

@@ -103,6 +103,7 @@ contains
       end if
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
+      if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
       call load_tables(self, error)
    end subroutine new_problem
 

@@ -38,6 +38,14 @@ contains
             & //'contact_radius_um; one of them is allowed')
          return
       end if
+      if (len(settings%specimen%estimator) == 0 .and. settings%measurements%given .and. &
+         & any(['film ', 'grain'] == settings%specimen%geometry)) then
+         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; the moduli of a '// &
+            & settings%specimen%geometry//' depend on how the instrument reads them. Allowed: ''curve'' (fit of force against ' &
+            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the true contact radius), ' &
+            & //'''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         return
+      end if
       associate (design => settings%design)
          if (design%initial > design%budget) then
             call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &

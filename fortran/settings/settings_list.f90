@@ -70,6 +70,7 @@ module settings_list
       procedure :: text => visit_text
       procedure :: names => visit_names
       procedure :: real => visit_real
+      procedure :: optional_logical => visit_optional_logical
       procedure :: optional_real => visit_optional_real
       procedure :: reals => visit_reals
    end type settings_list_type
@@ -130,6 +131,21 @@ contains
       call self%text(name, text, kind_logical, default, '', meaning)
       if (allocated(text)) value = text == '.true.'
    end subroutine visit_logical
+
+   !> Unallocated: unset.
+   subroutine visit_optional_logical(self, name, value, meaning)
+      class(settings_list_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, meaning
+      logical, allocatable, intent(inout) :: value
+      character(len=:), allocatable :: text
+
+      if (allocated(value)) then
+         text = to_text(value)
+         deallocate (value)
+      end if
+      call self%text(name, text, kind_logical, 'unset', '', meaning)
+      if (allocated(text)) value = text == '.true.'
+   end subroutine visit_optional_logical
 
    !> A value without a unit as the text of a namelist; unallocated: unset.
    subroutine visit_text(self, name, value, kind, default, allowed, meaning)

@@ -35,7 +35,7 @@ module settings_schema
    end type crystals_settings_type
 
    type, extends(group_settings_type) :: specimen_settings_type
-      character(len=:), allocatable :: geometry, substrate, matrix
+      character(len=:), allocatable :: geometry, estimator, substrate, matrix
       real(wp) :: width_um = 0.0_wp, height_um = 0.0_wp, substrate_nu = 0.0_wp, matrix_nu = 0.0_wp
       real(wp), allocatable :: thickness_um, substrate_young_gpa, grain_radius_um, grain_depth_um, matrix_young_gpa
    end type specimen_settings_type
@@ -52,7 +52,8 @@ module settings_schema
       real(wp) :: refine = 0.0_wp, outer = 0.0_wp
       real(wp), allocatable :: growth
       integer :: depths = 0
-      logical :: extrapolate = .false., vtu = .false., inp = .false.
+      logical, allocatable :: extrapolate
+      logical :: vtu = .false., inp = .false.
    end type simulation_settings_type
 
    type, extends(group_settings_type) :: domain_settings_type
@@ -181,6 +182,9 @@ contains
       call v%group('specimen', s%specimen%given, 'What is indented.')
       call v%text('geometry', s%specimen%geometry, kind_choice, 'halfspace', v%words('geometry'), &
          & 'a half-space; a block with clamped bottom and free sides; a film on a substrate; a grain in a polycrystal')
+      call v%text('estimator', s%specimen%estimator, kind_choice, '', 'curve, stiffness, stiffness_hertz', &
+         & 'how the modulus M is read: from the curve (force against depth^1.5), from the contact stiffness S as S/(2 a) with ' &
+         & //'the true contact radius a, or with that of Hertz, a = sqrt(R h); empty: curve. Measured films and grains need it')
       call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
       call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
 
@@ -218,8 +222,8 @@ contains
       call v%text('integration', s%simulation%integration, kind_choice, 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
       call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', 'elements per contact radius, relative to the default mesh')
-      call v%logical('extrapolate', s%simulation%extrapolate, '.false.', &
-         & 'solve on a second, coarser mesh too and extrapolate in mesh size')
+      call v%optional_logical('extrapolate', s%simulation%extrapolate, 'solve on a second, coarser mesh too and extrapolate ' &
+         & //'in mesh size (unset: the crystals of which one mesh of C3D8I may be wrong by more than 0.5 %)')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%optional_real('growth', s%simulation%growth, '[1.01, 2]', '', &

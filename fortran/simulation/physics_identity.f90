@@ -17,8 +17,8 @@ module physics_identity
    public :: identity_text
 
    !> What every simulation by finite elements reads.
-   character(len=*), parameter :: common = 'geometry, shape, depth_um, contact_radius_um, simulator, element, integration, ' &
-      & //'refine, extrapolate, depths'
+   character(len=*), parameter :: common = 'geometry, estimator, shape, depth_um, contact_radius_um, simulator, element, ' &
+      & //'integration, refine, extrapolate, depths'
 
 contains
 
@@ -34,19 +34,22 @@ contains
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       type(error_type), allocatable :: error
+      logical :: two_meshes
       integer :: i
 
       allocate (pairs(0))
       wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call add_pair(pairs, 'estimator', '"least squares through the origin"')
          call add_pair(pairs, 'numerics', to_text(numerics_revision))
          wanted = common
          call new_indentation(settings, indenter, specimen, error)
          if (allocated(indenter)) wanted = wanted//', '//indenter%variables
          if (allocated(specimen)) then
             wanted = wanted//', '//specimen%variables
-            if (settings%simulation%extrapolate) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
+            two_meshes = .not. allocated(settings%simulation%extrapolate)
+            if (two_meshes) call add_pair(pairs, 'extrapolate', '"as needed"')
+            if (.not. two_meshes) two_meshes = settings%simulation%extrapolate
+            if (two_meshes) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
       list = list_settings(settings)

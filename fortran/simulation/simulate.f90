@@ -168,10 +168,12 @@ contains
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
 
+      logical :: extended(size(largest))
+
       largest = 0.0_wp
       warning = ''
       if (settings%simulation%simulator /= 'fe') return
-      largest = largest_mesh_error(settings, stiffness)
-      warning = resolution_warning(largest)
+      call largest_mesh_error(settings, stiffness, largest, extended)
+      warning = resolution_warning(largest, extended)
    end subroutine simulation_error
 end module simulate

@@ -35,9 +35,9 @@ module point_tables
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
       !> Of measurements: which modulus was measured.
       character(len=:), allocatable :: modulus_kind
-      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth of the indentation and radius of the
-      !> grain, um; and its group, 1, 2, .., (n).
-      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), grain_radius_um(:)
+      !> Of a measured grain: sd of the tilt of the indented direction per component, degrees; depth and contact radius of the
+      !> indentation and radius of the grain, um; and its group, 1, 2, .., (n).
+      real(wp), allocatable :: orientation_sd_deg(:), depth_um(:), contact_radius_um(:), grain_radius_um(:)
       integer, allocatable :: group(:)
       !> The column of the points' names, 0 if there is none, and the row of the table that a point stands for, (n).
       integer :: named_by = 0
@@ -117,6 +117,7 @@ contains
       real(wp), allocatable, intent(in) :: parameters(:)
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: depth_nm(:)
       integer :: column
 
       points%table = table
@@ -133,6 +134,9 @@ contains
          & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)
       call read_optional(points%table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
       call read_optional(points%table, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
+      call read_optional(points%table, 'contact_radius_um', lengths_allowed, ' um', points%contact_radius_um, error)
+      call read_optional(points%table, 'depth_nm', 1.0e3_wp*lengths_allowed, ' nm', depth_nm, error)
+      if (.not. allocated(error)) points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
       call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measurements

@@ -129,6 +129,7 @@ contains
       chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
       points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
       points%depth_um = means_of(points%depth_um, first, kept)
+      points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
       points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
       points%n = size(kept)
       points%euler_deg = points%euler_deg(:, kept)

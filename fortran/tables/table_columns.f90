@@ -32,6 +32,8 @@ module table_columns
       & //'standard_error, sem, sigma, modulus_sd, modulus_std, er_sd, er_std, e_r_sd, e_r_std', gpa), &
       & column_type('orientation_sd_deg', 'orientation_sd', degrees), &
       & column_type('depth_um', '', um), &
+      & column_type('depth_nm', '', ' nm '), &
+      & column_type('contact_radius_um', '', um), &
       & column_type('grain_radius_um', '', um), &
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &

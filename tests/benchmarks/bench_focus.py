@@ -27,11 +27,11 @@ METALS = {
     "zinc": ("hexagonal", (161.1, 34.2, 38.3, 61.1, 50.3)),
     "graphite": ("hexagonal", (1060.0, 180.0, 4.5, 36.5, 15.0)),
 }
-FILM = {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 163, "substrate_nu": 0.223}
+FILM = {"geometry": "film", "thickness_um": 1.0, "estimator": "curve", "substrate_young_gpa": 163, "substrate_nu": 0.223}
 GRAINS = 11
 CASE = """\
 &problem symmetry = '{symmetry}', synthetic = .true., seed = {seed} /
-&specimen geometry = 'film', thickness_um = 1.0, substrate_young_gpa = 163, substrate_nu = 0.223 /
+&specimen geometry = 'film', thickness_um = 1.0, estimator = 'curve', substrate_young_gpa = 163, substrate_nu = 0.223 /
 &design {design} /
 &measurements file = '{data}', modulus_kind = 'indentation_modulus' /
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /

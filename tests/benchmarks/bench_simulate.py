@@ -37,7 +37,7 @@ import simulate_specimens as specimens
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, log_anisotropy
 
-SECTIONS = ("accuracy", "indenters", "films", "alike", "specimens", "random", "soft", "convergence", "cost", "ccx", "memory", "workers",
+SECTIONS = ("accuracy", "indenters", "films", "pairs", "alike", "specimens", "random", "soft", "convergence", "cost", "ccx", "memory", "workers",
             "size")  # fmt: skip
 REFERENCE = Path(__file__).parents[1] / "reference" / "halfspace_moduli.csv"
 #: Boxes and caps of the paper's domains: constants in the order of `constant_names`, GPa.
@@ -57,6 +57,7 @@ def main(argv=None) -> int:
     parser = argparse.ArgumentParser(prog="bench simulate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", choices=[*SECTIONS, []], help="sections to run (all)")
     parser.add_argument("--random", type=int, default=100, help="random crystals of each domain (100)")
+    parser.add_argument("--pairs", type=int, default=40, help="films of `pairs` (40)")
     parser.add_argument("--seed", type=int, default=7, help="of the crystals of `soft` (7: those its constants were taken from)")
     parser.add_argument("--workers", type=int, default=0, help="threads of the accuracy sections (0: all cores)")
     parser.add_argument("--largest", type=int, default=60000, help="elements of the largest mesh of `size` (60000)")
@@ -88,7 +89,7 @@ def reference_crystals():
 def run_accuracy(arguments) -> None:
     """Errors at the reference crystals."""
     names, matrices, angles, exact = reference_crystals()
-    models = {"default": bi.Indentation(), "extrapolate": bi.Indentation(extrapolate=True)}
+    models = {"default": bi.Indentation(extrapolate=False), "extrapolate": bi.Indentation(extrapolate=True)}
     errors = {}
     for label, model in models.items():
         results = model.run_many(matrices, angles, workers=arguments.workers)
@@ -139,6 +140,13 @@ def run_films(arguments) -> None:
     table(header, specimens.coated())
 
 
+def run_pairs(arguments) -> None:
+    """Isotropic films drawn at random against the exact contact of a layered half-space."""
+    header = ("E film/substrate", "nu of the film", "of the substrate", "thickness, contact radii", "M, one mesh, %", "M, default, %", "meshes",
+              "time, default over one mesh")  # fmt: skip
+    table(header, specimens.pairs(arguments.pairs))
+
+
 def run_alike(arguments) -> None:
     """Films and grains that are half-spaces, nearly or quite."""
     ratios = [f"nu = {nu}, {mesh}, %" for mesh in ("default", "extrapolate") for nu in (0.1, 0.3, 0.45)]
@@ -175,7 +183,7 @@ def random_crystals(symmetry: str, count: int, seed: int = 1):
 def run_random(arguments) -> None:
     """Errors at random crystals."""
     rows = []
-    for label, model in (("default", bi.Indentation()), ("extrapolate", bi.Indentation(extrapolate=True))):
+    for label, model in (("default", bi.Indentation(extrapolate=False)), ("extrapolate", bi.Indentation(extrapolate=True))):
         for symmetry in DOMAINS:
             matrices, angles, index = random_crystals(symmetry, arguments.random)
             results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
@@ -218,7 +226,7 @@ def run_soft(arguments) -> None:
     variants = {"default": {}, "extrapolate": {"extrapolate": True}, "c3d8": {"element": "c3d8"}, "refine = 0.6": {"refine": 0.6},
                 "c3d8, refine = 0.6": {"refine": 0.6, "element": "c3d8"}}  # fmt: skip
     for label, options in variants.items():
-        model = bi.Indentation(**options)
+        model = bi.Indentation(**({"extrapolate": False} | options))
         results = model.run_many(matrices, angles, workers=arguments.workers, errors="return")
         moduli = np.array([np.nan if isinstance(r, Exception) else r.indentation_modulus_gpa for r in results])
         errors, stated = 100 * np.abs(moduli / exact - 1), 100 * model.largest_error(matrices)
@@ -244,7 +252,7 @@ def run_convergence(arguments) -> None:
     exact = bi.halfspace_modulus(matrices, angles)
 
     def errors(**options):
-        model = bi.Indentation(**options)
+        model = bi.Indentation(**({"extrapolate": False} | options))
         results = model.run_many(matrices, angles, workers=arguments.workers)
         return model.elements, 100 * (np.array([result.indentation_modulus_gpa for result in results]) / exact - 1)
 

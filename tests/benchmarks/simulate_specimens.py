@@ -12,9 +12,9 @@ import bayesindent as bi
 
 TESTS = Path(__file__).parents[1]
 sys.path.insert(0, str(TESTS / "python"))
-from layered_halfspace import thick_layer  # noqa: E402
+from layered_halfspace import LayeredContact, random_pairs, thick_layer  # noqa: E402
 
-__all__ = ["CRYSTALS", "SPECIMENS", "alike", "around", "coated", "costs", "large", "unlike"]
+__all__ = ["CRYSTALS", "SPECIMENS", "alike", "around", "coated", "costs", "large", "pairs", "unlike"]
 
 #: Of three classes, each in a general orientation.
 CRYSTALS = ("copper", "Zn", "Ti", "rutile", "quartz")
@@ -74,6 +74,18 @@ def coated() -> Iterator[tuple]:
             edge = max(edge, abs(result.contact_radius_um[-1] - case["contact_radius_um"]) / (0.5 / 9.5))
         yield (f"{row['layer_young_gpa']}, {row['layer_nu']}", f"{row['substrate_young_gpa']}, {row['substrate_nu']}",
                row["thickness_um"], *(f"{error:+.3f}" for error in errors), f"{edge:.2f}", *sizes)  # fmt: skip
+
+
+def pairs(count: int) -> Iterator[tuple]:
+    """M of isotropic films drawn at random, on one mesh and as by default, against the exact contact."""
+    for ratio, nu, below, thickness in random_pairs(count):
+        settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 100.0, "substrate_nu": below}
+        exact = LayeredContact((100 * ratio, nu), (100.0, below), 0.5 * thickness)
+        results = [bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0)) for options in ({"extrapolate": False}, {})]
+        modulus = exact.modulus_of_curve(results[0].depth_um)
+        yield (f"{ratio:.2f}", f"{nu:.2f}", f"{below:.2f}", f"{thickness:.2f}",
+               *(f"{100 * (result.indentation_modulus_gpa / modulus - 1):+.3f}" for result in results),
+               len(results[1].modulus_of_mesh_gpa), f"{results[1].seconds / results[0].seconds:.2f}")  # fmt: skip
 
 
 def two_meshes(settings: dict, stiffness, angles) -> np.ndarray:

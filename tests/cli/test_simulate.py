@@ -106,7 +106,8 @@ def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
     done = bayesindent("simulate", "a.nml", "--output", "out", "--json")
     assert done.returncode == 0, done.stderr
     (warning,) = json.loads(done.stdout)["warnings"]
-    assert warning.startswith("a.nml: &simulation: 1 of 2 crystals are so near instability that the error of the mesh may reach about")
+    assert warning.startswith("a.nml: &simulation: 1 of 2 crystals are extrapolated from two meshes")
+    assert "1 of 2 crystals are so near instability that the error of the mesh may reach about" in warning
     assert warning.endswith("(rows 2)")
     # Stored results are warned of like new ones, and by the batch program in the same words.
     assert json.loads(bayesindent("simulate", "a.nml", "--output", "out", "--json").stdout)["warnings"] == [warning]
@@ -116,7 +117,8 @@ def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
 
 def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n100,99.9,50,100,50,0,90,0\n")
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.6 /\n")
+    (tmp_path / "a.nml").write_text("&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.7 /\n"
+        "&specimen geometry = 'grain' grain_radius_um = 1.5 /\n")
     for command in (lambda: bayesindent("simulate", "a.nml", "--output", "out"), lambda: batch(tmp_path)):
         for _ in range(2):
             done = command()

@@ -7,7 +7,6 @@ program test_indentation
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
    use fe_mesh, only: mesh_type
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
    use indenters, only: indenter_names, new_indenter
    use kinds, only: pi, wp
    use memory, only: check_memory, free_memory, memory_text
@@ -18,7 +17,7 @@ program test_indentation
    use settings_schema, only: list_settings
    use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
    use specimens, only: geometry_names, new_specimen
-   use testing, only: check, check_close, check_refused, check_success, finish, stiffness_of
+   use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
    use text, only: split_list, to_text
    implicit none
 
@@ -32,34 +31,10 @@ program test_indentation
    call test_identity()
    call test_identity_is_complete()
    call test_simulators()
-   call test_long_contact()
    call test_refusals()
    call finish()
 
 contains
-
-   !> Settings with nothing stated.
-   function default_settings() result(settings)
-      type(settings_type) :: settings
-
-      settings%specimen%geometry = 'halfspace'
-      settings%specimen%width_um = 9.6_wp
-      settings%specimen%substrate = 'isotropic'
-      settings%specimen%matrix = 'self'
-      settings%specimen%height_um = 4.8_wp
-      settings%indenter%shape = 'paraboloid'
-      settings%indenter%radius_um = 16.0_wp
-      settings%indenter%half_angle_deg = 70.3_wp
-      settings%indenter%contact_radius_um = 0.5_wp
-      settings%simulation%simulator = 'fe'
-      settings%simulation%element = ''
-      settings%simulation%integration = 'selective'
-      settings%simulation%refine = 1.0_wp
-      settings%simulation%outer = 5.0_wp
-      settings%simulation%growth = 1.13_wp
-      settings%simulation%depths = 10
-      settings%simulation%extrapolate = .false.
-   end function default_settings
 
    !> Every specimen of the list can be meshed; another name is refused.
    subroutine test_specimens()
@@ -271,27 +246,38 @@ contains
    !> The stated error grows towards instability and falls with the mesh; an ordinary crystal has no warning.
    subroutine test_resolution()
       type(settings_type) :: settings
-      real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), block(2)
+      real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), automatic(2), block(2)
+      logical :: extended(2)
+      character(len=:), allocatable :: warning
 
       pair(:, :, 1) = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       pair(:, :, 2) = stiffness_of('cubic', [130.0_wp, 125.0_wp, 100.0_wp])
       settings = default_settings()
-      coarse = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, coarse, extended)
+      call check('nothing without being asked', .not. any(extended))
       settings%simulation%refine = 2.0_wp
-      fine = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, fine, extended)
       settings%simulation%refine = 1.0_wp
       settings%simulation%extrapolate = .true.
-      extrapolated = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, extrapolated, extended)
+      deallocate (settings%simulation%extrapolate)
+      call largest_mesh_error(settings, pair, automatic, extended)
+      call check('what is not stated is as needed', all(extended .eqv. [.false., .true.]) &
+         & .and. .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp))
+      warning = resolution_warning(automatic, extended)
+      call check('and is said', index(warning, '1 of 2 crystals are extrapolated from two meshes') == 1 &
+         & .and. index(warning, 'more than 0.5 % (rows 2); 1 of 2') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
-      block = largest_mesh_error(settings, pair)
+      call largest_mesh_error(settings, pair, block, extended)
       call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp .and. coarse(2) > 0.02_wp, &
          & to_text(coarse(1))//' '//to_text(coarse(2)))
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
          & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
-      call check('no warning for copper', resolution_warning(coarse(:1)) == '')
-      call check('a warning for the other', index(resolution_warning(coarse), '1 of 2 crystals are so near instability') &
-         & == 1 .and. index(resolution_warning(coarse), '(rows 2)') > 0, resolution_warning(coarse))
+      call check('no warning for copper', resolution_warning(coarse(:1), [.false.]) == '')
+      warning = resolution_warning(coarse, [.false., .false.])
+      call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
+         & .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution
 
    !> What the machine cannot hold is an error of the machine, not of the input.
@@ -306,37 +292,6 @@ contains
       if (allocated(error)) call check('it is the machine''s fault', error%status == machine_failure)
    end subroutine test_memory
 
-   !> A long ellipse that fits once the contact radii shrink: the depths follow as the shape has it.
-   subroutine test_long_contact()
-      character(len=10), parameter :: shapes(2) = [character(len=10) :: 'paraboloid', 'cone']
-      type(settings_type) :: settings
-      type(indentation_model_type) :: model
-      type(indentation_result_type) :: result
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-      !> The theory is of a paraboloid; under a cone so long an ellipse is some 4 % stiffer, on fine meshes too.
-      real(wp), parameter :: euler(3) = [270.0_wp, 80.0_wp, 0.0_wp]*pi/180.0_wp, expected(2) = [1.0_wp, 1.04_wp]
-      real(wp) :: elongated(6, 6)
-      integer :: i
-
-      elongated = stiffness_of('hexagonal', [88.0_wp, 84.0_wp, 35.0_wp, 208.0_wp, 80.0_wp])
-      call halfspace_modulus(elongated, euler, theory, error)
-      do i = 1, size(shapes)
-         settings = default_settings()
-         settings%indenter%shape = trim(shapes(i))
-         call new_indentation_model(settings, model, error)
-         call check_success('a model', error)
-         call simulate_indentation(model, elongated, euler, result, error)
-         call check_success('a long contact ellipse: '//shapes(i), error)
-         if (allocated(error)) return
-         call check('both solves count', result%elements == 2*model%elements)
-         call check_close('its contact radii have shrunk', maxval(abs(model%indenter%contact_radius_of(result%depth) &
-            & /model%indenter%contact_radius_of(model%depth) - 0.85_wp)), 0.0_wp, 1.0e-12_wp)
-         call check_close('its modulus', result%modulus/theory%modulus, expected(i), 0.01_wp)
-         call free_indentation_model(model)
-      end do
-   end subroutine test_long_contact
-
    subroutine test_refusals()
       type(settings_type) :: settings
       type(indentation_model_type) :: model
@@ -344,17 +299,21 @@ contains
       type(error_type), allocatable :: error
 
       settings = default_settings()
-      settings%simulation%refine = 0.6_wp
+      settings%simulation%refine = 0.7_wp
+      settings%specimen%geometry = 'grain'
+      settings%specimen%grain_radius_um = 1.5_wp
       call new_indentation_model(settings, model, error)
       call check_success('a coarse model', error)
       call simulate_indentation(model, stiffness_of('cubic', [100.0_wp, 120.0_wp, 60.0_wp]), [0.0_wp, 0.0_wp, 0.0_wp], &
          & result, error)
       call check_refused('an unstable crystal', error, 'unstable')
-      ! Nearly unstable: the contact is a long ellipse.
+      ! Nearly unstable: the contact is an ellipse longer than the small grain holds.
       call simulate_indentation(model, stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), &
          & [0.0_wp, 0.5_wp*pi, 0.0_wp], result, error)
-      call check_refused('contact beyond the refined zone', error, 'the contact leaves the refined zone')
+      call check_refused('contact beyond the refined zone', error, &
+         & 'and no wider zone can be made: grain_radius_um: 1.5 um does not hold')
       call free_indentation_model(model)
+      settings%specimen%geometry = 'halfspace'
       settings%simulation%refine = 0.3_wp
       call new_indentation_model(settings, model, error)
       call check_refused('too coarse a mesh', error, 'elements at the last depth')
@@ -369,16 +328,16 @@ contains
 
       settings = default_settings()
       call check('of the half-space', identity_text(settings) == '{"contact_radius_um": 0.5, "depths": 10, "element": "", ' &
-         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
-         & //'"integration": "selective", "numerics": 6, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
+         & //'"estimator": "curve", "extrapolate": false, "geometry": "halfspace", "growth": 1.13, ' &
+         & //'"integration": "selective", "numerics": 7, "outer": 5.0, "radius_um": 16.0, "refine": 1.0, "shape": "paraboloid", ' &
          & //'"simulator": "fe"}', identity_text(settings))
       settings%specimen%geometry = 'block'
       settings%indenter%shape = 'cone'
       settings%indenter%depth_um = 0.25_wp
       deallocate (settings%indenter%contact_radius_um)
       call check('of a block', identity_text(settings) == '{"depth_um": 0.25, "depths": 10, "element": "", ' &
-         & //'"estimator": "least squares through the origin", "extrapolate": false, "geometry": "block", ' &
-         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 6, "refine": 1.0, ' &
+         & //'"estimator": "curve", "extrapolate": false, "geometry": "block", ' &
+         & //'"half_angle_deg": 70.3, "height_um": 4.8, "integration": "selective", "numerics": 7, "refine": 1.0, ' &
          & //'"shape": "cone", "simulator": "fe", "width_um": 9.6}', identity_text(settings))
       settings%simulation%simulator = 'theory'
       call check('of the theory', identity_text(settings) == '{"simulator": "theory"}', identity_text(settings))
@@ -433,7 +392,7 @@ contains
 
       copper = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       settings = default_settings()
-      settings%simulation%refine = 0.6_wp
+      settings%simulation%refine = 0.7_wp
       settings%simulation%simulator = 'theory'
       call new_simulator(settings, simulator, error)
       call simulator%run(copper, euler, outcome, error)
@@ -448,6 +407,9 @@ contains
       call simulator%run(copper, euler, outcome, error)
       call check('a modulus and a curve', outcome%status == outcome_done .and. size(outcome%force) == 10 &
          & .and. outcome%elements > 3000)
+      settings%specimen%geometry = 'grain'
+      settings%specimen%grain_radius_um = 1.5_wp
+      call new_simulator(settings, simulator, error)
       call simulator%run(stiffness_of('hexagonal', [100.0_wp, 99.9_wp, 50.0_wp, 100.0_wp, 50.0_wp]), euler, outcome, error)
       call check_success('a crystal that cannot be simulated is an outcome', error)
       call check('with its message', outcome%status == outcome_failed .and. index(outcome%message, 'refined zone') > 0, &

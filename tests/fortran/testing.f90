@@ -3,12 +3,13 @@ module testing
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use kinds, only: pi, wp
+   use settings_schema, only: settings_type
    use surrogate_domain, only: domain_type, new_wide_domain
    use text, only: to_text
    implicit none
    private
-   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, wide, finish, clenshaw_curtis_weight
-   public :: long_cases
+   public :: check, check_close, check_success, check_refused, class_of, stiffness_of, default_settings, wide, finish
+   public :: clenshaw_curtis_weight, long_cases
 
    integer :: count = 0, failures = 0
 
@@ -79,6 +80,30 @@ contains
       call new_crystal_class(name, class, error)
       if (allocated(error)) call check_success('class_of '//name, error)
    end function class_of
+
+   !> Settings with nothing stated.
+   function default_settings() result(settings)
+      type(settings_type) :: settings
+
+      settings%specimen%geometry = 'halfspace'
+      settings%specimen%width_um = 9.6_wp
+      settings%specimen%estimator = 'curve'
+      settings%specimen%substrate = 'isotropic'
+      settings%specimen%matrix = 'self'
+      settings%specimen%height_um = 4.8_wp
+      settings%indenter%shape = 'paraboloid'
+      settings%indenter%radius_um = 16.0_wp
+      settings%indenter%half_angle_deg = 70.3_wp
+      settings%indenter%contact_radius_um = 0.5_wp
+      settings%simulation%simulator = 'fe'
+      settings%simulation%element = ''
+      settings%simulation%integration = 'selective'
+      settings%simulation%refine = 1.0_wp
+      settings%simulation%outer = 5.0_wp
+      settings%simulation%growth = 1.13_wp
+      settings%simulation%depths = 10
+      settings%simulation%extrapolate = .false.
+   end function default_settings
 
    !> The domain of all crystals of the classes, of any scale or within the range `stiffness`, GPa.
    function wide(members, anisotropy, poisson, stiffness) result(domain)

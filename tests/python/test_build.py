@@ -189,6 +189,7 @@ def test_a_failed_point_stays_failed(tmp_path, monkeypatch):
     before_each_simulation(monkeypatch, lambda: {"message": "the contact did not converge"} if next(calls) in (3, 10) else None)
     document = build(make_problem(tmp_path), tmp_path)
     assert (document["simulations"], document["new_simulations"], document["failed"]) == (16, 18, 2)
+    assert any("2 of 18 simulations failed: the stated errors do not include" in warning for warning in document["warnings"])
     assert build(make_problem(tmp_path), tmp_path)["new_simulations"] == 0
 
 

@@ -32,7 +32,7 @@ def problem_of(folder, rows, **groups):
     folder.mkdir(exist_ok=True)
     file = folder / "grains.csv"
     np.savetxt(file, np.column_stack(list(rows.values())), delimiter=",", header=",".join(rows), comments="")
-    film = {"geometry": "film", "thickness_um": 1, "substrate_young_gpa": 60, "substrate_nu": 0.3}
+    film = {"geometry": "film", "thickness_um": 1, "estimator": "curve", "substrate_young_gpa": 60, "substrate_nu": 0.3}
     asked = {
         "problem": {"symmetry": "cubic", "seed": 4},
         "specimen": film,

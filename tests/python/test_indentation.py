@@ -243,9 +243,12 @@ SOFT = [
 @pytest.mark.parametrize(("stiffness", "angles"), SOFT)
 def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
     result = halfspace.run(stiffness, angles)
-    error = abs(result.indentation_modulus_gpa / bi.halfspace_modulus(stiffness, angles) - 1)
-    # The mesh is more than one per cent wrong, and less than it says.
-    assert 0.01 < error < halfspace.largest_error(stiffness[None])[0]
+    moduli = np.array([result.indentation_modulus_gpa, result.modulus_of_mesh_gpa[0]])
+    error, one_mesh = np.abs(moduli / bi.halfspace_modulus(stiffness, angles) - 1)
+    # One mesh is more than one per cent wrong; two are better, and better than is said.
+    assert one_mesh > 0.01
+    assert error < min(one_mesh, halfspace.largest_error(stiffness[None])[0])
+    assert "the crystal is extrapolated from two meshes" in result.warning
     assert "so near instability that the error of the mesh may reach about" in result.warning
 
 

@@ -21,7 +21,7 @@ WRONG = {
     "name": (
         "specimen",
         {"geometri": "block"},
-        "&specimen geometri: unknown variable, did you mean geometry?; allowed: geometry, width_um, ",
+        "&specimen geometri: unknown variable, did you mean geometry?; allowed: geometry, estimator, width_um, ",
     ),
     "count": ("prior", {"c_min": [1, 2]}, "&prior c_min: 2 values; 3 are needed: C11, C12, C44"),
     "lists": ("knowledge", {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]}, "&knowledge quantity: 1 of them for 2 of mean"),

@@ -45,6 +45,18 @@ def test_another_depth():
     assert "contact radii of 1.0 to 1.0 um, the surrogate is of 0.5 um" in found[0]
     # 11 % on average, times 1/0.5 - 1.
     assert 9 < float(found[0].split("off by up to ")[1].split(" %")[0]) < 13
+    for columns in ({"contact_radius_um": np.full(N, 1.0)}, {"depth_nm": np.full(N, 1000 / 16)}):
+        assert [words for words in warnings_of(block, 1.1 * MODULI, **columns) if "contact radii" in words] == found
+
+
+@pytest.mark.long
+def test_a_contact_pressure_that_few_metals_carry():
+    """The mean pressure of Hertz' contact is 4/(3 pi) M a/R."""
+    assert not any("pressure" in words for words in warnings_of(contact_radius_um=np.full(N, 1.2)))
+    [words] = [words for words in warnings_of(contact_radius_um=np.full(N, 1.5)) if "pressure" in words]
+    share = 4 / (3 * np.pi) * 1.5 / 16
+    assert float(words.split("up to ")[1].split(" GPa")[0]) == pytest.approx(share * MODULI.max(), rel=0.01)
+    assert float(words.split("GPa, ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
 
 
 def test_what_cannot_be_a_size():

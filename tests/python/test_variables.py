@@ -194,6 +194,7 @@ EFFECTS = {
     "crystals": {"points": (files, {}, "others.csv")},
     "specimen": {
         "geometry": (simulated, {"simulation": {"refine": 0.66}}, "block"),
+        "estimator": (simulated, FILM, "stiffness_hertz"),
         "width_um": (simulated, BLOCK, 7.0),
         "height_um": (simulated, BLOCK, 4.0),
         "thickness_um": (simulated, FILM, 2.0),

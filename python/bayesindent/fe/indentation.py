@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from os import PathLike
 
@@ -193,29 +193,33 @@ class Indentation(NativeObject):
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
         return resolution(self._problem, stiffness)[0]
 
-    def mesh_arrays(self) -> MeshArrays:
-        """The finest mesh."""
-        return MeshArrays(**self._call("mesh"))
+    def mesh_arrays(self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)) -> MeshArrays:
+        """The finest mesh; where its refined zone is too small for the contact of a crystal, the larger one that is used for it."""
+        found = self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg)
+        return _mesh_of(found)
+
+    def _fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> dict[str, np.ndarray]:
+        return self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
 
     def fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the finest mesh.
+        """Displacement (nodes, 3) in um and mean stress (bricks, 6) in GPa, order 11,22,33,23,13,12, on the mesh of `mesh_arrays`.
 
         `step` counts the depths as an index of `depth_um` does. Raises as `run` does.
         """
-        found = self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
+        found = self._fields(stiffness, euler_deg, step)
         return found["displacement_um"], found["values"]
 
     def write_vtu(self, path: str | PathLike, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> None:
         """Write the fields at one depth for ParaView: displacement of points, stress (xx, yy, zz, xy, yz, xz) and mises of cells."""
         import meshio
 
-        u, stress = self.fields(stiffness, euler_deg, step)
-        mesh = self.mesh_arrays()
+        found = self._fields(stiffness, euler_deg, step)
+        u, stress = found["displacement_um"], found["values"]
         normal, shear = stress[:, :3], stress[:, 3:]
         mises = np.sqrt(0.5 * ((normal - np.roll(normal, 1, axis=1)) ** 2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
         meshio.Mesh(
-            mesh.x,
-            [("hexahedron", mesh.brick)],
+            found["x"],
+            [("hexahedron", found["brick"])],
             point_data={"displacement_um": u},
             cell_data={"stress_gpa": [stress[:, [0, 1, 2, 5, 3, 4]]], "mises_gpa": [mises]},
         ).write(path, file_format="vtu")
@@ -223,13 +227,15 @@ class Indentation(NativeObject):
     def deck(self, stiffness: ArrayLike, euler_deg: ArrayLike, title: str = "indentation", depth_um: ArrayLike | None = None) -> str:
         """The same problem on the finest mesh as an input deck for Abaqus and CalculiX (see `deck.py`).
 
-        `depth_um`: the depths (n,) of a curve that is known; without them the simulation finds those that fit this crystal.
+        `depth_um`: depths (n,) in place of those of the simulation.
         """
-        found = self._call("stiffness", **one_crystal(stiffness, euler_deg))
-        depths = self.run(stiffness, euler_deg).depth_um if depth_um is None else np.asarray(depth_um, dtype=float)
-        return write_deck(
-            self.mesh_arrays(), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
-        )  # fmt: skip
+        found = self._fields(stiffness, euler_deg)
+        depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
+        return write_deck(_mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", "))
+
+
+def _mesh_of(found: dict) -> MeshArrays:
+    return MeshArrays(**{item.name: found[item.name] for item in fields(MeshArrays)})
 
 
 def by_group(settings: dict) -> dict:

@@ -40,7 +40,7 @@ def write_fields(problem: Problem, results: list[dict], output: Path, progress: 
                     indentation.write_vtu(file, stiffness, euler_deg)
             if settings.inp:
                 title = f"{problem.settings.problem.title or 'indentation'}, crystal {i + 1}"
-                write_text(stem.with_suffix(".inp"), indentation.deck(stiffness, euler_deg, title, results[i]["depth_um"]))
+                write_text(stem.with_suffix(".inp"), indentation.deck(stiffness, euler_deg, title))
             advance(1)
 
 
