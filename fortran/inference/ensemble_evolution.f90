@@ -44,7 +44,7 @@ contains
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
-      integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40
+      integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 10
       real(wp), allocatable :: points(:, :), density(:)
       real(wp) :: last_temperatures(5)
       real(wp) :: inverse, next
@@ -76,6 +76,8 @@ contains
          if (stop_requested()) return
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
          generations = evaluations*effort(target, view)/(m*rounds)
+         ! The way into a long tail is long.
+         if (last_temperatures(round) > 1.0_wp .and. target%dimension < many_dimensions) generations = tail_effort*generations
          call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
       archive = points

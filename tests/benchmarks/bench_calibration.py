@@ -130,7 +130,8 @@ class Study:
         table = self.table(truth, euler)
         # By the theory as the posterior reads it, so that sds however small find no difference.
         plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
-        modulus = self.simulated(truth, true) if self.correction else Posterior.of(table, **plain).moduli(truth, true)[0][0]
+        grains = table | {"modulus_gpa": np.clip(table["modulus_gpa"], *PLAUSIBLE)}
+        modulus = self.simulated(truth, true) if self.correction else Posterior.of(grains, **plain).moduli(truth, true)[0][0]
         sd = table["sd_gpa"]
         noise, drawn = rng.normal(size=n), []
         if "student_dof" in self.extra:

@@ -20,6 +20,10 @@ from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, st
 from bayesindent.inference.quantities import quantities
 
 
+#: Share of the prior above which a constant is marked.
+MOST = 0.5
+
+
 class Truth(NamedTuple):
     """A crystal, its constants in GPa in the order of the class, and how it is measured."""
 
@@ -90,6 +94,9 @@ class Seeds:
             document = bi.summary(result)
             draws.append([result.posterior[name].values.ravel() for name in names])
             self.usable.append(document["usable"])
+            # Null where the chains do not allow it: then it counts as the prior's.
+            shares = [document["parameters"][name]["share"]["prior"] for name in names]
+            self.prior = np.array([1.0 if share is None else share for share in shares])
             self.r_hat.append(max(values["r_hat"] for values in document["parameters"].values()))
             self.effective.append(min(values["ess_bulk"] for values in document["parameters"].values()))
         draws = np.array(draws)
@@ -114,16 +121,18 @@ def main(argv=None) -> int:
     warnings.simplefilter("ignore", bi.BayesindentWarning)
     print("| crystal | class | grains | noise | bulk modulus known | z of each constant | usable | R-hat | ESS | seeds apart, sd | CPU s |")
     print(f"|{'---|' * 11}")
-    z, inside, wrong = [], [], []
+    z, prior, inside, wrong = [], [], [], []
     for truth in TRUTHS:
         if arguments.case and truth.name not in arguments.case:
             continue
         seeds = Seeds(truth, arguments.seeds, arguments.stream)
         z.extend(seeds.z)
+        prior.extend(seeds.prior)
         inside.extend(np.abs(seeds.rank - 0.5) < 0.45)
         if not seeds.agree():
             wrong.append(truth.name)
-        listed = ", ".join(f"{name} {value:+.1f}" for name, value in zip(constant_names(truth.symmetry), seeds.z, strict=True))
+        values = zip(constant_names(truth.symmetry), seeds.z, seeds.prior, strict=True)
+        listed = ", ".join(f"{name} {value:+.1f}{'*' * int(share > MOST)}" for name, value, share in values)
         known = f"{100 * truth.known:g} %" if truth.known else ""
         print(
             f"| {truth.name} | {truth.symmetry} | {truth.grains} | {100 * truth.noise:g} % | {known} | {listed} "
@@ -131,8 +140,12 @@ def main(argv=None) -> int:
             f"| {' '.join(f'{apart:.2f}' for apart in seeds.apart) if arguments.seeds > 1 else ''} | {seeds.seconds:.0f} |",
             flush=True,
         )
-    size = np.abs(z)
-    print(f"\n{len(z)} constants: |z| < 1 {100 * np.mean(size < 1):.0f} %, |z| < 2 {100 * np.mean(size < 2):.0f} %, worst {size.max():.1f}")
+    print(f"\n* the prior has more than {MOST} of the variance")
+    for what, chosen in (("all", np.ones(len(z), bool)), ("others", np.array(prior) <= MOST)):
+        size = np.abs(z)[chosen]
+        if len(size):
+            within = " %, ".join(f"|z| < {limit} {100 * np.mean(size < limit):.0f}" for limit in (1, 2))
+            print(f"{what}: {len(size)} constants, {within} %, worst {size.max():.1f}")
     print(f"within the central 90 % of the draws: {100 * np.mean(inside):.0f} %")
     if wrong:
         print(f"seeds disagree although usable: {', '.join(wrong)}")

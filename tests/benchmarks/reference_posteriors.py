@@ -80,7 +80,7 @@ DOF = 12
 CASES = {
     "trigonal": Case("quartz", 30, 61, 14, 30, walkers=240, burn_in=3000, fits=(2, 4, 6), open=2, bends=4, moves=LARGE_STEPS),
     "orthorhombic": Case(
-        "forsterite", 40, 62, 12, 36, walkers=120, burn_in=4000, fits=(2, 4, 8), open=4, bends=4, fine=20, weighted=80000
+        "forsterite", 40, 62, 12, 36, walkers=120, burn_in=4000, fits=(2, 4, 8), open=4, bends=4, fine=20, weighted=40000
     ),
     "triclinic": Case(
         "albite", 100, 63, 12, 120, walkers=80, burn_in=8000, fits=(2, 4, 8, 16), open=6, bends=3, parts=16, mixed=8, weighted=80000,
