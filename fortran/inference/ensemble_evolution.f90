@@ -46,16 +46,14 @@ contains
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
       integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 10
       real(wp), allocatable :: points(:, :), density(:)
-      real(wp) :: last_temperatures(5)
-      real(wp) :: inverse, next
+      real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, distinct, round, i
       integer(i8) :: generations
 
       ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
       ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
-      last_temperatures = 1.0_wp
-      last_temperatures(5) = min(3.0_wp, max(1.5_wp, 1.0_wp + 10.0_wp/target%dimension))
-      last_temperatures(4) = max(1.5_wp, 0.5_wp*(1.0_wp + last_temperatures(5)))
+      warm = min(3.0_wp, max(1.5_wp, 1.0_wp + 10.0_wp/target%dimension))
+      last_temperatures = [1.0_wp, 1.0_wp, 1.0_wp, max(1.5_wp, 0.5_wp*(1.0_wp + warm)), warm]
       m = max(24, merge(40, 10, target%dimension >= many_dimensions)*target%dimension)
       call draw_population(target, 4*m, stream, points, density)
       started = size(density) > 0
