@@ -16,9 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import bayesindent as bi
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
-from bayesindent.inference.quantities import quantities
-
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, stiffness_rows
 
 #: Share of the prior above which a constant is marked.
 MOST = 0.5

@@ -214,7 +214,7 @@ def test_references_of_lower_symmetry(name):
     """Posteriors by a theory and a sampler of others' making.
 
     The prior's tails are so long that rare draws decide some of the sds, which then differ between independent ensembles of the
-    reference as well (`sd_disagreement`); of these constants the quantiles are compared.
+    reference as well (`sd_disagreement`); of these constants the quantiles are compared, with what would be two sds of a normal.
     """
     case = json.loads((REFERENCE / f"{name}.json").read_text())
     result = bi.extract(REFERENCE / f"{name}.csv", symmetry=case["symmetry"], **KIND)
@@ -230,7 +230,8 @@ def test_references_of_lower_symmetry(name):
     expected = np.array(case["quantiles"])
     width = (expected[-1] - expected[0]) / 2
     quantiles = np.quantile(draws, case["quantile_shares"], axis=1)
-    assert (quantiles - expected) / width == pytest.approx(np.zeros(expected.shape), abs=0.15)
+    assert (quantiles - expected) / width == pytest.approx(np.zeros(expected.shape), abs=0.10)
+    assert quantiles[3] - quantiles[1] == pytest.approx(expected[3] - expected[1], rel=0.10)
     predicted = result.predictions["modulus"].values.reshape(-1, len(case["predicted_mean"]))
     mean, spread = predicted.mean(axis=0), np.array(case["predicted_sd"])
     assert (mean - case["predicted_mean"]) / spread == pytest.approx(np.zeros(len(mean)), abs=0.15)
