@@ -315,8 +315,8 @@ contains
       position = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
    end function window_position
 
-   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the slope
-   !> at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
+   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the
+   !> slope at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
    pure real(wp) function modulus_of(model, curve) result(modulus)
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve
