@@ -44,7 +44,7 @@ module fe_indentation
    end type indentation_model_type
 
    !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the
-      !> window.
+   !> window.
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
