@@ -26,7 +26,7 @@ module ensemble_evolution
       real(wp) :: step_scale = 1.0_wp
    end type view_type
 
-   !> From here on ensembles are larger, and a polynomial pays.
+   !> From here on ensembles are larger, and a polynomial pays: with six constants it errs too much in tails, where chains then stay.
    integer, parameter :: many_dimensions = 6, polynomial_dimensions = 7
 
 contains
@@ -49,6 +49,7 @@ contains
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, distinct, round, i
       integer(i8) :: generations
+      logical :: tail
 
       ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
       ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
@@ -77,8 +78,8 @@ contains
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
          generations = evaluations*effort(target, view)/(m*rounds)
          ! The way into a long tail is long.
-         if (last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions) &
-            & generations = tail_effort*generations/count(last_temperatures > 1.0_wp)
+         tail = last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions
+         if (tail) generations = tail_effort*generations/count(last_temperatures > 1.0_wp)
          call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
       archive = points

@@ -484,7 +484,9 @@ def main(argv=None) -> int:
     parser.add_argument("what", choices=["check", *CASES])
     parser.add_argument("--output", type=Path, default=REFERENCE, help="folder of the data and the documents (tests/reference)")
     parser.add_argument("--minutes", type=float, default=30.0, help="end after the round that exceeds this time (30)")
-    parser.add_argument("--effective", type=float, default=15000.0, help="effective samples of the worst coordinate that are enough (15000)")
+    parser.add_argument(
+        "--effective", type=float, default=15000.0, help="effective samples of the worst coordinate that are enough (15000)"
+    )
     parser.add_argument("--checkpoint", type=Path, help="file (.npz) of the chains, from which a run goes on")
     arguments = parser.parse_args(argv)
     if arguments.what == "check":

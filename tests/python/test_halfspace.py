@@ -202,7 +202,9 @@ def test_bounds_that_reach_the_edge_of_stability():
     table = {"euler_deg": np.zeros((1, 3)), "modulus_gpa": [100.0], "sd_gpa": [5.0]}
     settings = {"symmetry": "cubic", "surrogate": THEORY, "measure": "logarithms", **KIND}
     bounds = {"C11": (100, 300), "C12": (80, 120), "C44": (60, 160)}
-    with pytest.raises(bi.InputError, match="&prior: measure = 'logarithms' needs bounds .*C11 = 100.0, C12 = 120.0, C44 = 60.0 GPa is not"):
+    with pytest.raises(
+        bi.InputError, match="&prior: measure = 'logarithms' needs bounds .*C11 = 100.0, C12 = 120.0, C44 = 60.0 GPa is not"
+    ):
         Posterior.of(table, bounds=bounds, **settings)
     Posterior.of(table, bounds=bounds | {"C11": (121, 300)}, **settings)
     Posterior.of(table, bounds=bounds, anisotropy_cap=7.2, **settings)
