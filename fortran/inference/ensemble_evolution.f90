@@ -49,7 +49,6 @@ contains
       real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, distinct, round, i
       integer(i8) :: generations
-      logical :: tail
 
       ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
       ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
@@ -76,10 +75,9 @@ contains
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
-         generations = evaluations*effort(target, view)/(m*rounds)
          ! The way into a long tail is long.
-         tail = last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions
-         if (tail) generations = tail_effort*generations/count(last_temperatures > 1.0_wp)
+         generations = evaluations*effort(target, view)/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
+            & last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions)
          call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
       archive = points
