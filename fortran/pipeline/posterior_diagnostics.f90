@@ -338,6 +338,8 @@ contains
    subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
+      !> Standard deviations that are stated twice too large are found so with 12 grains in some 85 % of the cases.
+      real(wp), parameter :: rare_below = 0.05_wp
       character(len=:), allocatable :: chi_square
 
       associate (checks => found%checks)
@@ -347,7 +349,7 @@ contains
             call warn(warnings, 'the grains scatter more than their sds say: '//chi_square//share(checks%chi_square_p) &
                & //' of data sets drawn from the posterior scatter more; the sds are too small, or grains differ in more than ' &
                & //'their orientation (scatter_sd, scale = ''inferred'', likelihood = ''student'')')
-         else if (checks%chi_square_p > 1.0_wp - rare) then
+         else if (checks%chi_square_p > 1.0_wp - rare_below) then
             call warn(warnings, 'the grains scatter less than their sds say: '//chi_square//share(1.0_wp - checks%chi_square_p) &
                & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that ' &
                & //'all grains share (calibration_sd)')
@@ -419,7 +421,8 @@ contains
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
-      real(wp), dimension(problem%measurements%n) :: contact_radius, pressure, bias
+      real(wp), dimension(problem%measurements%n) :: contact_radius, pressure, allowed, bias
+      character(len=:), allocatable :: limit
       real(wp) :: ratio
       integer :: worst, biased
 
@@ -432,10 +435,17 @@ contains
          where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
          where (measured%contact_radius_um > 0.0_wp) contact_radius = measured%contact_radius_um
          pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
-         worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure > elastic_pressure), 1)
-         if (pressure(worst) > elastic_pressure) call warn(warnings, 'the mean contact pressure is up to ' &
+         allowed = elastic_pressure*modulus
+         limit = 'few metals are elastic above 3 % of the modulus'
+         if (problem%settings%measurements%yield_gpa > 0.0_wp) then
+            ! First yield below a sphere (Johnson, Contact Mechanics, 1985, Eq. 4.45 with Tresca's criterion).
+            allowed = 1.07_wp*problem%settings%measurements%yield_gpa
+            limit = 'a contact yields above '//to_text(allowed(1), 3)//' GPa, 1.07 times the yield stress'
+         end if
+         worst = maxloc(pressure*modulus/allowed, 1)
+         if (pressure(worst)*modulus(worst) > allowed(worst)) call warn(warnings, 'the mean contact pressure is up to ' &
             & //to_text(pressure(worst)*modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2)//' % of the ' &
-            & //'modulus: few metals are elastic above 3 %; use shallower indentations or a blunter tip')
+            & //'modulus: '//limit//'; use shallower indentations or a blunter tip')
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
