@@ -9,7 +9,7 @@ module posterior_diagnostics
    use indenters, only: new_indenter
    use kinds, only: pi, wp
    use prior_sensitivity, only: change_type
-   use orientation_check, only: rare, readings
+   use orientation_check, only: readings
    use problem, only: problem_type
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
@@ -53,7 +53,6 @@ contains
       call check_sensitivity(found, warnings)
       call check_scale(found, warnings)
       if (blamed .or. is_truncated(found)) return
-      call check_grains(problem, found, warnings)
       call check_residuals(found, warnings)
    end subroutine check_extraction
 
@@ -291,78 +290,35 @@ contains
          end if
          do i = 1, size(check%outliers)
             call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i)))//' disagrees with the others: ' &
-               & //'its modulus is '//distance_text(check%distances(i))//' what they predict, and without it they agree. Check ' &
-               & //'its value ('//to_text(found%posterior%measured(check%outliers(i)), 4)//' GPa) and orientation, or remove it')
+               & //'its modulus is '//fixed(abs(check%distances(i)), 1)//' sd '//trim(merge('above', 'below', &
+               & check%distances(i) > 0.0_wp))//' what they predict, and without it they agree. Check its value (' &
+               & //to_text(found%posterior%measured(check%outliers(i)), 4)//' GPa) and orientation, remove it, or state ' &
+               & //'likelihood = ''student'', which admits outliers')
          end do
       end associate
    end subroutine check_table
-
-   !> '3.2 sd above'.
-   pure function distance_text(sds) result(text)
-      real(wp), intent(in) :: sds
-      character(len=:), allocatable :: text
-
-      text = fixed(abs(sds), 1)//' sd '//trim(merge('above', 'below', sds > 0.0_wp))
-   end function distance_text
-
-   !> Grains whose modulus disagrees with all others, the worst first; the likelihood may take that into account.
-   subroutine check_grains(problem, found, warnings)
-      type(problem_type), intent(in) :: problem
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-      !> Beyond 3 sd; among very many grains so far that chance leaves fewer there than among the first hundred, and most that are named.
-      real(wp), parameter :: least_far = 3.0_wp, by_chance = 0.27_wp
-      integer, parameter :: most_named = 20
-      character(len=:), allocatable :: advice
-      real(wp) :: residual(found%posterior%n_grains), far
-      integer :: more, i
-
-      residual = found%checks%residuals*found%posterior%errors%scale
-      far = least_far
-      do while (size(residual)*erfc(far/sqrt(2.0_wp)) > by_chance)
-         far = far + 0.01_wp
-      end do
-      advice = '; likelihood ''student'' gives such grains less weight'
-      if (problem%settings%measurements%likelihood == 'student') advice = ''
-      more = count(abs(residual) > far) - most_named
-      do while (count(abs(residual) > far) > max(0, more))
-         i = maxloc(abs(residual), dim=1)
-         call warn(warnings, 'grain '//printable(problem%measurements%name(i))//' disagrees with the others: its modulus is ' &
-            & //distance_text(residual(i))//' what all grains together predict'//advice)
-         residual(i) = 0.0_wp
-      end do
-      if (more > 0) call warn(warnings, to_text(more)//' more grains disagree with the others')
-   end subroutine check_grains
 
    !> Measurements that the model could hardly have given.
    subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      character(len=:), allocatable :: chi_square
+      real(wp), parameter :: rare = 0.01_wp
+      character(len=:), allocatable :: more, cause
+      real(wp) :: p
 
-      associate (checks => found%checks)
-         chi_square = 'chi-square of the residuals is '//to_text(checks%chi_square, 3)//' for ' &
-            & //to_text(found%posterior%n_grains)//' grains; '
-         if (checks%chi_square_p < rare) then
-            call warn(warnings, 'the grains scatter more than their sds say: '//chi_square//share(checks%chi_square_p) &
-               & //' of data sets drawn from the posterior scatter more; the sds are too small, or grains differ in more than ' &
-               & //'their orientation (scatter_sd, scale = ''inferred'', likelihood = ''student'')')
-         else if (checks%chi_square_p > 1.0_wp - rare) then
-            call warn(warnings, 'the grains scatter less than their sds say: '//chi_square//share(1.0_wp - checks%chi_square_p) &
-               & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that ' &
-               & //'all grains share (calibration_sd)')
-         end if
-      end associate
-
-   contains
-
-      pure function share(p) result(text)
-         real(wp), intent(in) :: p
-         character(len=:), allocatable :: text
-
-         text = fixed(100.0_wp*p, 1)//' %'
-         if (.not. p > 0.0_wp) text = 'none'
-      end function share
+      p = found%checks%chi_square_p
+      if (p > rare .and. p < 1.0_wp - rare) return
+      more = 'more'
+      cause = 'small, some orientations are wrong, or grains differ in more than their orientation (scatter_sd, ' &
+         & //'scale = ''inferred'', likelihood = ''student'')'
+      if (p > rare) then
+         more = 'less'
+         cause = 'large, or have an error in them that all grains share (calibration_sd)'
+      end if
+      call warn(warnings, 'the grains scatter '//more//' than their sds say: chi-square of the residuals is ' &
+         & //to_text(found%checks%chi_square, 3)//' for '//to_text(found%posterior%n_grains)//' grains; ' &
+         & //fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets drawn from the posterior scatter '//more//'; the sds are ' &
+         & //'too '//cause)
    end subroutine check_residuals
 
    !> Results that depend on a limit of the prior or on its measure: of each the parameter that moves most.

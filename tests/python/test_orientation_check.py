@@ -40,6 +40,7 @@ def harmonics(symmetry, euler_deg):
     return np.column_stack([np.ones(len(z)), z[:, 2] ** 2, z[:, 2] ** 4])
 
 
+@pytest.mark.long_where("Ti")
 @pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30)])
 def test_shuffled_orientations(name, grains):
     """Against least squares and shuffles of our own, with sds that are those of the measurements."""
@@ -58,12 +59,14 @@ def test_shuffled_orientations(name, grains):
     shuffled = np.array([misfit(rows[rng.permutation(grains)]) for _ in range(2000)])
     freedom = grains - rows.shape[1]
     assert found["freedom"] == freedom
-    assert found["chi_square"] == pytest.approx(misfit(rows), rel=1e-4)
+    # The crystal bends by 0.16 % of M at most beyond these fields: 0.08 sds of a grain.
+    assert found["chi_square"] == pytest.approx(misfit(rows), abs=2 * 0.08 * np.sqrt(misfit(rows)))
     # Four sds of the shuffles.
     assert found["p_shuffled"] == pytest.approx(np.mean(shuffled <= misfit(rows)), abs=4 * np.sqrt(0.25 / 1000 + 0.25 / 2000))
-    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < 0.01), abs=0.05)
+    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < 0.005), abs=0.05)
 
 
+@pytest.mark.long
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
     found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
@@ -82,6 +85,7 @@ def test_a_nearly_isotropic_crystal_has_no_power():
         assert not words and found["power"] < 0.1
 
 
+@pytest.mark.long_where("zirconium")
 @pytest.mark.parametrize("name", ["copper", "zirconium"])
 def test_one_bad_value_is_named_first_and_alone(name):
     symmetry, table, _ = measured(name, 20, 4)
@@ -96,6 +100,7 @@ def test_one_bad_value_is_named_first_and_alone(name):
     assert -45.5 < outlier["distance_sd"] < -36
 
 
+@pytest.mark.long
 def test_sds_that_are_inferred_leave_the_shuffles_alone():
     symmetry, table, rng = measured("Ti", 30, 1)
     found, _ = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(30)]}, scale="inferred")
@@ -131,6 +136,7 @@ def test_a_shared_turn_needs_angles():
         bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
 
 
+@pytest.mark.long
 def test_the_error_budget_has_the_shared_turn():
     symmetry, table, _ = measured("Zn", 12, 6, noise=0.005)
     bounds = {name: (0.7 * value, 1.3 * value) for name, value in zip(constant_names(symmetry), crystal("Zn")[1], strict=True)}
