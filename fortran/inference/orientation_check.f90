@@ -85,8 +85,9 @@ contains
       type(fit_type) :: fit
       real(wp), dimension(posterior%n_grains) :: model, scales
       real(wp) :: u(posterior%n_grains, posterior%n_shared), g(3, 3), directions(3, n_directions)
-      real(wp), allocatable :: rows(:, :, :), z(:)
-      real(wp) :: far, unseen
+      real(wp), parameter :: seen = 10.0_wp
+      real(wp), allocatable :: rows(:, :, :)
+      real(wp) :: far
       integer :: i, k, n
 
       n = posterior%n_grains
@@ -109,14 +110,8 @@ contains
       fit%values = (posterior%measured - model)/fit%scales
       call fit%to_rows(rows(:, :, 1))
       check%chi_square = fit%chi_square
-      unseen = 0.0_wp
-      do i = 1, harmonics%n
-         z = 0.0_wp*fit%b
-         z(i) = 1.0_wp
-         call solve_lower(fit%l, z)
-         unseen = unseen + sum(z**2)
-      end do
-      check%freedom = n - harmonics%n + nint(unseen)
+      ! A harmonic that the grains do not tell from those before it has the pivot 1.
+      check%freedom = n - count([(fit%l(i, i) > seen, i=1, harmonics%n)])
       check%p = chi_square_above(check%chi_square, check%freedom)
       ! With sds that were fitted chi-square says nothing.
       if (posterior%infers_scale) check%p = ieee_value(1.0_wp, ieee_quiet_nan)

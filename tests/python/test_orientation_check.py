@@ -45,8 +45,6 @@ def harmonics(symmetry, euler_deg):
 def test_shuffled_orientations(name, grains):
     """Against least squares and shuffles of our own, with sds that are those of the measurements."""
     symmetry, table, rng = measured(name, grains, 1)
-    right, words = checked(symmetry, table)
-    assert not words and right["power"] > 0.5 and right["p_shuffled"] < 0.01 < right["p"]
     table["euler_deg"] = table["euler_deg"][rng.permutation(grains)]
     found, words = checked(symmetry, table)
     assert len(words) == 1 and words[0].startswith("the orientations do not explain the moduli: chi-square is ")
@@ -67,6 +65,13 @@ def test_shuffled_orientations(name, grains):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("zirconium", 40), ("quartz", 20)])
+def test_right_orientations(name, grains):
+    found, words = checked(*measured(name, grains, 1)[:2])
+    assert not words and found["power"] > 0.5 and found["p_shuffled"] < 0.01 < found["p"]
+
+
+@pytest.mark.long
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
     found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
@@ -80,9 +85,8 @@ def test_other_readings_of_a_table_are_tried():
 
 def test_a_nearly_isotropic_crystal_has_no_power():
     symmetry, table, rng = measured("tungsten", 20, 3)
-    for order in (np.arange(20), rng.permutation(20)):
-        found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][order]})
-        assert not words and found["power"] < 0.1
+    found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(20)]})
+    assert not words and found["power"] < 0.1
 
 
 @pytest.mark.long_where("zirconium")
