@@ -395,12 +395,13 @@ contains
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) &
-               & call warn(warnings, 'the measurements have contact radii of ' &
+            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) then
+               call warn(warnings, 'the measurements have contact radii of ' &
                & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
                & //to_text(trained, 3)//' um: what its specimen adds to the theory, '//fixed(100.0_wp*addition, 1) &
                & //' % on average, grows about as the contact radius, so that moduli are expected to be off by up to ' &
                & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+            end if
          else
             ! Neighbours are taken to be as stiff as the mean measurement.
             bias = 0.0_wp

@@ -231,7 +231,9 @@ class Indentation(NativeObject):
         """
         found = self._fields(stiffness, euler_deg)
         depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
-        return write_deck(_mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", "))
+        return write_deck(
+            _mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
+        )
 
 
 def _mesh_of(found: dict) -> MeshArrays:
