@@ -84,9 +84,9 @@ contains
       type(harmonics_type) :: harmonics
       type(fit_type) :: fit
       real(wp), dimension(posterior%n_grains) :: model, scales
-      real(wp) :: u(posterior%n_grains, posterior%n_shared), g(3, 3), directions(3, n_directions)
+      real(wp) :: g(3, 3), directions(3, n_directions)
       real(wp), parameter :: seen = 10.0_wp
-      real(wp), allocatable :: rows(:, :, :)
+      real(wp), allocatable :: u(:, :), rows(:, :, :)
       real(wp) :: far
       integer :: i, k, n
 
@@ -94,6 +94,7 @@ contains
       allocate (check%outliers(0), check%distances(0))
       call new_harmonics(posterior%prior%class, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
+      allocate (u(n, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)

@@ -39,16 +39,13 @@ contains
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       logical :: blamed
-      integer :: i
 
       call check_table(problem, found, warnings, blamed)
       call check_limits(found, .true., warnings)
       call check_theory(found, warnings)
       call check_sizes(problem, found, warnings)
       if (.not. is_truncated(found)) call check_knowledge(found, warnings)
-      do i = 1, size(found%names)
-         call check_mixing(found, i, problem%settings%sampler%method, warnings)
-      end do
+      call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
       call check_scale(found, warnings)
@@ -60,23 +57,11 @@ contains
    subroutine find_reasons(found, reasons)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(out) :: reasons(:)
-      integer :: i, j
+      integer :: j
 
       allocate (reasons(0))
       call check_limits(found, .false., reasons)
-      associate (worst => found%parameters%diagnostics)
-         i = maxloc(worst%r_hat, dim=1)
-         j = minloc(min(worst%ess_bulk, worst%ess_tail), dim=1)
-         ! One chain has no R-hat.
-         if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= unmixed)) then
-            call warn(reasons, trim(found%names(max(1, i)))//': R-hat is '//fixed(worst(max(1, i))%r_hat, 2)//' (allowed up to ' &
-               & //to_text(unmixed)//'): the chains have not found the same distribution. Increase samples and burn_in, or state ' &
-               & //'what else is known in &knowledge')
-         else if (min(worst(j)%ess_bulk, worst(j)%ess_tail) < least_size) then
-            call warn(reasons, trim(found%names(j))//': only '//fixed(min(worst(j)%ess_bulk, worst(j)%ess_tail), 0) &
-               & //' effective samples ('//to_text(least_size)//' are needed). Increase samples')
-         end if
-      end associate
+      call check_mixing(found, unmixed, 1, reasons)
       if (size(reasons) > 0) return
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
          do j = 1, size(conflict)
@@ -147,28 +132,30 @@ contains
          & //'An inferred scale hides errors of the model: check orientations, modulus_kind and &specimen')
    end subroutine check_scale
 
-   !> Poor R-hat and effective sample sizes of the parameter i over all chains; NaN has not mixed.
-   subroutine check_mixing(found, i, method, warnings)
+   !> The parameter with the worst R-hat over all chains, or else that with the fewest effective samples; NaN has not mixed.
+   subroutine check_mixing(found, greatest, sizes, warnings)
       type(extraction_type), intent(in) :: found
-      integer, intent(in) :: i
-      !> Of the sampler.
-      character(len=*), intent(in) :: method
+      !> R-hat that is allowed; how many times `least_size` is needed.
+      real(wp), intent(in) :: greatest
+      integer, intent(in) :: sizes
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      character(len=:), allocatable :: reason, remedy
-      real(wp) :: effective
-      integer :: chains
+      real(wp) :: effective(size(found%parameters))
+      integer :: i
 
-      chains = size(found%chains%draws, 3)
-      associate (diagnostics => found%parameters(i)%diagnostics)
-         effective = min(diagnostics%ess_bulk, diagnostics%ess_tail)
-         if ((diagnostics%r_hat < greatest_r_hat .or. chains == 1) .and. effective > least_size*chains) return
-         reason = ': only '//fixed(effective, 0)//' effective samples ('//to_text(least_size*chains)//' are needed)'
-         if (chains > 1 .and. .not. diagnostics%r_hat < greatest_r_hat) reason = ': the chains have not mixed, R-hat is ' &
-            & //fixed(diagnostics%r_hat, 3)//' (allowed up to '//to_text(greatest_r_hat)//')'
+      associate (worst => found%parameters%diagnostics)
+         effective = min(worst%ess_bulk, worst%ess_tail)
+         ! One chain has no R-hat.
+         if (size(found%chains%draws, 3) > 1 .and. any(.not. worst%r_hat <= greatest)) then
+            i = max(1, maxloc(worst%r_hat, dim=1))
+            call warn(warnings, trim(found%names(i))//': the chains have not mixed, R-hat is '//fixed(worst(i)%r_hat, 3) &
+               & //' (allowed up to '//to_text(greatest)//'). Increase samples and burn_in, or state what else is known in ' &
+               & //'&knowledge; method = ''ensemble'' mixes best')
+         else if (any(.not. effective >= least_size*sizes)) then
+            i = max(1, minloc(effective, dim=1))
+            call warn(warnings, trim(found%names(i))//': only '//fixed(effective(i), 0)//' effective samples (' &
+               & //to_text(least_size*sizes)//' are needed). Increase samples')
+         end if
       end associate
-      remedy = '. Increase samples'
-      if (method /= 'ensemble') remedy = remedy//', or use method = ''ensemble'''
-      call warn(warnings, trim(found%names(i))//reason//remedy)
    end subroutine check_mixing
 
    !> The constants that are not determined, and what would determine them.
