@@ -472,6 +472,6 @@ contains
       b = b + error
       factor = 1.0_wp
       if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd &
-         & *b(self%grains%n_columns + 1:self%n_calibrated)
+                                                         & *b(self%grains%n_columns + 1:self%n_calibrated)
    end subroutine place_shared
 end module constants_posterior
