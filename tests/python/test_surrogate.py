@@ -221,7 +221,7 @@ def test_a_handle_that_was_freed_is_an_error_in_words(surrogate):
 
 def test_what_is_no_surrogate_is_refused(tmp_path):
     with pytest.raises(
-        bi.InputError, match=r"'missing.txt': there is no such surrogate; allowed: a file in the output folder or beside the namelist"
+        bi.InputError, match=r"'missing.txt': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist"
     ):
         Surrogate.load("missing.txt", folder=tmp_path)
     (tmp_path / "text.txt").write_text("not a surrogate")

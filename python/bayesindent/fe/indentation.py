@@ -1,6 +1,5 @@
 """Finite element simulations of the indentation of one crystal."""
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..core import BayesindentError, InputError, NativeObject
 from ..crystal.elasticity import oriented_crystals
 from ..engines import ENGINES
+from ..settings.keywords import takes
 from ..settings.problem import Problem, schema
 from .deck import write_deck
 
@@ -80,9 +80,8 @@ class MeshArrays:
 class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
-    The keywords (`settings`) are the variables of &specimen (`geometry`, ..), &indenter (`shape`, `radius_um`, `contact_radius_um` or `depth_um`,
-    ..) and &simulation (`refine`, ..), with the same words, ranges and defaults: see docs/namelists.md. Raises `InputError` for what cannot be
-    meant, `MachineError` where memory does not suffice.
+    Its keywords are the variables of the specimen, the indenter and the simulation; help(bi.Indentation.__init__) explains all `settings`.
+    Raises `InputError` for what cannot be meant, `MachineError` where memory does not suffice.
     """
 
     kind = "indentation"
@@ -107,12 +106,19 @@ class Indentation(NativeObject):
     depth_max_um: float
     contact_radius_max_um: float
 
+    @takes(*GROUPS, without=NOT_OURS)
     def __init__(self, **settings):
-        for name in NOT_OURS:
-            if name in settings:
-                raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
+        """Mesh and solver of a specimen under an indenter.
+
+        Parameters
+        ----------
+        """
         self._made_of: tuple = (partial(type(self), **settings), ())
-        self._set_up(Problem.from_keywords("Indentation", **by_group(settings)))
+        group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
+        asked: dict[str, dict] = {name: {} for name in GROUPS}
+        for name, value in settings.items():
+            asked[group[name]][name] = value
+        self._set_up(Problem.from_keywords("bi.Indentation", **asked))
 
     @classmethod
     def of_problem(cls, problem: Problem) -> "Indentation":
@@ -236,17 +242,6 @@ class Indentation(NativeObject):
 
 def _mesh_of(found: dict) -> MeshArrays:
     return MeshArrays(**{item.name: found[item.name] for item in fields(MeshArrays)})
-
-
-def by_group(settings: dict) -> dict:
-    """Keywords by the group whose variables they are; a misspelt one by that of the name that is nearest, so that its message tells it."""
-    groups = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
-    sorted_out: dict = {group: {} for group in GROUPS}
-    for name, value in settings.items():
-        near = difflib.get_close_matches(name, groups, 1)
-        group = groups.get(name) or (groups[near[0]] if near else GROUPS[-1])
-        sorted_out[group][name] = value
-    return sorted_out
 
 
 def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import BayesindentError, InputError, MachineError, warn_of
+from ..core import BayesindentError, InputError, MachineError
+from ..settings.keywords import warn_of
 from ..settings.problem import Points, Problem
 from ..surrogate.surrogate import Surrogate, places
 from .stage import Job, Stage, run_stage

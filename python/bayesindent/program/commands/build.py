@@ -22,7 +22,7 @@ def action(arguments: argparse.Namespace) -> dict:
     if arguments.tell is not None:
         points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
         return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
-    return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
+    return with_warnings(problem, perform(COMMAND, problem, output, Progress(not arguments.quiet)))
 
 
 def show(document: dict) -> None:
