@@ -313,7 +313,8 @@ void bayesindent_advance_progress(std::int64_t steps) {
   const long share = static_cast<long>(100 * done / loop.steps);
   const long left = static_cast<long>(ms * std::max<std::int64_t>(0, loop.steps - done) / done / 1000);
   line_stands = on_terminal;
-  std::fprintf(stderr, "%s%s: %ld %%, about %ld s left%s", on_terminal ? "\r\033[K" : "", loop.name, share, left, on_terminal ? "" : "\n");
+  std::fprintf(stderr, "%s%s: %ld %%, about %ld s left%s", on_terminal ? "\r\033[K" : "", loop.name, share, left,
+               on_terminal ? "" : "\n");
   std::fflush(stderr);
 }
 

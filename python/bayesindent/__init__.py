@@ -13,7 +13,17 @@ from .inference.extract import extract, next_grain, summary
 from .pipeline.build import build_surrogate as build
 from .report.comparison import compare
 from .report.plots import (
-    plot_chains, plot_constants, plot_error_budget, plot_grains, plot_knowledge, plot_orientations, plot_pairs, plot_prior, plot_residuals, plot_shares, plot_young,
+    plot_chains,
+    plot_constants,
+    plot_error_budget,
+    plot_grains,
+    plot_knowledge,
+    plot_orientations,
+    plot_pairs,
+    plot_prior,
+    plot_residuals,
+    plot_shares,
+    plot_young,
 )  # fmt: skip
 from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate

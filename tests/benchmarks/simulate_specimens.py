@@ -81,7 +81,9 @@ def pairs(count: int) -> Iterator[tuple]:
     for ratio, nu, below, thickness in random_pairs(count):
         settings = {"geometry": "film", "thickness_um": 0.5 * thickness, "substrate_young_gpa": 100.0, "substrate_nu": below}
         exact = LayeredContact((100 * ratio, nu), (100.0, below), 0.5 * thickness)
-        results = [bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0)) for options in ({"extrapolate": False}, {})]
+        results = [
+            bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0)) for options in ({"extrapolate": False}, {})
+        ]
         modulus = exact.modulus_of_curve(results[0].depth_um)
         yield (f"{ratio:.2f}", f"{nu:.2f}", f"{below:.2f}", f"{thickness:.2f}",
                *(f"{100 * (result.indentation_modulus_gpa / modulus - 1):+.3f}" for result in results),

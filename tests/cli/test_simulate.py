@@ -117,8 +117,10 @@ def test_a_crystal_near_instability_is_warned_of(bayesindent, tmp_path):
 
 def test_when_every_simulation_fails_the_command_fails(bayesindent, tmp_path):
     (tmp_path / "points.csv").write_text("C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n100,99.9,50,100,50,0,90,0\n")
-    (tmp_path / "a.nml").write_text("&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.7 /\n"
-        "&specimen geometry = 'grain' grain_radius_um = 1.5 /\n")
+    (tmp_path / "a.nml").write_text(
+        "&problem symmetry = 'hexagonal' /\n&crystals points = 'points.csv' /\n&simulation refine = 0.7 /\n"
+        "&specimen geometry = 'grain' grain_radius_um = 1.5 /\n"
+    )
     for command in (lambda: bayesindent("simulate", "a.nml", "--output", "out"), lambda: batch(tmp_path)):
         for _ in range(2):
             done = command()

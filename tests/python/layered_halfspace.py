@@ -76,7 +76,9 @@ class LayeredContact:
 
     def curve(self, depth_um) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact radius (um), force (mN) and dP/dh (mN/um) at depths."""
-        radius = np.array([brentq(lambda a, h=h: self.at(a)[0] - h, 0.2 * (h * self.radius) ** 0.5, 3 * (h * self.radius) ** 0.5) for h in depth_um])
+        radius = np.array(
+            [brentq(lambda a, h=h: self.at(a)[0] - h, 0.2 * (h * self.radius) ** 0.5, 3 * (h * self.radius) ** 0.5) for h in depth_um]
+        )
         found = np.array([self.at(a) for a in radius])
         return radius, found[:, 1], found[:, 2]
 

@@ -113,7 +113,8 @@ def test_no_crystal_of_the_hexagonal_domain_of_the_paper_fails(specimen):
     domain = DOMAINS["hexagonal"]
     rng = np.random.default_rng(5)
     drawn = bi.stiffness(
-        "hexagonal", **dict(zip(("C11", "C12", "C44", "C33", "C13"), rng.uniform(domain["c_min"], domain["c_max"], (60000, 5)).T, strict=True))
+        "hexagonal",
+        **dict(zip(("C11", "C12", "C44", "C33", "C13"), rng.uniform(domain["c_min"], domain["c_max"], (60000, 5)).T, strict=True)),
     )
     drawn = drawn[np.linalg.eigvalsh(drawn)[:, 0] > 0]
     index = anisotropy_index(drawn)

@@ -8,6 +8,11 @@ from ..core import call
 __all__ = ["Progress"]
 
 
+def advance(steps: int = 1) -> None:
+    """So many more steps of the innermost loop are done."""
+    call("file.advance_progress", steps=steps)
+
+
 class Progress:
     """What a stage shows while it works. `Progress()`, the default of the library, is silent."""
 
@@ -16,10 +21,10 @@ class Progress:
         call("file.show_progress", wanted=enabled)
 
     @contextmanager
-    def bar(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
+    def bar(self, text: str, total: int) -> Iterator[Callable[..., object]]:
         """Yield `advance(n)`, which counts towards `total`."""
         call("file.begin_progress", name=text, steps=total)
         try:
-            yield lambda steps=1: call("file.advance_progress", steps=steps)
+            yield advance
         finally:
             call("file.end_progress")

@@ -20,9 +20,7 @@ def quantity_names(symmetry: str) -> dict[str, str]:
     return dict(zip(found["names"], found["units"], strict=True))
 
 
-def quantities(
-    symmetry: str | ArrayLike, constants: ArrayLike | None = None, names: Sequence[str] | None = None
-) -> dict[str, np.ndarray]:
+def quantities(symmetry: str | ArrayLike, constants: ArrayLike | None = None, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which `stiffness` makes, or of a `symmetry` with its
     constants (..., k) in GPa.
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,7 +116,7 @@ class Indentation(NativeObject):
         """
         self._made_of: tuple = (partial(type(self), **settings), ())
         group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
-        asked: dict[str, dict] = {name: {} for name in GROUPS}
+        asked: dict[str, Any] = {name: {} for name in GROUPS}
         for name, value in settings.items():
             asked[group[name]][name] = value
         self._set_up(Problem.from_keywords("bi.Indentation", **asked))
@@ -151,6 +152,7 @@ class Indentation(NativeObject):
         crystal = one_crystal(stiffness, euler_deg)
         return IndentationResult(**self._call("run", **crystal), warning=resolution(self._problem, crystal["stiffness"])[1])
 
+    @takes()
     def run_many(
         self,
         stiffness: ArrayLike,
@@ -169,9 +171,9 @@ class Indentation(NativeObject):
         each simulation.
         """
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
-        execution = Problem.from_keywords("Indentation.run_many", execution=asked).settings.execution
+        execution = Problem.from_keywords("bi.Indentation.run_many", execution=asked).settings.execution
         if errors not in ("raise", "return"):
-            raise InputError(f"Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
+            raise InputError(f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
         matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
         if len(matrices) != len(angles):
             raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
@@ -237,7 +239,9 @@ class Indentation(NativeObject):
         """
         found = self._fields(stiffness, euler_deg)
         depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
-        return write_deck(_mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", "))
+        return write_deck(
+            _mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
+        )
 
 
 def _mesh_of(found: dict) -> MeshArrays:

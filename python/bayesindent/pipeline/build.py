@@ -31,7 +31,7 @@ def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *
         raise InputError(
             f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given where it is 'import', and only there"
         )
-    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)))
+    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)), str)
     return Surrogate.load(Path(output) / problem.settings.surrogate.file)
 
 

@@ -208,9 +208,8 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
         log.warning("%s", warning)
     for warning in document["warnings"][:MOST_WARNINGS]:
         say(f"warning: {warning}")
-    if more := len(document["warnings"]) - MOST_WARNINGS:
-        if more > 0:
-            say(f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}")
+    if (more := len(document["warnings"]) - MOST_WARNINGS) > 0:
+        say(f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}")
     if arguments.results is not None:
         say(f"results are in {arguments.results}")
     if arguments.json:

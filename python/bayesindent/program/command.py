@@ -1,4 +1,4 @@
-"""What a command is: its words for help, what it does, and how its document is told to people."""
+"""What a command is: its words for help, what it does, and how its document is shown."""
 
 import argparse
 import logging

@@ -9,10 +9,11 @@ import sys
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 
 class _Report(ModuleType):
-    def __call__(self, folder, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
+    def __call__(self, folder: Any, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
         """See the package."""
         from .report import write_report
 

@@ -23,7 +23,7 @@ __all__ = ["Run", "compare", "compare_runs", "read_runs"]
 class Run(Results):
     """Results with a posterior of their present inputs, under a name that differs from those of the others."""
 
-    def __init__(self, source, label: str):
+    def __init__(self, source: Any, label: str):
         super().__init__(source)
         self.label, folder = label, self.folder
         if "extract" in self.outdated:
@@ -89,7 +89,7 @@ def read_runs(sources: Sequence) -> list[Run]:
 GREATEST_SHAPE = 0.7
 
 
-def compare(*results, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
+def compare(*results: Any, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
     """Posteriors of two or more `results` side by side, each compared with the first: folders, or what `bi.extract` gave.
 
     `runs`: mean, sd and 95 % interval of each constant; `differences`: of each constant from the first run's, in GPa and in sds of the

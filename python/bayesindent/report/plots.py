@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from importlib import import_module
+from typing import Any
 
 from ..core import InputError
 from .results import NothingToShow, Results
@@ -10,10 +11,11 @@ __all__ = [
     "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young",
 ]  # fmt: skip
 
+
 def plotter(name: str, module: str, figure: str, words: str) -> Callable:
     """The function `name` that draws the figure of a module of `figures`, and shows what the words say."""
 
-    def plot(result, ax=None):
+    def plot(result: Any, ax: Any = None) -> Any:
         # Not above: importing matplotlib is slow. Notebooks show figures once pyplot is there.
         import matplotlib.pyplot  # noqa: F401
 
@@ -49,7 +51,9 @@ matplotlib Figure, or SubFigure in the place of `ax`
     return plot
 
 
-plot_constants = plotter("plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean, most probable value and bounds.")
+plot_constants = plotter(
+    "plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean, most probable value and bounds."
+)
 plot_prior = plotter("plot_prior", "posterior", "prior_posterior", "Each constant before and after the measurements.")
 plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
 plot_grains = plotter("plot_grains", "posterior", "grain_comparison", "The modulus of each grain, measured and predicted.")

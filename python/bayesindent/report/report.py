@@ -1,6 +1,7 @@
 """The report: one HTML page that needs nothing beside it, made from whatever a folder of results holds."""
 
 from pathlib import Path
+from typing import Any
 
 from ..common.progress import Progress
 from ..common.result_files import write_text
@@ -14,7 +15,9 @@ from .templates import render
 __all__ = ["write_report"]
 
 
-def write_report(folder, output: Path | None = None, kind_of_files: str = "", paper: bool = False, progress: Progress | None = None) -> tuple[Results, Path]:
+def write_report(
+    folder: Any, output: Path | None = None, kind_of_files: str = "", paper: bool = False, progress: Progress | None = None
+) -> tuple[Results, Path]:
     """Write report.html into `output` (default: the folder itself) from the results in `folder`; return these and its path.
 
     `folder` may be what `bi.extract` gave; then the folder is the current one, or `output`. With `kind_of_files` ('png', 'pdf' or 'svg') every figure is also a file in `folder`/figures; with

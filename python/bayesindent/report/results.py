@@ -4,7 +4,7 @@ import json
 from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ def present(part: T | None) -> T:
 class Results:
     """A folder of results, or what `bi.extract` gave; a stage that did not run, or on other inputs, is an empty document."""
 
-    def __init__(self, source):
+    def __init__(self, source: Any):
         #: What `bi.extract` gave; None if the results are a folder's.
         self.result = source if hasattr(source, "posterior") else None
         folder = self.folder = Path() if self.result is not None else Path(source)
@@ -113,12 +113,10 @@ class Results:
         found = read_posterior(self.folder) if self.documents["extract"] else {}
         return found if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"] else {}
 
-    def _of_result(self, result) -> dict:
+    def _of_result(self, result: Any) -> dict:
         """The same of groups of ArviZ, as far as figures and comparisons need it."""
         bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
-        own, before = (
-            np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior)
-        )
+        own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
         return {
             "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
             "stride": own.shape[1] // result.log_likelihood.sizes["draw"], "log_likelihood": result.log_likelihood["modulus"].values,

@@ -8,14 +8,12 @@ import textwrap
 import warnings
 from collections.abc import Callable, Collection
 from functools import cache, wraps
-from typing import TypeVar
+from typing import Any
 
-from ..core import BayesindentWarning, InputError
+from ..core import BayesindentWarning, InputError, MachineError
 from .problem import Variable, schema
 
 __all__ = ["in_python", "takes", "warn_of"]
-
-F = TypeVar("F", bound=Callable)
 
 #: Names that ArviZ' and PyMC's users know, and the variables that they are.
 ALIASES = {"draws": "samples", "random_seed": "seed"}
@@ -24,12 +22,12 @@ TYPES = {"logical": bool, "integer": int, "real": float}
 KEYWORDS = {"c_min": "bounds", "c_max": "bounds", "quantity": "knowledge", "stiffness_file": "knowledge['stiffness']", "prior": "bounds"}
 
 
-def takes(*groups: str, without: Collection[str] = ()) -> Callable[[F], F]:
+def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
     """Let `**settings` of a function be a keyword for each variable of these groups but some: with its type, its default and its meaning,
     which signature and help list. Other names are refused, and messages are in Python's words."""
     variables = {variable.name: variable for variable in schema() if variable.group in groups and variable.name not in without}
 
-    def decorate(function: F) -> F:
+    def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
         stated = [parameter for parameter in own.parameters.values() if parameter.kind is not parameter.VAR_KEYWORD]
         names = {parameter.name for parameter in stated}
@@ -49,7 +47,7 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[F], F]:
                 raise InputError(f"{origin}: keyword '{unknown}' is unknown{guess}; help({origin}) lists all")
             try:
                 return function(*arguments, **given)
-            except InputError as error:
+            except (InputError, MachineError) as error:
                 raise type(error)(in_python(str(error))) from None
 
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
@@ -57,7 +55,7 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[F], F]:
         before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
         aliases = [f"{new} : int\n    Another name of `{old}`." for new, old in ALIASES.items() if old in known]
         checked.__doc__ = "\n".join([before, *map(explained, listed), *aliases]) + end + after
-        return checked  # type: ignore[return-value]
+        return checked
 
     return decorate
 
@@ -98,10 +96,10 @@ def in_python(text: str) -> str:
     return text.replace(".true.", "True").replace(".false.", "False")
 
 
-def warn_of(document: dict) -> None:
-    """Why a result cannot be used, and the warnings of its document, as Python's; they name the line that called the library's function."""
+def warn_of(document: dict, words: Callable[[str], str] = in_python) -> None:
+    """Why a result cannot be used, and the warnings of its document, as Python's; they name the line that called the library's function, in these `words`."""
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").startswith(f"{__package__.partition('.')[0]}."):
         level, frame = level + 1, frame.f_back
     for line in [*(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])), *document.get("warnings", [])]:
-        warnings.warn(in_python(line), BayesindentWarning, stacklevel=level)
+        warnings.warn(words(line), BayesindentWarning, stacklevel=level)

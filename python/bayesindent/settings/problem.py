@@ -193,7 +193,12 @@ class Problem(NativeObject):
     def _repr_html_(self) -> str:
         groups = {name: getattr(self.settings, name) for name in _types()[0]}
         rows = [
-            (name, ", ".join(f"{label} = {value}" for label, value in vars(group).items() if label != "given" and str(value) not in ("None", "")))
+            (
+                name,
+                ", ".join(
+                    f"{label} = {value}" for label, value in vars(group).items() if label != "given" and str(value) not in ("None", "")
+                ),
+            )
             for name, group in groups.items()
             if group.given
         ]
@@ -205,7 +210,9 @@ class Problem(NativeObject):
 
 def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
     """What a notebook shows: a title and rows of a name and a text."""
-    lines = (f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(text)}</td></tr>" for name, text in rows)
+    lines = (
+        f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(text)}</td></tr>" for name, text in rows
+    )
     return f"<table><caption>{escape(title)}</caption>{''.join(lines)}</table>"
 
 

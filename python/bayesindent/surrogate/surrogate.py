@@ -170,7 +170,7 @@ class Surrogate(NativeObject):
         if high < np.finfo(float).max and not len(self.basis.c_min):
             beyond = np.count_nonzero((scale < low) | (scale > high))
             if beyond:
-                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), which it knows from {low:.3g} to {high:.3g} GPa"
+                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
         return words
 
 

@@ -43,7 +43,7 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
     if "points" in document:
         return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
     if "imported" in document:
-        return f"bayesindent build {arguments.file}, which learns from them"
+        return f"bayesindent build {arguments.file}, which trains the surrogate on them"
     return f"bayesindent extract {arguments.file} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
 
 

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 COMMAND = Command(
     "completion",
     "a script that completes commands and options in bash or zsh",
-    'Put source <(bayesindent completion bash) into ~/.bashrc, or the same with zsh into ~/.zshrc.',
+    "Put source <(bayesindent completion bash) into ~/.bashrc, or the same with zsh into ~/.zshrc.",
     action=print_script,
     arguments=add_arguments,
 )
