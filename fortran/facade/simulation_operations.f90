@@ -77,8 +77,8 @@ contains
       end select
    end subroutine use_model
 
-   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the nodes (um), mean stress of the bricks (GPa,
-   !> order 11,22,33,23,13,12), stiffness of the materials in the axes of the sample (GPa) and of each infinite element (mN/um).
+   !> On the finest mesh that a crystal was simulated on, and with that mesh: displacement of the nodes (um), mean stress of the bricks
+   !> (GPa, order 11,22,33,23,13,12), stiffness of the materials in the axes of the sample (GPa) and of each infinite element (mN/um).
    subroutine put_fields(model, result, x)
       type(indentation_model_type), intent(in) :: model
       type(indentation_result_type), intent(in) :: result

@@ -51,7 +51,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       associate (half => 0.5_wp*self%width, narrowest => max(least_width, 2.0_wp*least_ratio*box_width*self%zone) &
-         & *self%contact_radius)
+                & *self%contact_radius)
          if (self%width < narrowest) then
             call raise(error, 'width_um: '//to_text(self%width)//' um is too narrow for a contact radius of ' &
                & //to_text(self%contact_radius, 3)//' um; allowed from '//to_text(narrowest, 3)//' um', exit_bad_input)

@@ -43,7 +43,8 @@ module fe_indentation
       final :: free_indentation_model
    end type indentation_model_type
 
-   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the window.
+   !> The curve of the finest mesh, its force extrapolated where there are two, and the moduli. Until it is ended it goes on over the
+   !> window.
    type, extends(curve_type) :: indentation_result_type
       !> The estimate of the indentation modulus, GPa, and two diagnostics: slope with intercept, and last point.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp, modulus_last = 0.0_wp
@@ -315,8 +316,8 @@ contains
       position = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
    end function window_position
 
-   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the slope
-   !> at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
+   !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the
+   !> slope at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
    pure real(wp) function modulus_of(model, curve) result(modulus)
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve

@@ -11,7 +11,7 @@ module constants_posterior
    use constants_prior, only: prior_type
    use error_models, only: new_error_model
    use errors, only: error_type, exit_bad_input, raise
-   use kinds, only: wp
+   use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable
@@ -42,8 +42,9 @@ module constants_posterior
       class(grain_model_type), allocatable :: grains
       class(observable_type), allocatable :: observable
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, then the calibration's of each group.
-      integer :: n_shared = 0
+      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then the two
+      !> tilts of the sample.
+      integer :: n_shared = 0, n_calibrated = 0
       !> Measured values and their sds, GPa.
       real(wp), allocatable :: measured(:), sd(:)
       !> Of each grain: sd of the tilt, radians, and group.
@@ -113,14 +114,15 @@ contains
       ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
       if (posterior%n_grains > 0) posterior%typical_modulus =  &
          & posterior%observable%isotropic_modulus(0.7_wp*sum(measured%modulus)/posterior%n_grains)
-      if (any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
+      if (settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
       call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_shared = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
+      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
+      posterior%n_shared = posterior%n_calibrated + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
 
@@ -321,13 +323,15 @@ contains
 
    !> Of each measured grain the mean of what the grain model gives, its derivative with respect to y, and the variance that it does not
    !> share with others: the surrogate's, that of its orientation, and that of grains as such.
-   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, independent)
+   pure subroutine evaluate_grains(self, c, modulus, slope, own_variance, independent, tilt_slopes)
       class(posterior_type), intent(in) :: self
       real(wp), intent(in) :: c(6, 6)
       !> GPa, (grain); GPa².
       real(wp), intent(out), contiguous :: modulus(:), slope(:), own_variance(:)
       real(wp), intent(in), optional :: independent(:)
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance
+      !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2).
+      real(wp), intent(out), optional :: tilt_slopes(:, :)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance, tilts(2)
       integer :: g
 
       if (present(independent)) then
@@ -341,14 +345,15 @@ contains
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance)
+         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance, tilts)
+         if (present(tilt_slopes)) tilt_slopes(g, :) = tilts
          modulus(g) = modulus(g) + shift
          own_variance(g) = own_variance(g) + variance
       end do
    end subroutine evaluate_grains
 
    !> At a point the mean of what is measured, `model`, scales of the errors that grains do not share, and over them the columns of U: the
-   !> surrogate's shared errors, the calibration's of each group.
+   !> surrogate's shared errors, the calibration's of each group, the tilts of the sample.
    pure subroutine predict_measurements(self, x, c, model, scales, u, independent)
       class(posterior_type), intent(in) :: self
       !> (dimension), and the stiffness there, GPa.
@@ -358,10 +363,11 @@ contains
       !> The independent moduli of the grain model, if they are known.
       real(wp), intent(in), optional :: independent(:)
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope, common
+      real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)
       integer :: g
 
-      call evaluate_grains(self, c, model, slope, own_variance, independent)
+      call evaluate_grains(self, c, model, slope, own_variance, independent, tilt_slopes)
       map_slope = 1.0_wp
       call self%observable%from_simulation(model, map_slope)
       scales = scale_factor(self, x)*self%scale
@@ -380,12 +386,15 @@ contains
          end do
       end if
       if (self%settings%calibration_sd > 0.0_wp) then
-         u(:, self%grains%n_columns + 1:) = 0.0_wp
+         u(:, self%grains%n_columns + 1:self%n_calibrated) = 0.0_wp
          common = self%observable%calibration_slope(model)
          do g = 1, self%n_grains
             u(g, self%grains%n_columns + self%group(g)) = self%settings%calibration_sd*common(g)/scales(g)
          end do
       end if
+      do g = self%n_calibrated + 1, self%n_shared
+         u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - self%n_calibrated)*map_slope/scales
+      end do
    end subroutine predict_measurements
 
    !> The errors that measurements share, given the data and the constants: mean and the lower factor of the precision.
@@ -463,6 +472,7 @@ contains
       call solve_upper(precision, error)
       b = b + error
       factor = 1.0_wp
-      if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd*b(self%grains%n_columns + 1:)
+      if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd &
+         & *b(self%grains%n_columns + 1:self%n_calibrated)
    end subroutine place_shared
 end module constants_posterior

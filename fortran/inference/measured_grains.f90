@@ -61,18 +61,20 @@ contains
    end function tilted
 
    !> Shift of the mean modulus and variance, GPa and GPa², for an uncertain tilt.
-   pure subroutine tilt_moments(moduli, sd, shift, variance)
+   pure subroutine tilt_moments(moduli, sd, shift, variance, slopes)
       !> At the grain's own direction and its tilts, GPa; sd of the tilt per component, radians.
       real(wp), intent(in) :: moduli(n_tilts), sd
       real(wp), intent(out) :: shift, variance
-      real(wp) :: first(2), second(3)
+      !> GPa/rad, of each component.
+      real(wp), intent(out) :: slopes(2)
+      real(wp) :: second(3)
 
       associate (m => moduli)
-         first = (m([2, 4]) - m([3, 5]))/(2.0_wp*tilt_step)
+         slopes = (m([2, 4]) - m([3, 5]))/(2.0_wp*tilt_step)
          second(:2) = (m([2, 4]) + m([3, 5]) - 2.0_wp*m(1))/tilt_step**2
          second(3) = ((m(6) + m(7) - 2.0_wp*m(1))/tilt_step**2 - second(1) - second(2))/2.0_wp
       end associate
       shift = 0.5_wp*sd**2*(second(1) + second(2))
-      variance = sd**2*sum(first**2) + 0.5_wp*sd**4*(second(1)**2 + second(2)**2 + 2.0_wp*second(3)**2)
+      variance = sd**2*sum(slopes**2) + 0.5_wp*sd**4*(second(1)**2 + second(2)**2 + 2.0_wp*second(3)**2)
    end subroutine tilt_moments
 end module measured_grains

@@ -26,6 +26,8 @@ module model_checks
       !> The grain whose mean residual is the largest, that residual, and the share of data sets whose worst grain is further off.
       integer :: extreme_grain = 0
       real(wp) :: extreme_residual = 0.0_wp, extreme_p = 0.0_wp
+      !> Mean residual of each, (grain).
+      real(wp), allocatable :: residuals(:)
    end type checks_type
 
    !> What the draws of a chain add up to: squares of residuals, residuals (grain), and how many data sets have larger ones.
@@ -47,7 +49,6 @@ contains
       integer, intent(in) :: threads
       type(checks_type), intent(out) :: checks
       type(tally_type) :: tallies(size(chains%draws, 3))
-      real(wp) :: mean(posterior%n_grains)
       integer :: n, m, c
 
       m = posterior%n_grains
@@ -62,16 +63,16 @@ contains
       end do
       !$omp end parallel do
       n = n*size(tallies)
-      mean = 0.0_wp
+      allocate (checks%residuals(m), source=0.0_wp)
       do c = 1, size(tallies)
          checks%chi_square = checks%chi_square + tallies(c)%squares/n
          checks%chi_square_p = checks%chi_square_p + real(tallies(c)%larger, wp)/n
          checks%extreme_p = checks%extreme_p + real(tallies(c)%further, wp)/n
-         mean = mean + tallies(c)%residuals/n
+         checks%residuals = checks%residuals + tallies(c)%residuals/n
       end do
       if (m == 0) return
-      checks%extreme_grain = maxloc(abs(mean), dim=1)
-      checks%extreme_residual = mean(checks%extreme_grain)
+      checks%extreme_grain = maxloc(abs(checks%residuals), dim=1)
+      checks%extreme_residual = checks%residuals(checks%extreme_grain)
    end subroutine check_model
 
    !> Of the draws of one chain.

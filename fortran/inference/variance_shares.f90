@@ -176,7 +176,8 @@ contains
       do j = 1, posterior%n_shared
          shared(:, j) = shared(:, j)*scales
       end do
-      source = [(merge(from_surrogate, from_calibration, j <= posterior%grains%n_columns), j=1, posterior%n_shared)]
+      source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, &
+         & posterior%n_calibrated), (from_orientation, j=posterior%n_calibrated + 1, posterior%n_shared)]
       call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
       model = modulus
       residual = 1.0_wp

@@ -11,6 +11,7 @@ module extraction
    use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
    use model_checks, only: check_model, checks_type
    use model_evidence, only: estimate_evidence, evidence_type
+   use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
       & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, measure_sensitivity
@@ -55,13 +56,14 @@ module extraction
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
       type(checks_type) :: checks
+      type(orientation_check_type) :: orientations
       !> The limits of the support; what other priors would have said.
       type(limit_type), allocatable :: limits(:)
       type(change_type), allocatable :: changes(:)
       !> Of the model and its prior, if that was asked for.
       type(evidence_type), allocatable :: evidence
-      !> Of each grain, GPa: mean and sd of the modulus, and mean of what is measured, the calibration error with it.
-      real(wp), allocatable :: predicted_mean(:), predicted_sd(:), expected(:)
+      !> Of the modulus of each grain, GPa.
+      real(wp), allocatable :: predicted_mean(:), predicted_sd(:)
       !> Degree of the harmonics with which theory was read (0: no theory in the surrogate), and by how much the worst grain erred for it,
       !> in sds.
       integer :: field_degree = 0
@@ -236,9 +238,12 @@ contains
       if (allocated(error)) return
       call predict_grains(self%posterior, self%chains, self%quantities, self%predictions, error)
       if (allocated(error)) return
-      call average_predictions(self)
+      allocate (self%predicted_mean(self%posterior%n_grains), self%predicted_sd(self%posterior%n_grains))
+      call moments(flattened(self%predictions%moduli), self%predicted_mean, self%predicted_sd)
       call check_model(self%posterior, self%chains, threads, self%checks)
       call most_probable_point(self%posterior, self%chains, self%most_probable)
+      call check_orientations(self%posterior, self%most_probable, self%orientations, error)
+      if (allocated(error)) return
       draws = flattened(self%chains%draws(:, ::self%predictions%stride, :))
       prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
       values = flattened(self%predictions%quantities)
@@ -321,23 +326,4 @@ contains
       call hill_young_poisson(polycrystal_averages(self%posterior%stiffness(self%parameters%mean)), young, poisson)
       least_value = 0.1_wp*young
    end function least_value
-
-   subroutine average_predictions(self)
-      type(extraction_type), intent(inout) :: self
-      integer :: c, i, n
-
-      n = self%posterior%n_grains
-      allocate (self%predicted_mean(n), self%predicted_sd(n))
-      allocate (self%expected(n), source=0.0_wp)
-      associate (moduli => self%predictions%moduli)
-         call moments(flattened(moduli), self%predicted_mean, self%predicted_sd)
-         do c = 1, size(moduli, 3)
-            do i = 1, size(moduli, 2)
-               self%expected = self%expected + moduli(:, i, c)*self%predictions%factor(self%posterior%group, i, c)
-            end do
-         end do
-         self%expected = self%expected/(size(moduli, 2)*size(moduli, 3))
-      end associate
-   end subroutine average_predictions
-
 end module extraction

@@ -5,6 +5,7 @@ module extraction_document
    use json, only: json_type
    use kinds, only: wp
    use posterior_diagnostics, only: check_extraction, find_reasons, known_text, powers_text
+   use orientation_check, only: readings
    use problem, only: problem_type
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
@@ -54,6 +55,21 @@ contains
          call document%begin_object('extreme_grain')
          call document%put('grain', checks%extreme_grain)
          call document%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
+         call document%end_object()
+      end associate
+      associate (check => found%orientations)
+         call document%begin_object('orientations')
+         call document%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', [check%constant, &
+            & check%chi_square, real(check%freedom, wp), check%p, check%p_shuffled, check%power])
+         call document%put('better_reading', trim(readings(check%better)))
+         call document%begin_array('outliers')
+         do i = 1, size(check%outliers)
+            call document%begin_object()
+            call document%put('grain', check%outliers(i))
+            call document%put('distance_sd', check%distances(i))
+            call document%end_object()
+         end do
+         call document%end_array()
          call document%end_object()
       end associate
       call document%end_object()

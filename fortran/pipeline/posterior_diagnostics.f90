@@ -9,6 +9,7 @@ module posterior_diagnostics
    use indenters, only: new_indenter
    use kinds, only: pi, wp
    use prior_sensitivity, only: change_type
+   use orientation_check, only: rare, readings
    use problem, only: problem_type
    use text, only: fixed, to_text
    use warning_lists, only: warn, warning_type
@@ -37,8 +38,10 @@ contains
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
+      logical :: blamed
       integer :: i
 
+      call check_table(problem, found, warnings, blamed)
       call check_limits(found, .true., warnings)
       call check_theory(found, warnings)
       call check_sizes(problem, found, warnings)
@@ -49,9 +52,9 @@ contains
       call check_determined(found, warnings)
       call check_sensitivity(found, warnings)
       call check_scale(found, warnings)
-      if (is_truncated(found)) return
+      if (blamed .or. is_truncated(found)) return
       call check_grains(problem, found, warnings)
-      call check_residuals(problem, found, warnings)
+      call check_residuals(found, warnings)
    end subroutine check_extraction
 
    !> Why the result cannot be used, each with what to do: none, it can be used.
@@ -140,8 +143,8 @@ contains
       n = size(found%names)
       if (.not. found%posterior%infers_scale) return
       if (found%parameters(n)%mean > greatest) call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
-         & //' times as large as the stated standard deviations say (chi-square '//fixed(sum(((found%posterior%measured &
-         & - found%expected)/found%posterior%sd)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &
+         & //' times as large as the stated standard deviations say (chi-square '//fixed(sum((found%checks%residuals &
+         & *found%parameters(n)%mean)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &
          & //'An inferred scale hides errors of the model: check orientations, modulus_kind and &specimen')
    end subroutine check_scale
 
@@ -266,7 +269,43 @@ contains
       if (len(list) > 0) longer = list//mark//item
    end function listed
 
-   !> Grains whose modulus disagrees with all others; the likelihood may take that into account.
+   !> Orientations that are not those of the grains, or else grains without which the others agree: `blamed` for all residuals.
+   subroutine check_table(problem, found, warnings, blamed)
+      type(problem_type), intent(in) :: problem
+      type(extraction_type), intent(in) :: found
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      logical, intent(out) :: blamed
+      character(len=:), allocatable :: advice
+      integer :: i
+
+      associate (check => found%orientations)
+         blamed = check%is_noticed() .or. size(check%outliers) > 0
+         if (check%is_noticed()) then
+            advice = 'Check the order of the rows, whether the map is flipped, and the convention of the angles (Bunge, from ' &
+               & //'sample to crystal axes); or whether the sds are too small'
+            if (check%better > 0) advice = 'What would explain them: '//trim(readings(check%better))
+            call warn(warnings, 'the orientations do not explain the moduli: chi-square is '//fixed(check%chi_square, 0)//' for ' &
+               & //to_text(found%posterior%n_grains)//' grains, '//fixed(check%constant, 0)//' without orientations; ' &
+               & //fixed(100.0_wp*check%p_shuffled, 1)//' % of random orders of the grains fit as well. '//advice)
+            return
+         end if
+         do i = 1, size(check%outliers)
+            call warn(warnings, 'grain '//printable(problem%measurements%name(check%outliers(i)))//' disagrees with the others: ' &
+               & //'its modulus is '//distance_text(check%distances(i))//' what they predict, and without it they agree. Check ' &
+               & //'its value ('//to_text(found%posterior%measured(check%outliers(i)), 4)//' GPa) and orientation, or remove it')
+         end do
+      end associate
+   end subroutine check_table
+
+   !> '3.2 sd above'.
+   pure function distance_text(sds) result(text)
+      real(wp), intent(in) :: sds
+      character(len=:), allocatable :: text
+
+      text = fixed(abs(sds), 1)//' sd '//trim(merge('above', 'below', sds > 0.0_wp))
+   end function distance_text
+
+   !> Grains whose modulus disagrees with all others, the worst first; the likelihood may take that into account.
    subroutine check_grains(problem, found, warnings)
       type(problem_type), intent(in) :: problem
       type(extraction_type), intent(in) :: found
@@ -276,34 +315,29 @@ contains
       integer, parameter :: most_named = 20
       character(len=:), allocatable :: advice
       real(wp) :: residual(found%posterior%n_grains), far
-      integer :: named, i
+      integer :: more, i
 
-      residual = (found%posterior%measured - found%expected)/found%posterior%sd
-      if (found%posterior%infers_scale) residual = residual/found%parameters(size(found%names))%mean
+      residual = found%checks%residuals*found%posterior%errors%scale
       far = least_far
       do while (size(residual)*erfc(far/sqrt(2.0_wp)) > by_chance)
          far = far + 0.01_wp
       end do
-      named = 0
       advice = '; likelihood ''student'' gives such grains less weight'
       if (problem%settings%measurements%likelihood == 'student') advice = ''
-      do i = 1, size(residual)
-         if (.not. abs(residual(i)) > far) cycle
-         named = named + 1
-         if (named > most_named) cycle
+      more = count(abs(residual) > far) - most_named
+      do while (count(abs(residual) > far) > max(0, more))
+         i = maxloc(abs(residual), dim=1)
          call warn(warnings, 'grain '//printable(problem%measurements%name(i))//' disagrees with the others: its modulus is ' &
-            & //fixed(abs(residual(i)), 1)//' sd '//trim(merge('above', 'below', residual(i) > 0.0_wp)) &
-            & //' what all grains together predict'//advice)
+            & //distance_text(residual(i))//' what all grains together predict'//advice)
+         residual(i) = 0.0_wp
       end do
-      if (named > most_named) call warn(warnings, to_text(named - most_named)//' more grains disagree with the others')
+      if (more > 0) call warn(warnings, to_text(more)//' more grains disagree with the others')
    end subroutine check_grains
 
    !> Measurements that the model could hardly have given.
-   subroutine check_residuals(problem, found, warnings)
-      type(problem_type), intent(in) :: problem
+   subroutine check_residuals(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
-      real(wp), parameter :: rare = 0.01_wp
       character(len=:), allocatable :: chi_square
 
       associate (checks => found%checks)
@@ -318,9 +352,6 @@ contains
                & //' of data sets drawn from the posterior scatter less; the sds are too large, or have an error in them that ' &
                & //'all grains share (calibration_sd)')
          end if
-         if (checks%extreme_p < rare) call warn(warnings, 'the worst grain, ' &
-            & //printable(problem%measurements%name(checks%extreme_grain))//', is '//fixed(abs(checks%extreme_residual), 1) &
-            & //' sd off: the worst grain is further off in '//share(checks%extreme_p)//' of data sets drawn from the posterior')
       end associate
 
    contains
@@ -408,12 +439,13 @@ contains
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) &
-               & call warn(warnings, 'the measurements have contact radii of ' &
+            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) then
+               call warn(warnings, 'the measurements have contact radii of ' &
                & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
                & //to_text(trained, 3)//' um: what its specimen adds to the theory, '//fixed(100.0_wp*addition, 1) &
                & //' % on average, grows about as the contact radius, so that moduli are expected to be off by up to ' &
                & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
+            end if
          else
             ! Neighbours are taken to be as stiff as the mean measurement.
             bias = 0.0_wp

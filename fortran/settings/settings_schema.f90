@@ -81,7 +81,7 @@ module settings_schema
       character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
       character(len=longest_item), allocatable :: columns(:)
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
-         & orientation_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp
+         & orientation_sd_deg = 0.0_wp, misalignment_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp, zero_sd_nm = 0.0_wp
    end type measurements_settings_type
 
    type, extends(group_settings_type) :: prior_settings_type
@@ -317,6 +317,11 @@ contains
          & 'relative sd of a factor common to all measurements of a group (column group)')
       call v%real('orientation_sd_deg', s%measurements%orientation_sd_deg, '0.0', '[0, 20]', 'degrees', &
          & 'sd of the tilt of the indented direction, per component; a column of this name goes before it')
+      call v%real('misalignment_sd_deg', s%measurements%misalignment_sd_deg, '0.0', '[0, 20]', 'degrees', &
+         & 'sd, per component, of a rotation that the orientations of all grains share, as of a sample mounted anew after the map')
+      call v%real('zero_sd_nm', s%measurements%zero_sd_nm, '0.0', '[0, 1000]', 'nm', &
+         & 'sd of the depth at which a test touches the surface: a relative sd of 1.5 zero_sd_nm/depth_nm of its modulus; ' &
+         & //'a column of this name goes before it')
       call v%real('scatter_sd', s%measurements%scatter_sd, '0.0', '[0, 0.5]', '', &
          & 'relative sd of what differs from grain to grain beside the errors of measurement')
       call v%text('scale', s%measurements%scale, kind_choice, 'given', 'given, inferred', &

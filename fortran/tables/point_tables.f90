@@ -137,9 +137,33 @@ contains
       call read_optional(points%table, 'contact_radius_um', lengths_allowed, ' um', points%contact_radius_um, error)
       call read_optional(points%table, 'depth_nm', 1.0e3_wp*lengths_allowed, ' nm', depth_nm, error)
       if (.not. allocated(error)) points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
+      call add_zero_error(points, asked%zero_sd_nm, error)
       call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_measurements
+
+   !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
+   subroutine add_zero_error(points, usual, error)
+      type(points_type), intent(inout) :: points
+      !> Of the rows that do not state theirs, nm.
+      real(wp), intent(in) :: usual
+      type(error_type), allocatable, intent(inout) :: error
+      real(wp), parameter :: power = 1.5_wp, most = 1000.0_wp
+      real(wp), allocatable :: zero_sd_nm(:)
+      integer :: i
+
+      call read_optional(points%table, 'zero_sd_nm', [0.0_wp, most], ' nm', zero_sd_nm, error)
+      if (allocated(error)) return
+      zero_sd_nm = merge(zero_sd_nm, usual, zero_sd_nm >= 0.0_wp)
+      i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
+      if (i > 0) then
+         call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i))//' nm needs the ' &
+            & //'depth of the test (column depth_nm or depth_um) and its sd_gpa')
+         return
+      end if
+      where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
+         & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
+   end subroutine add_zero_error
 
    !> The columns x_um and y_um.
    subroutine read_positions(table, positions, error)

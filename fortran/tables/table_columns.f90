@@ -34,6 +34,7 @@ module table_columns
       & column_type('depth_um', '', um), &
       & column_type('depth_nm', '', ' nm '), &
       & column_type('contact_radius_um', '', um), &
+      & column_type('zero_sd_nm', '', ' nm '), &
       & column_type('grain_radius_um', '', um), &
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &

@@ -39,6 +39,7 @@ CASES: dict[str, tuple[str, int, dict]] = {
     # Of the paper's block, taught by so many simulations, with measurements about as good as it is.
     "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.003}),
     "correction, orthorhombic": ("forsterite", 16, {"simulations": 10, "noise": 0.002}),
+    "misalignment": ("Zn", 12, {"misalignment_sd_deg": 3.0}),
 }
 #: Relative sd of a measurement, and of the bounds about the literature's constants.
 NOISE, HALF_WIDTH = 0.02, 0.3
@@ -105,6 +106,8 @@ class Study:
         true = euler
         if "orientation_sd_deg" in self.extra:
             true = tilted(euler, np.radians(self.extra["orientation_sd_deg"]) * rng.normal(size=(2, n)))
+        if "misalignment_sd_deg" in self.extra:
+            true = tilted(euler, np.radians(self.extra["misalignment_sd_deg"]) * rng.normal(size=(2, 1)).repeat(n, axis=1))
         table = self.table(truth, euler)
         # By the theory as the posterior reads it, so that sds however small find no difference.
         plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}

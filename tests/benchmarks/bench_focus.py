@@ -37,6 +37,7 @@ CASE = """\
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /
 &sampler samples = 5000 /
 """
+WIDE = "&domain log_anisotropy_max = 5, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /\n"
 
 
 def truth_of(metal, folder):
@@ -63,15 +64,21 @@ def run(name, text, folder, output):
     return tuple(json.loads((output / document).read_text()) for document in ("build.json", "summary.json"))
 
 
-def candidates(output, euler, file, count=600):
-    """Crystals of a posterior in the directions of the grains, as a table."""
-    rows = np.genfromtxt(output / "posterior.csv", delimiter=",", names=True)
-    names = [name for name in rows.dtype.names if name.startswith("C")]
-    some = rows[:: max(1, len(rows) // count)]
+def candidates(outputs, euler, file, count=600):
+    """Crystals of some posteriors of the same metal in the directions of the grains, as a table."""
+    posteriors = [np.genfromtxt(output / "posterior.csv", delimiter=",", names=True) for output in outputs]
+    names = [name for name in posteriors[0].dtype.names if name.startswith("C")]
+    share = count // len(outputs)
+    some = np.concatenate([rows[:: max(1, len(rows) // share)][:share] for rows in posteriors])
     with file.open("w") as page:
         print(*names, "phi1_deg", "Phi_deg", "phi2_deg", sep=",", file=page)
         for i, row in enumerate(some):
             print(*(f"{row[name]:.6f}" for name in names), *(f"{angle:.4f}" for angle in euler[i % len(euler)]), sep=",", file=page)
+
+
+def widths(found):
+    """Of each constant the sd, and the width of its interval of 95 %, which a long tail of a few draws moves less."""
+    return {name: np.array([one["sd"], np.diff(one["hdi_95"])[0]]) for name, one in found["parameters"].items()}
 
 
 def main() -> None:
@@ -88,33 +95,40 @@ def main() -> None:
         symmetry, constants = METALS[metal]
         euler, moduli = truth_of(metal, folder)
         bulk = bi.quantities(symmetry, constants, names=["bulk_modulus"])["bulk_modulus"]
+        lines, cases, posteriors = {}, {}, {}
         for seed in range(1, options.seeds + 1):
             rng = np.random.default_rng(seed)
             sd = np.maximum(2.0, 0.015 * moduli)
             data = folder / f"{metal}_{seed}.csv"
             rows = np.column_stack([euler, moduli + sd * rng.normal(size=GRAINS), sd])
-            np.savetxt(
-                data, rows, delimiter=",", header="phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa", comments="# synthetic\n", fmt="%.6f"
-            )
-            values = {"symmetry": symmetry, "seed": seed, "data": data, "bulk": bulk * (1 + 0.02 * rng.normal()), "bulk_sd": 0.02 * bulk}
-            output = folder / f"{metal}_{seed}"
-            build, found = run(f"{metal}_{seed}", CASE.format(design=options.design, **values), folder, output)
-            sds = {name: one["sd"] for name, one in found["parameters"].items()}
-            z = {name: (one["mean"] - true) / one["sd"] for (name, one), true in zip(found["parameters"].items(), constants, strict=True)}
+            header = "phi1_deg,Phi_deg,phi2_deg,modulus_gpa,sd_gpa"
+            np.savetxt(data, rows, delimiter=",", header=header, comments="# synthetic\n", fmt="%.6f")
+            cases[seed] = {
+                "symmetry": symmetry,
+                "seed": seed,
+                "data": data,
+                "bulk": bulk * (1 + 0.02 * rng.normal()),
+                "bulk_sd": 0.02 * bulk,
+            }
+            build, found = run(f"{metal}_{seed}", CASE.format(design=options.design, **cases[seed]), folder, folder / f"{metal}_{seed}")
+            posteriors[seed] = widths(found)
+            z = [(one["mean"] - true) / one["sd"] for one, true in zip(found["parameters"].values(), constants, strict=True)]
             share = max(one["surrogate"] or 0.0 for one in found["error_budget"].values())
-            line = f"{metal:10} {seed}: {build['simulations']} simulations, {build['failed']} failed; surrogate's share {share:.2f}; z"
-            line += "".join(f" {value:.1f}" for value in z.values())
-            if options.many:
-                table = folder / f"{metal}_candidates.csv"
-                if not table.exists():
-                    candidates(output, euler, table)
-                design = f"budget = {options.many}, focus = 'domain', candidates = '{table}'"
-                domain = "&domain log_anisotropy_max = 6, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /"
-                _, many = run(
-                    f"{metal}_many_{seed}", CASE.format(design=design, **values) + domain + "\n", folder, folder / f"{metal}_many"
-                )
-                line += "; sd over that of many" + "".join(f" {sds[name] / one['sd']:.2f}" for name, one in many["parameters"].items())
-            print(line + ("" if found["usable"] else f"; unusable: {found['reasons'][0]}"), flush=True)
+            lines[seed] = (
+                f"{metal:10} {seed}: {build['simulations']} simulations, {build['failed']} failed; surrogate's share {share:.2f}; z"
+            )
+            lines[seed] += "".join(f" {value:.1f}" for value in z) + ("" if found["usable"] else f"; unusable: {found['reasons'][0]}")
+            print(lines[seed], flush=True)
+        if not options.many:
+            continue
+        table = folder / f"{metal}_candidates.csv"
+        if not table.exists():
+            candidates([folder / f"{metal}_{seed}" for seed in cases], euler, table)
+        for seed, values in cases.items():
+            case = CASE.format(design=f"budget = {options.many}, focus = 'domain', candidates = '{table}'", **values) + WIDE
+            _, many = run(f"{metal}_many_{seed}", case, folder, folder / f"{metal}_many")
+            ratios = [" ".join(f"{value:.2f}" for value in posteriors[seed][name] / both) for name, both in widths(many).items()]
+            print(f"{metal:10} {seed}: sd, width of 95 % over those of {options.many} simulations: {'; '.join(ratios)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -217,6 +217,25 @@ def test_columns_that_nobody_reads_but_are_near_to_known_ones_are_told_of():
     ]
 
 
+def test_an_uncertain_zero_of_the_depth():
+    """1.5 zero/depth of the modulus, in quadrature, for each test before tests of a grain are combined; the column before the variable."""
+    depth, zero = np.array([50.0, 100.0]), np.array([3.0, 4.0])
+    table = dict(zip(HEADER, np.array(ROWS).T, strict=True)) | {"depth_nm": depth}
+    modulus, sd = table["indentation_modulus_gpa"], table["sd_gpa"]
+
+    def sds(table):
+        problem = bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"zero_sd_nm": 2.0})
+        return problem.measurements.sd_gpa
+
+    assert sds(table) == pytest.approx(np.hypot(sd, 1.5 * 2.0 / depth * modulus), rel=1e-12)
+    assert sds(table | {"zero_sd_nm": zero}) == pytest.approx(np.hypot(sd, 1.5 * zero / depth * modulus), rel=1e-12)
+    one = table | {"grain": ["a", "a"], "phi1_deg": [1.0, 1.0], "Phi_deg": [2.0, 2.0], "phi2_deg": [3.0, 3.0]}
+    assert sds(one) == pytest.approx([np.sum(1 / (sd**2 + (3.0 / depth * modulus) ** 2)) ** -0.5], rel=1e-12)
+    del table["depth_nm"]
+    with pytest.raises(bi.InputError, match=r"line 1: zero_sd_nm = 2.0 nm needs the depth of the test \(column depth_nm or depth_um\)"):
+        sds(table)
+
+
 def test_the_list_in_the_documentation_is_this_one():
     text = (SOURCE / "docs" / "measurements.md").read_text()
     rows = dict(re.findall(r"^\| (.+?) \| (read|refused: .+?) \|$", text, flags=re.MULTILINE))

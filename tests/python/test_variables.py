@@ -274,6 +274,8 @@ EFFECTS = {
         "sample_nu": (density, {"measurements": {"modulus_kind": "sample_modulus"}}, 0.2),
         "calibration_sd": (density, {}, 0.03),
         "orientation_sd_deg": (density, {}, 2.0),
+        "misalignment_sd_deg": (density, {}, 2.0),
+        "zero_sd_nm": None,  # test_tables: with depths
         "scatter_sd": (density, {}, 0.03),
         "scale": (density, {}, "inferred"),
         "likelihood": (density, {}, "student"),

@@ -1,0 +1,141 @@
+"""Whether the orientations explain the moduli: shuffled and misread tables, bad values, and tables that are right."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+from step_2_cases import KIND, crystal
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from bayesindent.inference.posterior import Posterior
+
+SHORT = {"samples": 25, "burn_in": 400, "chains": 2} | KIND
+#: Beside those of the reference files: constants of other crystals, GPa.
+OTHERS = {"iron": ("cubic", (231, 135, 116)), "tungsten": ("cubic", (523, 203, 160)), "zirconium": ("hexagonal", (144, 73, 32, 165, 65))}
+
+
+def measured(name, grains, seed, noise=0.02):
+    """A table of grains in random orientations, measured with noise."""
+    symmetry, constants = OTHERS[name] if name in OTHERS else crystal(name)
+    rng = np.random.default_rng(seed)
+    euler = np.column_stack([rng.uniform(0, 360, grains), np.degrees(np.arccos(rng.uniform(-1, 1, grains))), rng.uniform(0, 360, grains)])
+    modulus = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler)
+    table = {"euler_deg": euler, "modulus_gpa": modulus * (1 + noise * rng.normal(size=grains)), "sd_gpa": noise * modulus}
+    return symmetry, table, rng
+
+
+def checked(symmetry, table, **settings):
+    """What the document says of orientations, and the warnings on them and on grains."""
+    document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT | settings))
+    words = [line for line in document["warnings"] if any(word in line for word in ("orientations", "disagree", "scatter"))]
+    return document["checks"]["orientations"], words
+
+
+def harmonics(symmetry, euler_deg):
+    """Fields of degree 0, 2 and 4 of a cubic or a hexagonal class at the directions of grains."""
+    z = Rotation.from_euler("ZXZ", euler_deg, degrees=True).inv().apply([0, 0, 1])
+    if symmetry == "cubic":
+        return np.column_stack([np.ones(len(z)), (z**4).sum(axis=1)])
+    return np.column_stack([np.ones(len(z)), z[:, 2] ** 2, z[:, 2] ** 4])
+
+
+@pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30)])
+def test_shuffled_orientations(name, grains):
+    """Against least squares and shuffles of our own, with sds that are those of the measurements."""
+    symmetry, table, rng = measured(name, grains, 1)
+    right, words = checked(symmetry, table)
+    assert not words and right["power"] > 0.5 and right["p_shuffled"] < 0.01 < right["p"]
+    table["euler_deg"] = table["euler_deg"][rng.permutation(grains)]
+    found, words = checked(symmetry, table)
+    assert len(words) == 1 and words[0].startswith("the orientations do not explain the moduli: chi-square is ")
+    assert "% of random orders of the grains fit as well. Check the order of the rows, whether the map is flipped" in words[0]
+    rows = harmonics(symmetry, table["euler_deg"])
+
+    def misfit(some):
+        return np.linalg.lstsq(some / table["sd_gpa"][:, None], table["modulus_gpa"] / table["sd_gpa"])[1][0]
+
+    shuffled = np.array([misfit(rows[rng.permutation(grains)]) for _ in range(2000)])
+    freedom = grains - rows.shape[1]
+    assert found["freedom"] == freedom
+    assert found["chi_square"] == pytest.approx(misfit(rows), rel=1e-4)
+    # Four sds of the shuffles.
+    assert found["p_shuffled"] == pytest.approx(np.mean(shuffled <= misfit(rows)), abs=4 * np.sqrt(0.25 / 1000 + 0.25 / 2000))
+    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < 0.01), abs=0.05)
+
+
+def test_other_readings_of_a_table_are_tried():
+    symmetry, table, _ = measured("Ti", 30, 2)
+    found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
+    assert len(words) == 1 and words[0].endswith("What would explain them: the orientations one row further up")
+    symmetry, table, _ = measured("iron", 20, 2, noise=0.01)
+    phi1, phi, phi2 = table["euler_deg"].T
+    found, words = checked(symmetry, table | {"euler_deg": np.column_stack([180 - phi2, phi, 180 - phi1])})
+    assert found["better_reading"] == "rotations from crystal to sample axes (the inverse)"
+    assert words[0].endswith(found["better_reading"])
+
+
+def test_a_nearly_isotropic_crystal_has_no_power():
+    symmetry, table, rng = measured("tungsten", 20, 3)
+    for order in (np.arange(20), rng.permutation(20)):
+        found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][order]})
+        assert not words and found["power"] < 0.1
+
+
+@pytest.mark.parametrize("name", ["copper", "zirconium"])
+def test_one_bad_value_is_named_first_and_alone(name):
+    symmetry, table, _ = measured(name, 20, 4)
+    table["modulus_gpa"][6] /= 10
+    document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT))
+    assert document["warnings"][0].startswith("grain 7 disagrees with the others: its modulus is ")
+    assert "without it they agree. Check its value" in document["warnings"][0]
+    assert not [line for line in document["warnings"][1:] if "disagree" in line or "scatter" in line]
+    [outlier] = document["checks"]["orientations"]["outliers"]
+    assert outlier["grain"] == 7
+    # A tenth is 0.9/0.02 sds less, of which some are the others' own.
+    assert -45.5 < outlier["distance_sd"] < -36
+
+
+def test_sds_that_are_inferred_leave_the_shuffles_alone():
+    symmetry, table, rng = measured("Ti", 30, 1)
+    found, _ = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(30)]}, scale="inferred")
+    assert found["p"] is None and found["power"] is None and found["p_shuffled"] > 0.01
+
+
+def test_a_turn_that_all_orientations_share():
+    """Against the covariance written out, its columns by finite rotations of the sample about its three axes."""
+    symmetry, constants = crystal("Zn")
+    _, table, _ = measured("Zn", 8, 5)
+    stiffness, sd = stiffness_rows(symmetry, [constants])[0], 2.0
+    modulus, columns, step = halfspace_modulus(stiffness, table["euler_deg"]), [], np.radians(0.5)
+    for axis in np.eye(3):
+        sides = []
+        for sign in (1, -1):
+            # From crystal to sample, then the turn of the sample.
+            turned = Rotation.from_rotvec(sign * step * axis) * Rotation.from_euler("ZXZ", table["euler_deg"], degrees=True)
+            sides.append(halfspace_modulus(stiffness, turned.as_euler("ZXZ", degrees=True)))
+        columns.append(np.radians(sd) * (sides[0] - sides[1]) / (2 * step))
+    assert abs(columns[2]).max() < 1e-6 < abs(columns[0]).max()
+    covariance = np.diag(table["sd_gpa"] ** 2 + (0.01 * modulus) ** 2) + np.transpose(columns) @ columns
+    residual, theory = table["modulus_gpa"] - modulus, bi.Surrogate.load("halfspace")
+    posterior = Posterior.of(table, symmetry=symmetry, surrogate=theory, misalignment_sd_deg=sd, scatter_sd=0.01, **KIND)
+    expected = stats.multivariate_normal(np.zeros(8), covariance).logpdf(residual)
+    assert posterior.evaluate(constants)[1][0] == pytest.approx(expected, abs=0.02)
+    without = Posterior.of(table, symmetry=symmetry, surrogate=theory, scatter_sd=0.01, **KIND).evaluate(constants)[1][0]
+    assert abs(without - expected) > 0.5
+
+
+def test_a_shared_turn_needs_angles():
+    table = {"u": [0, 1, 1], "v": [0, 1, 2], "w": [1, 1, 3], "indentation_modulus_gpa": [130, 140, 150], "sd_gpa": [3, 3, 3]}
+    with pytest.raises(bi.InputError, match="misalignment_sd_deg = 2.0 needs Euler angles"):
+        bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
+
+
+def test_the_error_budget_has_the_shared_turn():
+    symmetry, table, _ = measured("Zn", 12, 6, noise=0.005)
+    bounds = {name: (0.7 * value, 1.3 * value) for name, value in zip(constant_names(symmetry), crystal("Zn")[1], strict=True)}
+    settings = SHORT | {"bounds": bounds, "samples": 400, "burn_in": 2000}
+    budgets = [
+        bi.summary(bi.extract(table, symmetry=symmetry, **settings, misalignment_sd_deg=sd))["error_budget"]["C44"] for sd in (0.0, 5.0)
+    ]
+    assert budgets[0]["orientation"] == 0.0 < budgets[1]["orientation"]
