@@ -114,7 +114,7 @@ class Indentation(NativeObject):
         Parameters
         ----------
         """
-        self._made_of: tuple = (partial(type(self), **settings), ())
+        self._made_of: tuple = (partial(type(self), **settings), ())  # type: ignore[misc]
         group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
         asked: dict[str, Any] = {name: {} for name in GROUPS}
         for name, value in settings.items():

@@ -10,18 +10,14 @@ __all__ = ["COMMAND"]
 SCRIPT = """\
 [ -n "${ZSH_VERSION-}" ] && autoload -U +X bashcompinit compinit && compinit && bashcompinit
 _bayesindent() {
-  local word=${COMP_WORDS[COMP_CWORD]} options
-  case ${COMP_CWORD}:${COMP_WORDS[1]} in
+  local options
+  case ${COMP_CWORD}:${COMP_WORDS[1]}:${COMP_WORDS[COMP_CWORD]} in
   1:*) options='@COMMANDS@' ;;
 @CASES@
   esac
-  if [ "$COMP_CWORD" -gt 1 ] && [ "${word#-}" = "$word" ]; then
-    COMPREPLY=($(compgen -f -- "$word"))
-  else
-    COMPREPLY=($(compgen -W "$options" -- "$word"))
-  fi
+  COMPREPLY=($(compgen -W "$options" -- "${COMP_WORDS[COMP_CWORD]}"))
 }
-complete -o filenames -F _bayesindent bayesindent ./bayesindent
+complete -o default -F _bayesindent bayesindent ./bayesindent
 """
 
 
@@ -30,7 +26,7 @@ def print_script(arguments: argparse.Namespace) -> int:
     from ..cli import parser
 
     subparsers = next(action for action in parser()._actions if isinstance(action, argparse._SubParsersAction)).choices
-    cases = [f"  *:{name}) options='{' '.join(sorted(sub._option_string_actions))}' ;;" for name, sub in subparsers.items()]
+    cases = [f"  *:{name}:-*) options='{' '.join(sorted(sub._option_string_actions))}' ;;" for name, sub in subparsers.items()]
     print(SCRIPT.replace("@COMMANDS@", " ".join([*subparsers, "help", "version"])).replace("@CASES@", "\n".join(cases)), end="")
     return 0
 
