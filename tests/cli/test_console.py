@@ -77,6 +77,7 @@ def test_help_and_version_are_commands(bayesindent):
     assert "Ti, " in " ".join(bayesindent("init", "--help").stdout.split()) and "Zr" in bayesindent("init", "--help").stdout
 
 
+@pytest.mark.long
 def test_samples_and_seed_take_the_place_of_the_files(bayesindent, iron):
     def found(*options):
         done = bayesindent("extract", "a.nml", "--quiet", "--json", *options)
@@ -97,6 +98,7 @@ def test_samples_and_seed_take_the_place_of_the_files(bayesindent, iron):
     assert json.loads(bayesindent("extract", "b.nml", "--quiet", "--json", "--samples", "500").stdout)["samples"] == 500
 
 
+@pytest.mark.long
 def test_a_report_says_what_was_edited_since(bayesindent, iron):
     assert bayesindent("extract", "a.nml", "--quiet").returncode in (0, 3)
     assert "edited" not in bayesindent("report", "runs/a").stderr

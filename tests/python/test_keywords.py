@@ -68,6 +68,7 @@ def test_other_names_and_the_symmetry_by_position(result):
     ("keywords", "words"),
     [
         ({"sample": 3}, "bi.extract: keyword 'sample' is unknown, did you mean 'samples'?; help(bi.extract) lists all"),
+        ({"samples": 300, "draws": 300}, "bi.extract: a keyword is stated twice: draws is samples, random_seed is seed"),
         ({"samples": 3}, "bi.extract: samples: 3 is out of range; allowed 10 to "),
         ({"likelihood": "cauchy"}, "bi.extract: likelihood: 'cauchy' is not known; allowed 'normal', 'student'"),
         ({"bounds": {"C11": (300, 200)}}, "bi.extract: bounds: C11 = 300.0 GPa is not below "),
@@ -133,6 +134,7 @@ def test_orientations_of_orix():
     assert found.constant_data["euler_deg"].values % 360 == pytest.approx(angles)
 
 
+@pytest.mark.long
 def test_results_in_memory(result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     known = {"knowledge": KNOWN, "seed": 3} | FEW

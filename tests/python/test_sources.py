@@ -247,7 +247,7 @@ def test_the_prose_keeps_its_rules():
 
 
 def test_finds_prose_that_breaks_them():
-    long = "One two three. " * 150 + " ".join(["word"] * 31) + ".\n\n```\n" + "code " * 40 + "\n```\n"
+    long = "One two three. " * 150 + "Word" + " word" * 30 + ".\n\n```\n" + "code " * 40 + "\n```\n"
     found = prose.of_readme(f"# Title\n\n{long}")
     assert [words.partition(";")[0] for words in found] == ["a sentence of 31 words"]
     assert prose.of_readme("# Title\n\nA short one. " * 20)[0] == "100 words; allowed 500 to 700"

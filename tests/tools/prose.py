@@ -42,10 +42,10 @@ def of_readme(text: str) -> list[str]:
     """Whether the front page is as long as it may be, and its sentences."""
     count, low, high = len(text.split()), *README_WORDS
     found = [] if low <= count <= high else [f"{count} words; allowed {low} to {high}"]
-    lengths = {sentence: len(sentence.split()) for sentence in sentences(text)}
-    if median(lengths.values()) > MIDDLE:
-        found.append(f"the median sentence has {median(lengths.values()):g} words; allowed {MIDDLE}")
-    return found + [f"a sentence of {n} words; allowed {LONGEST}: {sentence}" for sentence, n in lengths.items() if n > LONGEST]
+    lengths = [(len(sentence.split()), sentence) for sentence in sentences(text)]
+    if (middle := median(n for n, _ in lengths)) > MIDDLE:
+        found.append(f"the median sentence has {middle:g} words; allowed {MIDDLE}")
+    return found + [f"a sentence of {n} words; allowed {LONGEST}: {sentence}" for n, sentence in lengths if n > LONGEST]
 
 
 def sentences(text: str) -> list[str]:

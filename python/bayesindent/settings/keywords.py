@@ -41,6 +41,8 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         @wraps(function)
         def checked(*arguments, **keywords):
             given = {ALIASES.get(name, name) if ALIASES.get(name) in known else name: value for name, value in keywords.items()}
+            if len(given) < len(keywords):
+                raise InputError(f"{origin}: a keyword is stated twice: {', '.join(' is '.join(pair) for pair in ALIASES.items())}")
             if unknown := next((name for name in given if name not in known), None):
                 near = difflib.get_close_matches(unknown, [*known, *ALIASES], 1)
                 guess = f", did you mean '{near[0]}'?" if near else ""
