@@ -116,7 +116,7 @@ contains
          & posterior%observable%isotropic_modulus(0.7_wp*sum(measured%modulus)/posterior%n_grains)
       if (settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
-      if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler)
+      if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
       call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
@@ -331,7 +331,7 @@ contains
       real(wp), intent(in), optional :: independent(:)
       !> Derivatives with respect to the tilts of the sample, GPa/rad, (grain, 2).
       real(wp), intent(out), optional :: tilt_slopes(:, :)
-      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), shift, variance, tilts(2)
+      real(wp) :: rows(size(self%euler, 2)), slopes(size(self%euler, 2)), variance, tilts(2)
       integer :: g
 
       if (present(independent)) then
@@ -345,9 +345,8 @@ contains
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
-         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), shift, variance, tilts)
+         call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), modulus(g), variance, tilts)
          if (present(tilt_slopes)) tilt_slopes(g, :) = tilts
-         modulus(g) = modulus(g) + shift
          own_variance(g) = own_variance(g) + variance
       end do
    end subroutine evaluate_grains
@@ -473,6 +472,6 @@ contains
       b = b + error
       factor = 1.0_wp
       if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd &
-         & *b(self%grains%n_columns + 1:self%n_calibrated)
+                                                         & *b(self%grains%n_columns + 1:self%n_calibrated)
    end subroutine place_shared
 end module constants_posterior

@@ -108,9 +108,36 @@ contains
       if (allocated(stated%anisotropy_cap)) prior%anisotropy_cap = stated%anisotropy_cap
       prior%has_default = .not. prior%has_box
       prior%in_logarithms = stated%measure == 'logarithms' .or. .not. prior%has_box
-      call prior%set_knowledge(knowledge, error)
+      if (prior%has_box .and. prior%in_logarithms .and. prior%anisotropy_cap >= huge(1.0_wp) &
+         & .and. basis%domain%log_anisotropy_max >= huge(1.0_wp)) call check_proper(prior, error)
+      if (.not. allocated(error)) call prior%set_knowledge(knowledge, error)
       if (.not. allocated(error)) call estimate_share(basis, prior, error)
    end subroutine new_prior
+
+   !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of stability. The least eigenvalue of the
+   !> stiffness is a concave function of the constants, so that within the bounds it is least at one of their corners.
+   subroutine check_proper(prior, error)
+      type(prior_type), intent(in) :: prior
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: corner
+      real(wp) :: x(prior%n_constants)
+      integer :: i, j
+
+      do i = 0, 2**prior%n_constants - 1
+         do j = 1, size(x)
+            x(j) = merge(prior%upper(j), prior%lower(j), btest(i, j - 1))
+         end do
+         if (is_stable(prior%class%stiffness(x))) cycle
+         corner = trim(prior%class%constants(1))//' = '//to_text(x(1))
+         do j = 2, size(x)
+            corner = corner//', '//trim(prior%class%constants(j))//' = '//to_text(x(j))
+         end do
+         call raise(error, 'measure = ''logarithms'' needs bounds within which every crystal is stable, since log K has infinite ' &
+            & //'volume at the edge of stability; '//corner//' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
+            & //'measure = ''constants''', exit_bad_input)
+         return
+      end do
+   end subroutine check_proper
 
    !> In what the density is stated.
    pure function measure(self)

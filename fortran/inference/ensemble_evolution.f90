@@ -27,8 +27,8 @@ module ensemble_evolution
       real(wp) :: step_scale = 1.0_wp
    end type view_type
 
-   !> From here on ensembles are larger, and a polynomial pays.
-   integer, parameter :: many_dimensions = 6
+   !> From here on ensembles are larger, and a polynomial pays: with six constants it errs too much in tails, where chains then stay.
+   integer, parameter :: many_dimensions = 6, polynomial_dimensions = 7
 
 contains
 
@@ -45,13 +45,18 @@ contains
       !> Whether a point of the support was found; if so, and no stop is requested, there is an archive.
       logical, intent(out) :: started
       !> Rounds among which the evaluations are divided, those that cool, which are shorter, counting as five; and most that cool.
-      integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40
-      real(wp), parameter :: last_temperatures(*) = [1.0_wp, 1.0_wp, 1.0_wp, 1.5_wp, 1.5_wp]
+      integer, parameter :: rounds = 10, shorter = 4, most_cooling = 40, tail_effort = 20
       real(wp), allocatable :: points(:, :), density(:)
-      real(wp) :: inverse, next
+      real(wp) :: last_temperatures(5), warm, inverse, next
       integer :: m, distinct, round, i
       integer(i8) :: generations
 
+      ! Warm enough that a mixture fitted to the last round covers tails as long as those of the default prior, which a chain may enter
+      ! once and then not leave; with many constants less, since ever fewer of its points would be of use.
+      warm = min(3.0_wp, max(1.5_wp, 1.0_wp + 10.0_wp/target%dimension))
+      last_temperatures = [1.0_wp, 1.0_wp, 1.0_wp, max(1.5_wp, 0.5_wp*(1.0_wp + warm)), warm]
+      ! Large ensembles find the tails on the way down. A polynomial needs points of the density itself.
+      if (target%dimension >= many_dimensions .and. target%dimension < polynomial_dimensions) last_temperatures = warm
       m = max(24, merge(40, 10, target%dimension >= many_dimensions)*target%dimension)
       call draw_population(target, 4*m, stream, points, density)
       started = size(density) > 0
@@ -59,21 +64,23 @@ contains
       m = min(m, size(density))
       inverse = 0.0_wp
       do round = 1, most_cooling
-         next = 1.0_wp
-         if (round < most_cooling) next = next_inverse(density, inverse)
+         next = 1.0_wp/last_temperatures(1)
+         if (round < most_cooling) next = min(next, next_inverse(density, inverse))
          call resample(stream, (next - inverse)*density, points, density, distinct)
          inverse = next
          call look_again(target, 1.0_wp/inverse, min(distinct, 4*m), stream, points, density, view)
          generations = evaluations*effort(target, view)/(m*rounds)
          call step_population(target, 1.0_wp/inverse, m, generations/shorter, stream, view, points, density, distinct)
-         if (inverse >= 1.0_wp .or. stop_requested()) exit
+         if (inverse >= 1.0_wp/last_temperatures(1) .or. stop_requested()) exit
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
          ! Those that cool were half of the evaluations.
          call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
-         generations = evaluations*effort(target, view)/(m*rounds)
+         ! The way into a long tail is long.
+         generations = evaluations*effort(target, view)/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &
+            & last_temperatures(round) > 1.0_wp .and. target%dimension < polynomial_dimensions)
          call step_population(target, last_temperatures(round), m, generations, stream, view, points, density, distinct)
       end do
       archive = points
@@ -120,7 +127,7 @@ contains
       type(view_type), intent(in) :: view
 
       effort = 1
-      if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
+      if (target%n_outputs == 0 .or. target%dimension < polynomial_dimensions) return
       effort = merge(10, 2, is_fitted(view%polynomial))
    end function effort
 
@@ -290,7 +297,7 @@ contains
       logical, allocatable :: inside(:)
 
       view%polynomial = output_polynomial_type()
-      if (target%n_outputs == 0 .or. target%dimension < many_dimensions) return
+      if (target%n_outputs == 0 .or. target%dimension < polynomial_dimensions) return
       degree = polynomial_degree(target%dimension, merge(few_terms, many_terms, temperature > 5.0_wp))
       many = surplus*polynomial_terms(target%dimension, degree)
       allocate (outputs(target%n_outputs, many), arguments(target%dimension, many))

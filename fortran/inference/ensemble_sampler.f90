@@ -66,9 +66,9 @@ contains
       call fit_proposal(target, kernel%view, kernel%archive, stream, kernel%mixture, quality)
       if (stop_requested()) return
       exact%whitening = kernel%view%whitening
-      ! Where the mixture fits badly, more of the steps are differences, which need no fit.
-      if (quality > 0.0_wp) kernel%share = min(0.85_wp, max(0.2_wp, quality))
-      kernel%steps = 1 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
+      ! Differences lead along tails that the mixture leaves out; where it fits badly, more of the steps are such.
+      if (quality > 0.0_wp) kernel%share = min(0.6_wp, max(0.2_wp, quality))
+      kernel%steps = 2 + nint(merge(5.0_wp, 2.0_wp, is_fitted(kernel%view%polynomial))*target%dimension &
                              & *max(0.0_wp, 0.8_wp - quality))
       call stream%pick(size(kernel%archive, 2), i)
       u = kernel%archive(:, i)
@@ -228,7 +228,7 @@ contains
       integer, parameter :: components = 16, draws = 3000, most_outside = 3000, least_rounds = 4, most_rounds = 12
       integer, parameter :: most_tries = 10*draws
       !> A smaller share of good draws is not worth the search: differences alone do better.
-      real(wp), parameter :: archive_share = 0.15_wp, hopeless = 0.01_wp
+      real(wp), parameter :: archive_share = 0.3_wp, hopeless = 0.01_wp
       type(mixture_type) :: fitted
       real(wp), allocatable :: points(:, :), weights(:), log_weights(:), beyond(:, :), u(:, :), w(:, :)
       type(point_type), allocatable :: batch(:)

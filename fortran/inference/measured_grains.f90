@@ -1,7 +1,7 @@
 !> The grains that were measured, and what an uncertain orientation does to a modulus.
 !>
-!> The tilt of the indented direction is normal in each of two components. The modulus, quadratic in the tilt, then has the mean
-!> M + sd² tr H / 2 and the variance sd² |s|² + sd⁴ |H|² / 2 with slope s and curvature H, taken from six neighbouring directions.
+!> The tilt of the indented direction is normal in each of two components. Mean and variance of the modulus are those of the product of two
+!> three-point rules with steps of sqrt 3 sds (Gauss-Hermite), exact for moments up to degree 5 in each component.
 module measured_grains
    use crystal_elasticity, only: euler_angles, rotation_matrix
    use kinds, only: degree, wp
@@ -19,28 +19,33 @@ module measured_grains
       integer, allocatable :: group(:)
    end type measured_type
 
-   !> Directions in which a grain is evaluated for its slope and curvature: itself, and six tilts along two axes.
-   integer, parameter :: n_tilts = 7
-   real(wp), parameter :: tilt_step = 1.0_wp*degree
-   real(wp), parameter :: tilts(2, n_tilts) = reshape(tilt_step*[0, 0, 1, 0, -1, 0, 0, 1, 0, -1, 1, 1, -1, -1], [2, n_tilts])
+   !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.
+   integer, parameter :: n_tilts = 9, cells(n_tilts) = [5, 1, 2, 3, 4, 6, 7, 8, 9]
 
 contains
 
    !> The orientations (3, n n_tilts) of n grains: as they are, then all with the first tilt, and so on.
-   pure function all_tilts(euler) result(others)
-      !> Bunge-Euler angles, radians, (3, n).
-      real(wp), intent(in) :: euler(:, :)
+   pure function all_tilts(euler, sd) result(others)
+      !> Bunge-Euler angles (3, n), and sds of the tilts (n); radians.
+      real(wp), intent(in) :: euler(:, :), sd(:)
       real(wp) :: others(3, size(euler, 2)*n_tilts)
       integer :: i, k, n
 
-      n = size(euler, 2)
-      others(:, :n) = euler
-      do k = 2, n_tilts
+      n = size(sd)
+      do k = 1, n_tilts
          do i = 1, n
-            others(:, (k - 1)*n + i) = tilted(euler(:, i), tilts(:, k))
+            others(:, (k - 1)*n + i) = tilted(euler(:, i), step_of(sd(i))*[mod(cells(k) - 1, 3) - 1, (cells(k) - 1)/3 - 1])
          end do
       end do
    end function all_tilts
+
+   !> From tilt to tilt; of a grain whose orientation is exact for the slopes alone.
+   pure elemental real(wp) function step_of(sd)
+      !> Radians.
+      real(wp), intent(in) :: sd
+
+      step_of = merge(sqrt(3.0_wp)*sd, 1.0_wp*degree, sd > 0.0_wp)
+   end function step_of
 
    !> The orientation of a grain whose indented direction is tilted: the sample turned about its x and y.
    pure function tilted(euler, tilt) result(other)
@@ -60,21 +65,23 @@ contains
       other = euler_angles(g)
    end function tilted
 
-   !> Shift of the mean modulus and variance, GPa and GPa², for an uncertain tilt.
-   pure subroutine tilt_moments(moduli, sd, shift, variance, slopes)
+   !> Mean and variance of a modulus of an uncertain tilt, GPa and GPa².
+   pure subroutine tilt_moments(moduli, sd, mean, variance, slopes)
       !> At the grain's own direction and its tilts, GPa; sd of the tilt per component, radians.
       real(wp), intent(in) :: moduli(n_tilts), sd
-      real(wp), intent(out) :: shift, variance
+      real(wp), intent(out) :: mean, variance
       !> GPa/rad, of each component.
       real(wp), intent(out) :: slopes(2)
-      real(wp) :: second(3)
+      real(wp), parameter :: weights(3) = [1.0_wp, 4.0_wp, 1.0_wp]/6.0_wp
+      real(wp) :: grid(n_tilts), weight(n_tilts)
 
-      associate (m => moduli)
-         slopes = (m([2, 4]) - m([3, 5]))/(2.0_wp*tilt_step)
-         second(:2) = (m([2, 4]) + m([3, 5]) - 2.0_wp*m(1))/tilt_step**2
-         second(3) = ((m(6) + m(7) - 2.0_wp*m(1))/tilt_step**2 - second(1) - second(2))/2.0_wp
-      end associate
-      shift = 0.5_wp*sd**2*(second(1) + second(2))
-      variance = sd**2*sum(slopes**2) + 0.5_wp*sd**4*(second(1)**2 + second(2)**2 + 2.0_wp*second(3)**2)
+      grid(cells) = moduli
+      slopes = [grid(6) - grid(4), grid(8) - grid(2)]/(2.0_wp*step_of(sd))
+      mean = moduli(1)
+      variance = 0.0_wp
+      if (sd <= 0.0_wp) return
+      weight = reshape(spread(weights, 2, 3)*spread(weights, 1, 3), [n_tilts])
+      mean = dot_product(weight, grid)
+      variance = dot_product(weight, (grid - mean)**2)
    end subroutine tilt_moments
 end module measured_grains

@@ -1,9 +1,8 @@
 !> Whether the orientations explain the moduli, found without the crystal's constants.
 !>
-!> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to degree 4. Least
-!> squares fit them, with the errors that measurements share. If the orientations are those of the grains, what is left is a chi-square.
-!> If the orientations are shuffled, chi-square is that of shuffled moduli: how many shuffles fit as well is the probability of
-!> the measurements without any orientation, and how many are noticed the power of the check.
+!> To first order in the anisotropy a modulus is a sum of the harmonics of the crystal class up to degree 4, which least squares fit, with
+!> the errors that measurements share. If the orientations are those of the grains, a chi-square is left. If the rows are in disorder, it
+!> is that of shuffled rows: the share of shuffles that fit as well is a probability, the share that is noticed the power of the check.
 module orientation_check
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
@@ -16,16 +15,15 @@ module orientation_check
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    implicit none
    private
-   public :: orientation_check_type, check_orientations, rare
+   public :: orientation_check_type, check_orientations
 
    !> A probability that is noticed, and the power that a remark on orientations needs.
-   real(wp), parameter :: rare = 0.01_wp, enough_power = 0.5_wp
-   !> Other readings of the same table.
+   real(wp), parameter :: rare = 0.005_wp, enough_power = 0.5_wp
+   !> Other readings of the same table: of the first three the direction is another one.
    character(len=*), parameter, public :: readings(0:6) = [character(len=52) :: '', &
-      & 'rotations from crystal to sample axes (the inverse)', &
-      & 'the x axis of the sample as the indented one', 'the y axis of the sample as the indented one', &
-      & 'the orientations in reverse order', 'the orientations one row further down', 'the orientations one row further up']
-   !> Of the first readings and the table as it is; of the shuffles.
+      & 'rotations from crystal to sample axes (the inverse)', 'the x axis of the sample as the indented one', &
+      & 'the y axis of the sample as the indented one', 'the orientations in reverse order', &
+      & 'the orientations one row further down', 'the orientations one row further up']
    integer, parameter :: n_directions = 4, stream_number = 6000000
 
    type :: orientation_check_type
@@ -36,14 +34,14 @@ module orientation_check
       real(wp) :: p_shuffled = 1.0_wp, power = 0.0_wp
       !> Which of the `readings` fits while the table as it is does not; 0: none.
       integer :: better = 0
-      !> Grains without which the others agree, the first the worst, and how far each is from what the others predict, sds.
+      !> Grains without which the others agree, the worst first, and how far each is from what the others predict, sds.
       integer, allocatable :: outliers(:)
       real(wp), allocatable :: distances(:)
    contains
       procedure :: is_noticed
    end type orientation_check_type
 
-   !> Moduli over their sds, their weights (0 or 1), the shared errors, and their fit.
+   !> Moduli over their scales, their weights (0 or 1), the shared errors, and their fit.
    type :: fit_type
       real(wp), allocatable :: values(:), scales(:), weights(:), shared(:, :), columns(:, :), b(:), l(:, :)
       real(wp) :: chi_square = 0.0_wp
@@ -68,53 +66,40 @@ contains
       real(wp), parameter :: free = 1000.0_wp
       integer :: k
 
-      self%columns = reshape([free*rows/spread(self%scales, 2, size(rows, 2)), self%shared], [size(rows, 1), size(rows, 2) &
-         & + size(self%shared, 2)])
-      k = size(self%columns, 2)
+      k = size(rows, 2) + size(self%shared, 2)
+      self%columns = reshape([free*rows/spread(self%scales, 2, size(rows, 2)), self%shared], [size(rows, 1), k])
       if (allocated(self%b)) deallocate (self%b, self%l)
       allocate (self%b(k), self%l(k, k))
       call fit_columns(self%values, self%columns, self%weights, self%b, self%l)
       self%chi_square = sum(self%weights*(self%values - matmul(self%columns, self%b))**2) + sum(self%b**2)
    end subroutine to_rows
 
-   !> How far grain i is from what the others say, sds, itself left out.
-   real(wp) function distance(self, i)
-      class(fit_type), intent(in) :: self
-      integer, intent(in) :: i
-      real(wp) :: z(size(self%b))
-
-      z = self%columns(i, :)
-      call solve_lower(self%l, z)
-      distance = (self%values(i) - sum(self%columns(i, :)*self%b))/sqrt(max(epsilon(1.0_wp), 1.0_wp &
-         & + (1.0_wp - 2.0_wp*self%weights(i))*sum(z**2)))
-   end function distance
-
    !> Check the orientations of the measured grains.
    subroutine check_orientations(posterior, x, check, error)
       type(posterior_type), intent(in) :: posterior
-      !> A probable point, (dimension), whose errors are taken.
+      !> A probable point, (dimension).
       real(wp), intent(in) :: x(:)
       type(orientation_check_type), intent(out) :: check
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
       type(fit_type) :: fit
       real(wp), dimension(posterior%n_grains) :: model, scales
-      real(wp) :: u(posterior%n_grains, posterior%n_shared), g(3, 3), directions(3, n_directions)
-      real(wp), allocatable :: rows(:, :, :)
+      real(wp) :: g(3, 3), directions(3, n_directions)
+      real(wp), parameter :: seen = 10.0_wp
+      real(wp), allocatable :: u(:, :), rows(:, :, :)
+      real(wp) :: far
       integer :: i, k, n
 
       n = posterior%n_grains
       allocate (check%outliers(0), check%distances(0))
       call new_harmonics(posterior%prior%class, 4, harmonics, error)
-      if (allocated(error)) return
-      check%freedom = n - harmonics%n
-      if (check%freedom < 1 .or. harmonics%n == 1) return
+      if (allocated(error) .or. n <= harmonics%n) return
+      allocate (u(n, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       fit%scales = scales/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
-      allocate (fit%shared(n, min(n, posterior%n_shared)))
+      allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, n_directions))
       call factor_columns(u*posterior%errors%scale, fit%shared)
-      allocate (rows(n, harmonics%n, n_directions))
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
          directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2)], [3, n_directions])
@@ -122,69 +107,89 @@ contains
             call evaluate_harmonics(harmonics, directions(:, k), rows(i, :, k))
          end do
       end do
-      ! The crystal bends more than the harmonics do, but may not be the best one.
+      ! What the crystal leaves: it bends more than the harmonics do.
       fit%values = (posterior%measured - model)/fit%scales
-      call fit%to_rows(rows(:, :0, 1))
-      check%chi_square = fit%chi_square
-      fit%values = (posterior%measured - sum(posterior%measured)/n)/fit%scales
-      call fit%to_rows(rows(:, :1, 1))
-      check%constant = fit%chi_square
       call fit%to_rows(rows(:, :, 1))
-      check%chi_square = min(check%chi_square, fit%chi_square)
+      check%chi_square = fit%chi_square
+      ! A harmonic that the grains do not tell from those before it has the pivot 1.
+      check%freedom = n - count([(fit%l(i, i) > seen, i=1, harmonics%n)])
       check%p = chi_square_above(check%chi_square, check%freedom)
       ! With sds that were fitted chi-square says nothing.
       if (posterior%infers_scale) check%p = ieee_value(1.0_wp, ieee_quiet_nan)
-      if (check%p < rare) call find_outliers(fit, rows(:, :, 1), check)
-      call try_shuffles(fit, rows, check)
-      check%power = check%power + 0.0_wp*check%p
+      far = 5.0_wp
+      if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
+      if (harmonics%n > 1) call try_shuffles(fit, posterior%measured - sum(posterior%measured)/n, rows, check)
+      if (check%is_noticed() .or. size(check%outliers) > 0) return
+      ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
+      do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)
+         far = far - 0.1_wp
+      end do
+      call find_outliers(fit, rows(:, :, 1), far, check)
    end subroutine check_orientations
 
-   !> Leave out the worst grain, if it is far off, then the next, till the others agree; if that takes too many, none is to blame.
-   subroutine find_outliers(fit, rows, check)
+   !> Leave out the worst grain, then the next, while one is `far` off. If the others agree then, these are the outliers.
+   subroutine find_outliers(fit, rows, far, check)
       type(fit_type), intent(inout) :: fit
-      !> (grain, harmonic).
-      real(wp), intent(in) :: rows(:, :)
+      !> (grain, harmonic); sds.
+      real(wp), intent(in) :: rows(:, :), far
       type(orientation_check_type), intent(inout) :: check
-      real(wp), parameter :: far = 5.0_wp, most = 0.1_wp
       real(wp), allocatable :: distances(:)
       integer :: i, n
 
       n = size(rows, 1)
       do
-         distances = [(fit%weights(i)*distance(fit, i), i=1, n)]
-         i = maxloc(abs(distances), dim=1)
-         if (abs(distances(i)) < far .or. size(check%outliers) >= max(1.0_wp, most*n) .or. check%freedom == 1) exit
+         distances = [(distance(i), i=1, n)]
+         i = maxloc(fit%weights*abs(distances), dim=1)
+         if (fit%weights(i)*abs(distances(i)) < far) exit
+         if (size(check%outliers) >= max(1, min(20, n/10)) .or. check%freedom == 1) exit
          check%outliers = [check%outliers, i]
          check%freedom = check%freedom - 1
          fit%weights(i) = 0.0_wp
          call fit%to_rows(rows)
-         if (chi_square_above(fit%chi_square, check%freedom) < rare) cycle
-         check%distances = [(distance(fit, check%outliers(i)), i=1, size(check%outliers))]
-         return
       end do
+      check%distances = distances(check%outliers)
+      if (chi_square_above(fit%chi_square, check%freedom) > rare) return
       check%freedom = check%freedom + size(check%outliers)
-      deallocate (check%outliers)
-      allocate (check%outliers(0))
+      check%outliers = check%outliers(:0)
       fit%weights = 1.0_wp
       call fit%to_rows(rows)
+
+   contains
+
+      !> From what the others predict, its own weight taken out.
+      real(wp) function distance(i)
+         integer, intent(in) :: i
+         real(wp) :: z(size(fit%b))
+
+         z = fit%columns(i, :)
+         call solve_lower(fit%l, z)
+         distance = (fit%values(i) - sum(fit%columns(i, :)*fit%b))/sqrt(max(epsilon(far), 1.0_wp + (1.0_wp &
+            & - 2.0_wp*fit%weights(i))*sum(z**2)))
+      end function distance
    end subroutine find_outliers
 
-   !> Fit the orientations of other grains, at random, and those of other readings of the table.
-   subroutine try_shuffles(fit, rows, check)
-      type(fit_type), intent(inout) :: fit
-      !> (grain, harmonic, direction).
-      real(wp), intent(in) :: rows(:, :, :)
+   !> Fit measurements to the orientations of other grains, at random, and to those of other readings of the table.
+   subroutine try_shuffles(fit, measured, rows, check)
+      type(fit_type), intent(in) :: fit
+      !> (grain); (grain, harmonic, direction).
+      real(wp), intent(in) :: measured(:), rows(:, :, :)
       type(orientation_check_type), intent(inout) :: check
       !> Shuffles, and of many grains multiplications in all.
       real(wp), parameter :: most = 999.0_wp, fewest = 99.0_wp, multiplications = 2.0e8_wp
+      type(fit_type) :: other
       type(random_stream_type) :: stream
       real(wp) :: here, best
-      integer :: order(size(rows, 1)), i, j, k, n, shuffles, as_well, noticed
+      integer :: order(size(measured)), i, j, k, n, shuffles, as_well, noticed
 
       n = size(order)
-      here = fit%chi_square
+      other = fit
+      other%values = measured/fit%scales
+      call other%to_rows(rows(:, :1, 1))
+      check%constant = other%chi_square
+      call other%to_rows(rows(:, :, 1))
+      here = other%chi_square
       best = here
-      shuffles = int(max(fewest, min(most, multiplications/size(fit%columns)/size(fit%b))))
+      shuffles = int(max(fewest, min(most, multiplications/size(other%columns)/size(other%b))))
       stream = new_random_stream(0, stream_number)
       order = [(i, i=1, n)]
       as_well = 1
@@ -194,21 +199,21 @@ contains
             call stream%pick(i, j)
             order([i, j]) = order([j, i])
          end do
-         call fit%to_rows(rows(order, :, 1))
-         best = min(best, fit%chi_square)
-         if (fit%chi_square <= here) as_well = as_well + 1
-         if (chi_square_above(fit%chi_square, check%freedom) < rare) noticed = noticed + 1
+         call other%to_rows(rows(order, :, 1))
+         best = min(best, other%chi_square)
+         if (other%chi_square <= here) as_well = as_well + 1
+         if (chi_square_above(other%chi_square, check%freedom) < rare) noticed = noticed + 1
       end do
       check%p_shuffled = real(as_well, wp)/(shuffles + 1)
-      check%power = real(noticed, wp)/shuffles
+      check%power = real(noticed, wp)/shuffles + 0.0_wp*check%p
       if (.not. check%p < rare) return
       order = [(i, i=1, n)]
       do k = 1, ubound(readings, 1)
-         if (k <= 3) call fit%to_rows(rows(:, :, k + 1))
-         if (k == 4) call fit%to_rows(rows(n:1:-1, :, 1))
-         if (k > 4) call fit%to_rows(rows(cshift(order, 2*k - 11), :, 1))
-         if (fit%chi_square >= best .or. chi_square_above(fit%chi_square, check%freedom) < rare) cycle
-         best = fit%chi_square
+         if (k < 4) call other%to_rows(rows(:, :, k + 1))
+         if (k == 4) call other%to_rows(rows(n:1:-1, :, 1))
+         if (k > 4) call other%to_rows(rows(cshift(order, 2*k - 11), :, 1))
+         if (other%chi_square >= best .or. chi_square_above(other%chi_square, check%freedom) < rare) cycle
+         best = other%chi_square
          check%better = k
       end do
    end subroutine try_shuffles

@@ -62,14 +62,8 @@ contains
          call document%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', [check%constant, &
             & check%chi_square, real(check%freedom, wp), check%p, check%p_shuffled, check%power])
          call document%put('better_reading', trim(readings(check%better)))
-         call document%begin_array('outliers')
-         do i = 1, size(check%outliers)
-            call document%begin_object()
-            call document%put('grain', check%outliers(i))
-            call document%put('distance_sd', check%distances(i))
-            call document%end_object()
-         end do
-         call document%end_array()
+         call document%put('outliers', real(check%outliers, wp))
+         call document%put('distances_sd', check%distances)
          call document%end_object()
       end associate
       call document%end_object()

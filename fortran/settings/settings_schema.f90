@@ -81,7 +81,8 @@ module settings_schema
       character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
       character(len=longest_item), allocatable :: columns(:)
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
-         & orientation_sd_deg = 0.0_wp, misalignment_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp, zero_sd_nm = 0.0_wp
+         & orientation_sd_deg = 0.0_wp, misalignment_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp, &
+         & zero_sd_nm = 0.0_wp, yield_gpa = 0.0_wp
    end type measurements_settings_type
 
    type, extends(group_settings_type) :: prior_settings_type
@@ -322,6 +323,8 @@ contains
       call v%real('zero_sd_nm', s%measurements%zero_sd_nm, '0.0', '[0, 1000]', 'nm', &
          & 'sd of the depth at which a test touches the surface: a relative sd of 1.5 zero_sd_nm/depth_nm of its modulus; ' &
          & //'a column of this name goes before it')
+      call v%real('yield_gpa', s%measurements%yield_gpa, '0.0', '[0, 1000]', 'GPa', &
+         & 'yield stress of the grains: a warning where a contact is not elastic; 0: above 3 % of the modulus')
       call v%real('scatter_sd', s%measurements%scatter_sd, '0.0', '[0, 0.5]', '', &
          & 'relative sd of what differs from grain to grain beside the errors of measurement')
       call v%text('scale', s%measurements%scale, kind_choice, 'given', 'given, inferred', &

@@ -1,9 +1,15 @@
 """Simulation-based calibration of Step 2 (Talts et al. 2018): classes, every kind of error and knowledge, and a rough correction.
 
-Truths are drawn from the prior within explicit bounds, measurements from the model that is assumed: with what a group shares, heavy tails,
+Truths are drawn from the prior within explicit bounds, or from the default prior (below), measurements from the model that is assumed: with what a group shares, heavy tails,
 one unknown scale, tilted directions, or a bulk modulus known beforehand; moduli are those of the exact theory, or drawn with what a correction
 does not know, which all grains share. The rank of each truth among the draws of its posterior must be uniform: of every constant, and of the
 logarithm of the density. p-values are those of a chi-square test with ten bins, after Holm's correction over all that one run has looked at.
+
+The default prior has its scale about the mean measurement, and so depends on the data. Truths are drawn with the scale about a number that is
+fixed before, CENTRE, and the draws of each posterior are weighted by the ratio of the prior with this scale to that with the data's: the
+ranks are exact. They are also tested without weights, as users get them. What extract would call unusable (R-hat, effective samples)
+depends on data and chains alone, not on the truth, so that the ranks of the other data sets must be uniform by themselves: p-values of all
+data sets, and of the usable ones.
 
     ./bayesindent bench calibration                       # all cases, 200 data sets each: hours
     ./bayesindent bench calibration --case cubic --repeats 50
@@ -17,6 +23,8 @@ from pathlib import Path
 
 import numpy as np
 from bench_studies import BINS, DRAWS, effective_size, holm
+from reference_density import LogPosterior
+from reference_posteriors import SYNONYMS
 from scipy import stats
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, stiffness_rows
@@ -36,6 +44,9 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "inferred scale": ("copper", 12, {"scale": "inferred"}),
     "orientation sd": ("copper", 12, {"orientation_sd_deg": 3.0}),
     "knowledge": ("copper", 12, {"knowledge": {"bulk_modulus": 0.1}}),
+    "default prior, cubic": ("copper", 12, {"default": 2}),
+    "default prior, hexagonal": ("Zn", 16, {"default": 3}),
+    "default prior, tetragonal": ("rutile", 20, {"default": 4}),
     # Of the paper's block, taught by so many simulations, with measurements about as good as it is.
     "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.003}),
     "correction, orthorhombic": ("forsterite", 16, {"simulations": 10, "noise": 0.002}),
@@ -43,6 +54,10 @@ CASES: dict[str, tuple[str, int, dict]] = {
 }
 #: Relative sd of a measurement, and of the bounds about the literature's constants.
 NOISE, HALF_WIDTH = 0.02, 0.3
+#: GPa; and orientations whose moduli are ranked, as many as there are visible combinations (`default` of a case).
+CENTRE, VISIBLE = 140.0, np.array([[0, 0, 0], [0, 54.7356, 45], [0, 90, 0], [0, 45, 0]], float)
+#: GPa; other measurements are refused. This, too, depends on the data alone.
+PLAUSIBLE = 1.0, 2000.0
 #: The prior of the factor on unknown sds: its logarithm is uniform.
 FACTORS = 0.05, 50.0
 
@@ -64,12 +79,16 @@ class Study:
         self.extra = dict(extra)
         self.group = self.extra.pop("group", 0)
         self.noise = self.extra.pop("noise", NOISE)
+        self.visible = self.extra.pop("default", 0)
         self.inferred = self.extra.get("scale") == "inferred"
         self.correction = rough_correction(self.extra.pop("simulations")) if "simulations" in self.extra else None
         self.settings = {
             "symmetry": self.symmetry, "surrogate": self.correction or Surrogate.load("halfspace"), "modulus_kind": "indentation_modulus",
             "bounds": dict(zip(self.names, zip(self.low, self.high, strict=True), strict=True)), **self.extra,
         }  # fmt: skip
+        if self.visible:
+            del self.settings["bounds"]
+            self.prior = LogPosterior(SYNONYMS.get(self.symmetry, self.symmetry), None, np.array([CENTRE]), None)
         self.known = None
         if "knowledge" in self.extra:
             ((quantity, relative),) = self.extra["knowledge"].items()
@@ -78,7 +97,9 @@ class Study:
             self.settings["knowledge"] = {quantity: (mean, relative * mean)}
 
     def truth(self) -> np.ndarray:
-        """A point of the prior, by rejection."""
+        """A point of the prior, by rejection where there are bounds."""
+        if self.visible:
+            return self.prior.crystals(self.prior.draw_prior(self.rng))[0]
         settings = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
         table = self.table(self.typical, np.zeros((1, 3)))
         prior = Posterior.of(table, what=PRIOR, **settings)
@@ -111,7 +132,8 @@ class Study:
         table = self.table(truth, euler)
         # By the theory as the posterior reads it, so that sds however small find no difference.
         plain = {key: value for key, value in self.settings.items() if key in ("symmetry", "surrogate", "modulus_kind", "bounds")}
-        modulus = self.simulated(truth, true) if self.correction else Posterior.of(table, **plain).moduli(truth, true)[0][0]
+        grains = table | {"modulus_gpa": np.clip(table["modulus_gpa"], *PLAUSIBLE)}
+        modulus = self.simulated(truth, true) if self.correction else Posterior.of(grains, **plain).moduli(truth, true)[0][0]
         sd = table["sd_gpa"]
         noise, drawn = rng.normal(size=n), []
         if "student_dof" in self.extra:
@@ -140,13 +162,25 @@ class Study:
     @property
     def labels(self) -> list[str]:
         """What is ranked."""
-        return [*self.names, *(["scale"] if self.inferred else []), "log density"]
+        moduli = [f"modulus {k + 1}" for k in range(self.visible)]
+        return [*self.names, *(["scale"] if self.inferred else []), "log density", *moduli]
+
+    @property
+    def kept(self) -> list[str]:
+        """What is kept of a data set: the ranks, and with the default prior those without weights and whether it is usable."""
+        return self.labels if not self.visible else [*self.labels, *(f"{label}, as given" for label in self.labels), "usable"]
 
     def ranks(self, threads: int, seed: int, *, samples: int = 1000, burn_in: int = 4000, chains: int = 4) -> np.ndarray:
-        """Share of the draws below the truth, of which half a draw more: of each parameter, and of the logarithm of the density."""
+        """Share of the draws below the truth, of which half a draw more: of each parameter, and of the logarithm of the density.
+
+        What `kept` lists.
+        """
         self.rng = np.random.default_rng([*self.stream, seed])
-        truth = self.truth()
-        table, drawn = self.measure(truth)
+        while True:
+            truth = self.truth()
+            table, drawn = self.measure(truth)
+            if not self.visible or (table["modulus_gpa"].min() > PLAUSIBLE[0] and table["modulus_gpa"].max() < PLAUSIBLE[1]):
+                break
         posterior = Posterior.of(table, seed=seed, workers=threads, **self.settings)
         draws, _, _ = posterior.sample(method="ensemble", samples=samples, burn_in=burn_in, chains=chains, threads=threads, seed=seed)
         flat = draws.reshape(-1, draws.shape[2])
@@ -154,8 +188,34 @@ class Study:
         chosen = flat[np.linspace(0, len(flat) - 1, max(9, size)).astype(int)]
         true = np.concatenate([truth, drawn])
         values = np.column_stack([chosen, posterior.evaluate(chosen)[0]])
-        below = (values < np.append(true, posterior.evaluate(true[None])[0])).sum(axis=0)
-        return (below + 0.5) / (len(values) + 1)
+        true = np.append(true, posterior.evaluate(true[None])[0])
+        if self.visible:
+            values = np.column_stack([values, posterior.moduli(chosen, VISIBLE[: self.visible])[0]])
+            true = np.append(true, posterior.moduli(truth, VISIBLE[: self.visible])[0][0])
+        below = values < true
+        plain = (below.sum(axis=0) + 0.5) / (len(values) + 1)
+        if not self.visible:
+            return plain
+        weights = self.weights(chosen, table["modulus_gpa"])
+        weighted = (weights @ below + 0.5) / (weights.sum() + 1)
+        return np.concatenate([weighted, plain, [usable(draws)]])
+
+    def weights(self, constants: np.ndarray, modulus: np.ndarray) -> np.ndarray:
+        """Of draws, by the ratio of the prior with its scale about CENTRE to that about the mean measurement; their mean is one."""
+        ours = LogPosterior(SYNONYMS.get(self.symmetry, self.symmetry), None, modulus, None)
+        x = ours.coordinates(constants)
+        change = self.prior.log_prior(x) - ours.log_prior(x)
+        weights = np.exp(change - change.max())
+        return weights / weights.mean()
+
+
+def usable(draws: np.ndarray) -> bool:
+    """Whether chains (chains, samples, k) are enough for `extract`: R-hat and effective samples of every constant."""
+    import arviz as az
+
+    columns = [draws[:, :, j] for j in range(draws.shape[2])]
+    effective = min(float(az.ess(column, method=method)) for column in columns for method in ("bulk", "tail"))
+    return effective >= 100 and max(float(az.rhat(column)) for column in columns) <= 1.05
 
 
 def rough_correction(simulations: int) -> Surrogate:
@@ -179,12 +239,12 @@ class Kept:
     def of(self, study: Study, case: str, number: int, threads: int) -> list[float]:
         """The ranks of a data set, computed if they are not there."""
         kept = self.ranks.get((case, number), {})
-        if set(kept) != set(study.labels):
-            kept = dict(zip(study.labels, study.ranks(threads, number, **self.sampling), strict=True))
+        if set(kept) != set(study.kept):
+            kept = dict(zip(study.kept, study.ranks(threads, number, **self.sampling), strict=True))
             if self.path:
                 with self.path.open("a", encoding="utf-8", newline="") as file:
                     csv.writer(file).writerows((*self.run, case, number, label, rank) for label, rank in kept.items())
-        return [kept[label] for label in study.labels]
+        return [kept[label] for label in study.kept]
 
 
 def tilted(euler_deg: np.ndarray, tilt: np.ndarray) -> np.ndarray:
@@ -199,6 +259,11 @@ def tilted(euler_deg: np.ndarray, tilt: np.ndarray) -> np.ndarray:
     z /= np.linalg.norm(z, axis=0)
     # A turn about the direction itself changes no modulus: phi1 is free.
     return np.column_stack([np.zeros_like(phi), np.degrees(np.arccos(z[2])), np.degrees(np.arctan2(z[0], z[1]))])
+
+
+def uniformity(ranks: np.ndarray) -> float:
+    """p-value of a chi-square test."""
+    return float(stats.chisquare(np.histogram(ranks, BINS, (0, 1))[0]).pvalue)
 
 
 def main(argv=None) -> int:
@@ -218,12 +283,18 @@ def main(argv=None) -> int:
     for name in arguments.case or CASES:
         start, study = time.perf_counter(), Study(name, arguments.seed)
         table = np.array([kept.of(study, name, k + 1, arguments.threads) for k in range(arguments.repeats)])
-        for label, column in zip(study.labels, table.T, strict=True):
-            p_values[name, label] = stats.chisquare(np.histogram(column, BINS, (0, 1))[0]).pvalue
+        for label, column in zip(study.kept, table.T, strict=True):
+            if label == "usable":
+                good = column > 0
+                print(f"{name}: {np.count_nonzero(~good)} of {len(good)} results are unusable; among the others")
+                for ranked, values in zip(study.labels, table[good].T, strict=False):
+                    print(f"  {ranked:22} p = {uniformity(values):.3f}")
+            else:
+                p_values[name, label] = uniformity(column)
         print(f"{name}: {arguments.repeats} data sets in {time.perf_counter() - start:.0f} s", flush=True)
     corrected = holm(p_values)
     for (name, label), p in p_values.items():
-        print(f"  {name:20} {label:12} p = {p:.3f}, corrected {corrected[name, label]:.3f}")
+        print(f"  {name:26} {label:22} p = {p:.3f}, corrected {corrected[name, label]:.3f}")
     least = min(corrected.values())
     print("uniform" if least > 0.01 else "NOT uniform", "at p > 0.01 after Holm's correction")
     return int(least <= 0.01)

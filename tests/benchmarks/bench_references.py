@@ -11,13 +11,13 @@ from theory_cases import REFERENCE
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
 
-COLUMNS = "reference | grains | samples | s | CPU s | R-hat | bulk ESS | means, sd | sds, % | correlations | predicted means, GPa"
+COLUMNS = "reference | grains | samples | s | CPU s | R-hat | bulk ESS | means, sd | quantiles, half 90 % | sds, % | correlations | predicted means, GPa"
 
 
 def main(argv=None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="bench references", description=__doc__)
-    known = sorted(path.stem for path in REFERENCE.glob("*.json"))
+    known = sorted(path.stem for path in REFERENCE.glob("*.json") if "mean" in json.loads(path.read_text()))
     parser.add_argument("names", nargs="*", choices=[*known, []], metavar="NAME", help=f"{', '.join(known)} (all)")
     parser.add_argument("--samples", type=int, default=50000, help="of each of four chains (50000)")
     parser.add_argument("--seed", type=int, default=1, help="of the chains (1)")
@@ -43,6 +43,11 @@ def row(name: str, samples: int, seed: int) -> list[str]:
     draws = np.stack([result.posterior[constant].values.ravel() for constant in constant_names(symmetry)])
     parameters = bi.summary(result)["parameters"].values()
     predicted = result.predictions["modulus"].values.reshape(-1, len(expected["predicted_mean"])).mean(axis=0)
+    quantiles = "-"
+    if "quantiles" in expected:
+        wanted = np.array(expected["quantiles"])
+        apart = np.quantile(draws, expected["quantile_shares"], axis=1) - wanted
+        quantiles = f"{np.abs(2 * apart / (wanted[-1] - wanted[0])).max():.3f}"
     return [
         str(len(predicted)),
         f"4 × {samples:,}",
@@ -51,6 +56,7 @@ def row(name: str, samples: int, seed: int) -> list[str]:
         f"{max(values['r_hat'] for values in parameters):.3f}",
         f"{min(values['ess_bulk'] for values in parameters):,.0f}",
         f"{np.abs((draws.mean(axis=1) - expected['mean']) / expected['sd']).max():.3f}",
+        quantiles,
         f"{100 * np.abs(draws.std(axis=1) / expected['sd'] - 1).max():.1f}",
         f"{np.abs(np.corrcoef(draws) - expected['corr']).max():.3f}",
         f"{np.abs(predicted - expected['predicted_mean']).max():.3f}",

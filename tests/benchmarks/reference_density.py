@@ -1,20 +1,33 @@
-"""Prior and density of the reference posteriors: flat in the constants, in coordinates of log K."""
+"""Prior and density of the reference posteriors, in coordinates of log K."""
+
+import math
 
 import numpy as np
 from reference_theory import FieldTheory, orthonormal_space
+from scipy import stats
+from scipy.linalg import logm
 
-PRIOR = {"poisson_min": 0.05, "poisson_max": 0.48, "log_anisotropy_max": 2.5, "young_factor": 3.0, "assumed_nu": 0.3}
+#: The default prior as documented: contrast log(3K/2G), anisotropic coordinates, scale tr log K/6.
+PRIOR = {
+    "contrast_mean": 1.07, "contrast_sd": 0.6, "anisotropy_dof": 3, "anisotropy_scale": 0.7, "scale_factor_of_one_sd": 5.0, "assumed_nu": 0.3,
+}  # fmt: skip
 
 
 class LogPosterior:
-    """Log density of coordinates x (walkers, k) of log K in an orthonormal basis of the class, flat prior on the constants."""
+    """Log density of coordinates x (walkers, k) of log K in an orthonormal basis of the class."""
 
     def __init__(self, symmetry: str, theory: FieldTheory, modulus: np.ndarray, sd: np.ndarray):
         self.theory, self.modulus, self.sd = theory, modulus, sd
         self.basis, self.to_constants = orthonormal_space(symmetry)
-        self.every = self.basis.shape == (21, 6, 6)  # all symmetric matrices
-        young = (1 - PRIOR["assumed_nu"] ** 2) * modulus.mean()
-        self.young = young / PRIOR["young_factor"], young * PRIOR["young_factor"]
+        # Unit vectors of the isotropic part in these coordinates: log 3K along the one, root 5 log 2G along the other.
+        dilatation = np.zeros((6, 6))
+        dilatation[:3, :3] = 1 / 3
+        self.axes = np.array([(self.basis * part).sum((1, 2)) for part in (dilatation, (np.eye(6) - dilatation) / np.sqrt(5))])
+        k = len(self.basis) - 2
+        self.anisotropy = stats.multivariate_t(shape=PRIOR["anisotropy_scale"] ** 2 / k * np.eye(k), df=PRIOR["anisotropy_dof"])
+        nu = PRIOR["assumed_nu"]
+        young = (1 - nu**2) * modulus.mean()
+        self.middle = (np.log(young / (1 - 2 * nu)) + 5 * np.log(young / (1 + nu))) / 6
 
     def coordinates(self, constants: np.ndarray) -> np.ndarray:
         """Coordinates (walkers, k) of constants of stable crystals."""
@@ -22,77 +35,52 @@ class LogPosterior:
         values, vectors = np.linalg.eigh(np.einsum("wk,kij->wij", k, self.basis))
         return np.einsum("wij,wj,wkj,aik->wa", vectors, np.log(values), vectors, self.basis, optimize=True)
 
-    def crystals(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Constants (walkers, k) and the log prior (walkers,): the log Jacobian |dc/dx| up to a constant, -inf outside."""
+    def crystals(self, x: np.ndarray) -> np.ndarray:
+        """Constants (walkers, k) of coordinates."""
         count, k = x.shape
-        log_k = (x @ self.basis.reshape(k, 36)).reshape(count, 6, 6)
-        values, vectors = np.linalg.eigh(log_k)
-        grown = np.exp(values)
-        stiff = (vectors * grown[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        constants = stiff.reshape(count, 36) @ self.basis.reshape(k, 36).T @ self.to_constants.T
-        inside = self.admissible(log_k, values, vectors)
-        log_prior = np.full(count, -np.inf)
-        log_prior[inside] = self.log_jacobian(values[inside], vectors[inside])
-        return constants, log_prior
+        values, vectors = np.linalg.eigh((x @ self.basis.reshape(k, 36)).reshape(count, 6, 6))
+        stiff = (vectors * np.exp(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        return stiff.reshape(count, 36) @ self.basis.reshape(k, 36).T @ self.to_constants.T
 
-    def admissible(self, log_k: np.ndarray, values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-        """Which crystals the prior admits; all of them are stable, since K is an exponential."""
-        volumetric = (vectors[:, 0] + vectors[:, 1] + vectors[:, 2]) ** 2 / 3  # squares of the components along (1, 1, 1, 0, 0, 0) / root 3
-        uku, usu = (volumetric * np.exp(values)).sum(1), (volumetric * np.exp(-values)).sum(1)
-        bulk = (uku / 3 + 1 / (3 * usu)) / 2
-        shear = ((np.exp(values).sum(1) - uku) / 10 + 2.5 / (np.exp(-values).sum(1) - usu)) / 2
-        young, poisson = 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
-        spherical = (volumetric * values).sum(1)
-        deviatoric = values.sum(1) - spherical
-        squares = (log_k**2).sum((1, 2)) - spherical**2 - deviatoric**2 / 5
-        return (
-            (squares <= PRIOR["log_anisotropy_max"] ** 2)
-            & (poisson >= PRIOR["poisson_min"]) & (poisson <= PRIOR["poisson_max"])
-            & (young >= self.young[0]) & (young <= self.young[1])
-        )  # fmt: skip
+    def log_prior(self, x: np.ndarray) -> np.ndarray:
+        """Log density (walkers,) of coordinates; it is stated in log K, so that there is no Jacobian."""
+        isotropic = x @ self.axes.T
+        log_3k, log_2g = isotropic[:, 0], isotropic[:, 1] / np.sqrt(5)
+        density = stats.norm(PRIOR["contrast_mean"], PRIOR["contrast_sd"]).logpdf(log_3k - log_2g)
+        density += stats.norm(self.middle, np.log(PRIOR["scale_factor_of_one_sd"])).logpdf((log_3k + 5 * log_2g) / 6)
+        # This one depends on the distance alone.
+        distance = np.sqrt(((x - isotropic @ self.axes) ** 2).sum(1))
+        return density + self.anisotropy.logpdf(np.outer(distance, np.eye(1, x.shape[1] - 2)))
 
-    def log_jacobian(self, values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-        """Log determinant of the derivative of exp at log K, restricted to the class: divided differences in the eigenvectors' frame."""
-        mean, half = (values[:, :, None] + values[:, None, :]) / 2, (values[:, :, None] - values[:, None, :]) / 2
-        small = np.abs(half) < 1e-4
-        safe = np.where(small, 1, half)
-        quotient = np.where(small, 1 + half * half / 6, np.sinh(safe) / safe)
-        log_difference = mean + np.log(quotient)
-        if self.every:
-            upper = np.triu_indices(6)
-            return log_difference[:, upper[0], upper[1]].sum(1)
-        turned = np.swapaxes(vectors, 1, 2)[:, None] @ self.basis @ vectors[:, None]
-        turned = (turned * np.exp(log_difference / 2)[:, None]).reshape(len(values), len(self.basis), 36)
-        return np.linalg.slogdet(turned @ np.swapaxes(turned, 1, 2))[1]
+    def draw_prior(self, rng: np.random.Generator, count: int = 1) -> np.ndarray:
+        """Coordinates (count, k) drawn from the prior."""
+        contrast = rng.normal(PRIOR["contrast_mean"], PRIOR["contrast_sd"], count)
+        scale = rng.normal(self.middle, np.log(PRIOR["scale_factor_of_one_sd"]), count)
+        isotropic = np.column_stack([scale + 5 / 6 * contrast, np.sqrt(5) * (scale - contrast / 6)])
+        rest = np.linalg.svd(self.axes)[2][2:]
+        return isotropic @ self.axes + np.atleast_2d(self.anisotropy.rvs(count, random_state=rng)).reshape(count, -1) @ rest
 
     def log_likelihood(self, constants: np.ndarray) -> np.ndarray:
         """Normal with the sds of the data, without its constant."""
         return -0.5 * (((self.theory.moduli(constants) - self.modulus) / self.sd) ** 2).sum(1)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        constants, result = self.crystals(x)
-        inside = np.isfinite(result)
-        if inside.any():
-            with np.errstate(all="ignore"):
-                likelihood = self.log_likelihood(constants[inside])
-            result[inside] += np.where(np.isfinite(likelihood), likelihood, -np.inf)
-        return result
+        with np.errstate(all="ignore"):
+            likelihood = self.log_likelihood(self.crystals(x))
+        return self.log_prior(x) + np.where(np.isfinite(likelihood), likelihood, -np.inf)
 
 
-def plainly_admissible(k: np.ndarray, young_range: tuple[float, float]) -> bool:
-    """The prior's limits of one Kelvin matrix, term by term."""
-    values, vectors = np.linalg.eigh(k)
-    if values.min() <= 0:
-        return False
-    s = np.linalg.inv(k)
-    voigt_k, voigt_g = k[:3, :3].sum() / 9, (3 * np.trace(k[:3, :3]) - k[:3, :3].sum() + 3 * np.trace(k[3:, 3:])) / 30
-    reuss_k, reuss_g = 1 / s[:3, :3].sum(), 15 / (6 * np.trace(s[:3, :3]) - 2 * s[:3, :3].sum() + 6 * np.trace(s[3:, 3:]))
-    bulk, shear = (voigt_k + reuss_k) / 2, (voigt_g + reuss_g) / 2
-    young, poisson = 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
-    log_k = vectors @ np.diag(np.log(values)) @ vectors.T
-    spherical = np.zeros((6, 6))
-    spherical[:3, :3] = 1 / 3
-    deviatoric = np.eye(6) - spherical
-    rest = log_k - (log_k * spherical).sum() * spherical - (log_k * deviatoric).sum() / 5 * deviatoric
-    within = PRIOR["poisson_min"] <= poisson <= PRIOR["poisson_max"] and young_range[0] <= young <= young_range[1]
-    return bool(within and np.linalg.norm(rest) <= PRIOR["log_anisotropy_max"])
+def plain_log_prior(k: np.ndarray, constants: int, mean_modulus: float) -> float:
+    """The default prior's log density at one Kelvin matrix, term by term from its documentation."""
+    log_k = logm(k)
+    log_3k = log_k[:3, :3].sum() / 3
+    log_2g = (np.trace(log_k) - log_3k) / 5
+    isotropic = log_2g * np.eye(6)
+    isotropic[:3, :3] += (log_3k - log_2g) / 3
+    distance, free = np.linalg.norm(log_k - isotropic), constants - 2
+    young = (1 - 0.3**2) * mean_modulus
+    solid = (math.log(young / 0.4) + 5 * math.log(young / 1.3)) / 6
+    normal = -0.5 * (((log_3k - log_2g - 1.07) / 0.6) ** 2 + ((np.trace(log_k) / 6 - solid) / math.log(5)) ** 2)
+    normal -= math.log(2 * math.pi * 0.6 * math.log(5))
+    student = math.lgamma((3 + free) / 2) - math.lgamma(1.5) - free / 2 * math.log(3 * math.pi * 0.49 / free)
+    return normal + student - (3 + free) / 2 * math.log1p(distance**2 * free / (3 * 0.49))

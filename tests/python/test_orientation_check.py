@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bench_orientations import RARE, harmonics, misfits
 from scipy import stats
 from scipy.spatial.transform import Rotation
 from step_2_cases import KIND, crystal
@@ -32,38 +33,38 @@ def checked(symmetry, table, **settings):
     return document["checks"]["orientations"], words
 
 
-def harmonics(symmetry, euler_deg):
-    """Fields of degree 0, 2 and 4 of a cubic or a hexagonal class at the directions of grains."""
-    z = Rotation.from_euler("ZXZ", euler_deg, degrees=True).inv().apply([0, 0, 1])
-    if symmetry == "cubic":
-        return np.column_stack([np.ones(len(z)), (z**4).sum(axis=1)])
-    return np.column_stack([np.ones(len(z)), z[:, 2] ** 2, z[:, 2] ** 4])
-
-
+@pytest.mark.long_where("Ti")
 @pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30)])
 def test_shuffled_orientations(name, grains):
     """Against least squares and shuffles of our own, with sds that are those of the measurements."""
     symmetry, table, rng = measured(name, grains, 1)
-    right, words = checked(symmetry, table)
-    assert not words and right["power"] > 0.5 and right["p_shuffled"] < 0.01 < right["p"]
     table["euler_deg"] = table["euler_deg"][rng.permutation(grains)]
     found, words = checked(symmetry, table)
     assert len(words) == 1 and words[0].startswith("the orientations do not explain the moduli: chi-square is ")
     assert "% of random orders of the grains fit as well. Check the order of the rows, whether the map is flipped" in words[0]
-    rows = harmonics(symmetry, table["euler_deg"])
+    rows = harmonics(symmetry, Rotation.from_euler("ZXZ", table["euler_deg"], degrees=True).inv().apply([0, 0, 1]))
 
     def misfit(some):
-        return np.linalg.lstsq(some / table["sd_gpa"][:, None], table["modulus_gpa"] / table["sd_gpa"])[1][0]
+        return misfits(some / table["sd_gpa"][:, None], table["modulus_gpa"] / table["sd_gpa"])
 
     shuffled = np.array([misfit(rows[rng.permutation(grains)]) for _ in range(2000)])
     freedom = grains - rows.shape[1]
     assert found["freedom"] == freedom
-    assert found["chi_square"] == pytest.approx(misfit(rows), rel=1e-4)
+    # The crystal bends by 0.16 % of M at most beyond these fields: 0.08 sds of a grain.
+    assert found["chi_square"] == pytest.approx(misfit(rows), abs=2 * 0.08 * np.sqrt(misfit(rows)))
     # Four sds of the shuffles.
     assert found["p_shuffled"] == pytest.approx(np.mean(shuffled <= misfit(rows)), abs=4 * np.sqrt(0.25 / 1000 + 0.25 / 2000))
-    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < 0.01), abs=0.05)
+    assert found["power"] == pytest.approx(np.mean(stats.chi2(freedom).sf(shuffled) < RARE), abs=0.05)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "grains"), [("copper", 20), ("Ti", 30), ("quartz", 20)])
+def test_right_orientations(name, grains):
+    found, words = checked(*measured(name, grains, 1)[:2])
+    assert not words and found["power"] > 0.5 and found["p_shuffled"] < 0.01 < found["p"]
+
+
+@pytest.mark.long
 def test_other_readings_of_a_table_are_tried():
     symmetry, table, _ = measured("Ti", 30, 2)
     found, words = checked(symmetry, table | {"euler_deg": np.roll(table["euler_deg"], 1, axis=0)})
@@ -77,11 +78,11 @@ def test_other_readings_of_a_table_are_tried():
 
 def test_a_nearly_isotropic_crystal_has_no_power():
     symmetry, table, rng = measured("tungsten", 20, 3)
-    for order in (np.arange(20), rng.permutation(20)):
-        found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][order]})
-        assert not words and found["power"] < 0.1
+    found, words = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(20)]})
+    assert not words and found["power"] < 0.1
 
 
+@pytest.mark.long_where("zirconium")
 @pytest.mark.parametrize("name", ["copper", "zirconium"])
 def test_one_bad_value_is_named_first_and_alone(name):
     symmetry, table, _ = measured(name, 20, 4)
@@ -90,12 +91,13 @@ def test_one_bad_value_is_named_first_and_alone(name):
     assert document["warnings"][0].startswith("grain 7 disagrees with the others: its modulus is ")
     assert "without it they agree. Check its value" in document["warnings"][0]
     assert not [line for line in document["warnings"][1:] if "disagree" in line or "scatter" in line]
-    [outlier] = document["checks"]["orientations"]["outliers"]
-    assert outlier["grain"] == 7
+    found = document["checks"]["orientations"]
+    assert found["outliers"] == [7]
     # A tenth is 0.9/0.02 sds less, of which some are the others' own.
-    assert -45.5 < outlier["distance_sd"] < -36
+    assert -45.5 < found["distances_sd"][0] < -36
 
 
+@pytest.mark.long
 def test_sds_that_are_inferred_leave_the_shuffles_alone():
     symmetry, table, rng = measured("Ti", 30, 1)
     found, _ = checked(symmetry, table | {"euler_deg": table["euler_deg"][rng.permutation(30)]}, scale="inferred")
@@ -131,6 +133,7 @@ def test_a_shared_turn_needs_angles():
         bi.Problem.from_keywords("f", table, problem={"symmetry": "cubic"}, measurements={"misalignment_sd_deg": 2.0})
 
 
+@pytest.mark.long
 def test_the_error_budget_has_the_shared_turn():
     symmetry, table, _ = measured("Zn", 12, 6, noise=0.005)
     bounds = {name: (0.7 * value, 1.3 * value) for name, value in zip(constant_names(symmetry), crystal("Zn")[1], strict=True)}

@@ -285,7 +285,7 @@ EFFECTS = {
         "c_min": (density, {}, [160, 60, 40]),
         "c_max": (density, {}, [165, 150, 120]),
         "anisotropy_cap": (density, {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}}, 0.1),
-        "measure": (density, {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}}, "logarithms"),
+        "measure": (density, {"prior": {"bounds": {"C11": (150, 300), "C12": (50, 140), "C44": (20, 200)}}}, "logarithms"),
     },
     "knowledge": {
         "quantity": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C12": (80, 5)}),
