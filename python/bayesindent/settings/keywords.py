@@ -94,6 +94,7 @@ def _places() -> re.Pattern:
 
 def in_python(text: str) -> str:
     """A message of the core in the words of keywords: without the groups of namelists."""
+    text = re.sub(r"&knowledge (mean|sd)\b", r"knowledge \1", text)
     text = _places().sub(lambda found: KEYWORDS.get(found[2] or found[1], found[2] or found[1]), text)
     return text.replace(".true.", "True").replace(".false.", "False")
 
