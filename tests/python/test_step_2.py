@@ -146,7 +146,7 @@ def test_refusals():
         bi.extract(table | {"euler_deg": angles + np.array([0, 100, 0])}, surrogate=model, **KIND)
     with pytest.raises(bi.InputError, match="at least one grain"):
         bi.extract({"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []}, surrogate=model)
-    with pytest.raises(bi.InputError, match="&prior: the prior is outside the surrogate's domain"):
+    with pytest.raises(bi.InputError, match="bounds: the prior is outside the surrogate's domain"):
         bi.extract(table, surrogate=model, bounds={"C44": (121, 160)}, **KIND)
 
 
