@@ -17,7 +17,7 @@ author = "The bayesindent developers"
 version = release = __version__
 project_copyright = "the bayesindent developers, GPL-3.0-or-later"
 
-extensions = ["fortran_sources", "myst_parser", "sphinx.ext.autodoc"]
+extensions = ["fortran_sources", "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["attrs_inline", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 

@@ -4,13 +4,14 @@
 !> so that the handler can tell the user and end the process, which nothing can keep from happening. Programs call this and the
 !> library does not: there signals are the user's. One command at a time.
 module running_command
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
    use errors, only: error_type, exit_bad_input, raise
    use files, only: make_folder, unfinished
    use text, only: to_text
    implicit none
    private
    public :: watch_signals, take_folder, remove_files, end_command
+   public :: show_progress, begin_progress, advance_progress, end_progress
 
    interface
       !> From now on a signal ends the process, with status 128 + signal and one line.
@@ -29,6 +30,24 @@ module running_command
       !> Leave the folder to others, and signals to what they did before.
       subroutine end_command() bind(c, name='bayesindent_end_command')
       end subroutine end_command
+      !> From now on long loops show on standard error how far they are, if this is not 0 as `wanted`.
+      subroutine show_progress(wanted) bind(c, name='bayesindent_show_progress')
+         import :: c_int
+         integer(c_int), value :: wanted
+      end subroutine show_progress
+      subroutine c_begin_progress(name, steps) bind(c, name='bayesindent_begin_progress')
+         import :: c_char, c_int64_t
+         character(kind=c_char), intent(in) :: name(*)
+         integer(c_int64_t), value :: steps
+      end subroutine c_begin_progress
+      !> So many more `steps` are done. Threads may call it.
+      subroutine advance_progress(steps) bind(c, name='bayesindent_advance_progress')
+         import :: c_int64_t
+         integer(c_int64_t), value :: steps
+      end subroutine advance_progress
+      !> The loop is at its end.
+      subroutine end_progress() bind(c, name='bayesindent_end_progress')
+      end subroutine end_progress
    end interface
 
 contains
@@ -58,6 +77,14 @@ contains
          call raise(error, path//'/.lock: cannot be written; choose a folder of your own with --output')
       end if
    end subroutine take_folder
+
+   !> A loop of so many `steps` begins, by this `name`.
+   subroutine begin_progress(name, steps)
+      character(len=*), intent(in) :: name
+      integer(c_int64_t), intent(in) :: steps
+
+      call c_begin_progress(name//c_null_char, steps)
+   end subroutine begin_progress
 
    !> Remove the files of a folder whose names begin with `prefix`.
    subroutine remove_files(path, prefix)

@@ -13,7 +13,7 @@ module crystal_class
    public :: crystal_class_type, new_crystal_class, crystal_class_names, general_class, rotation_about, rotations_about
 
    type :: row_type
-      character(len=12) :: name, synonyms
+      character(len=20) :: name, synonyms
       !> Proper rotations that, with the inversion, generate the group of the stiffness: 'fold axis', fold 0 for an axis of
       !> infinite order.
       character(len=12) :: generators
@@ -25,8 +25,8 @@ module crystal_class
 
    type(row_type), parameter :: table(*) = [ &
       & row_type('isotropic', '', '0 z, 0 x', 'a, a, a, 90, 90, 90', 'C11 C12'), &
-      & row_type('cubic', 'm-3m, m-3', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
-      & row_type('hexagonal', '6/mmm, 6/m', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
+      & row_type('cubic', 'm-3m, m-3, fcc, bcc', '4 z, 3 xyz', 'a, a, a, 90, 90, 90', 'C11 C12 C44'), &
+      & row_type('hexagonal', '6/mmm, 6/m, hcp', '0 z', 'a, a, c, 90, 90, 120', 'C11 C12 C44 C33 C13'), &
       & row_type('tetragonal', '4/mmm', '4 z, 2 x', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66'), &
       & row_type('4/m', '', '4 z', 'a, a, c, 90, 90, 90', 'C11 C12 C13 C33 C44 C66 C16'), &
       & row_type('trigonal', '-3m', '3 z, 2 x', 'a, a, c, 90, 90, 120', 'C11 C12 C13 C14 C33 C44'), &

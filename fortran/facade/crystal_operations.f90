@@ -1,7 +1,7 @@
 !> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and kinds of modulus.
 module crystal_operations
    use abstract_observable, only: observable_type
-   use crystal_class, only: crystal_class_type, new_crystal_class
+   use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
    use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, spread_of_directions
    use exchange, only: exchange_type
@@ -31,9 +31,14 @@ contains
       type(measurements_settings_type) :: settings
       class(observable_type), allocatable :: observable
       real(wp), allocatable :: stiffness(:, :, :), slope(:)
+      character(len=:), allocatable :: symmetry
       integer :: i
 
-      if (x%in%has('symmetry')) call new_crystal_class(x%in%text('symmetry'), class, x%error)
+      symmetry = ''
+      if (x%in%has('symmetry')) symmetry = x%in%text('symmetry')
+      ! Of a stiffness alone all constants are reported.
+      if (len(symmetry) == 0 .and. verb == 'reported_quantities') symmetry = general_class
+      if (x%in%has('symmetry')) call new_crystal_class(symmetry, class, x%error)
       if (allocated(x%error)) return
       if (x%in%has('stiffness')) c => x%in%matrices('stiffness')
       select case (verb)

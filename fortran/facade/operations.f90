@@ -18,9 +18,11 @@ module operations
    use posterior_file, only: read_posterior
    use posterior_operations, only: use_posterior
    use problem, only: problem_type
+   use kinds, only: i8
    use problem_input, only: problem_of_text, read_problem
    use problem_operations, only: list_settings, use_problem
-   use running_command, only: end_command, take_folder, watch_signals
+   use running_command, only: advance_progress, begin_progress, end_command, end_progress, show_progress, take_folder, &
+      & watch_signals
    use settings_schema, only: settings_type
    use settings_output, only: put_settings
    use settings_reader, only: read_settings
@@ -127,7 +129,11 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         call read_problem(path, x%in%text('command'), problem, x%error)
+         if (x%in%has('changes')) then
+            call read_problem(path, x%in%text('command'), problem, x%error, x%in%text('changes'))
+         else
+            call read_problem(path, x%in%text('command'), problem, x%error)
+         end if
       case ('file.crystals')
          ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
          allocate (problem)
@@ -143,6 +149,14 @@ contains
          call watch_signals()
       case ('file.take_folder')
          call take_folder(x%in%text('folder'), x%in%integer('patience'), x%in%logical('resumes'), x%error)
+      case ('file.show_progress')
+         call show_progress(merge(1, 0, x%in%logical('wanted')))
+      case ('file.begin_progress')
+         call begin_progress(x%in%text('name'), int(x%in%integer('steps'), i8))
+      case ('file.advance_progress')
+         call advance_progress(int(x%in%integer('steps'), i8))
+      case ('file.end_progress')
+         call end_progress()
       case ('file.end_command')
          call end_command()
       case ('file.digest')

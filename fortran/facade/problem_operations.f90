@@ -18,7 +18,7 @@ module problem_operations
    use settings_output, only: put_settings
    use simulate, only: new_simulator, simulation_error
    use simulation_operations, only: held_simulator_type
-   use stage_documents, only: begin_results
+   use stage_documents, only: begin_results, inputs_of
    use stage_operations, only: held_stage_type
    use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
    use surrogate_operations, only: give_basis
@@ -59,6 +59,8 @@ contains
          call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
       case ('begin_results')
          call begin_results(self, x%in%text('groups'), x%places(), x%error)
+      case ('inputs')
+         x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
          call check_stages(self, x%places(), x%error)
       case ('indentation')

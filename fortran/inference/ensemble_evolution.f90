@@ -9,6 +9,7 @@
 module ensemble_evolution
    use abstract_sampler, only: draw_starts
    use interruption, only: stop_requested
+   use running_command, only: advance_progress
    use kinds, only: i8, wp
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use random, only: random_stream_type
@@ -74,6 +75,8 @@ contains
       end do
       do round = 1, size(last_temperatures)
          if (stop_requested()) return
+         ! Those that cool were half of the evaluations.
+         call advance_progress(evaluations/(target%dimension*merge(2, rounds, round == 1)))
          call look_again(target, last_temperatures(round), min(distinct, 4*m), stream, points, density, view)
          ! The way into a long tail is long.
          generations = evaluations*effort(target, view)/(m*rounds)*merge(tail_effort/count(last_temperatures > 1.0_wp), 1, &

@@ -12,6 +12,7 @@ module ensemble_sampler
    use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
    use interruption, only: stop_requested
+   use running_command, only: advance_progress
    use kinds, only: i8, wp
    use output_polynomial, only: is_fitted
    use random, only: random_stream_type
@@ -81,6 +82,7 @@ contains
       counted = 0
       do i = 1, size(log_density)
          if (stop_requested()) return
+         call advance_progress(1_i8)
          moved = .false.
          call stream%uniform(v)
          if (.not. is_fitted(kernel%view%polynomial)) then

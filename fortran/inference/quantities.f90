@@ -131,13 +131,14 @@ contains
          & //'young[100], shear[100], compressibility[100]')//'; allowed: '//quantity_choices, exit_bad_input)
    end subroutine read_word
 
-   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'.
+   !> '[110]', '[1-10]', or numbers apart, '[1 0.5 0]'; of a hexagonal crystal [0001], or four indices of a direction in the basal plane.
    subroutine read_direction(text, direction, known)
       character(len=*), intent(in) :: text
       real(wp), intent(out) :: direction(3)
       !> Three numbers, not all zero.
       logical, intent(out) :: known
       character(len=:), allocatable :: inner, spaced
+      real(wp) :: four(4)
       integer :: i, status
 
       direction = 0.0_wp
@@ -151,7 +152,14 @@ contains
          spaced = spaced//inner(i:i)
          if (scan(trim(inner), ' ,.') == 0 .and. verify(inner(i:i), '-+') > 0) spaced = spaced//' '
       end do
-      read (spaced, *, iostat=status) direction
+      read (spaced, *, iostat=status) four
+      if (status == 0) then
+         direction = [four(1) - 0.5_wp*(four(2) + four(3)), sqrt(0.75_wp)*(four(2) - four(3)), four(4)]
+         ! Others depend on the unit cell.
+         if (any(abs(four(:3)) > 0.0_wp) .and. abs(four(4)) > 0.0_wp .or. abs(sum(four(:3))) > 0.0_wp) direction = 0.0_wp
+      else
+         read (spaced, *, iostat=status) direction
+      end if
       known = status == 0 .and. sum(direction**2) > 0.0_wp .and. all(abs(direction) < 1.0e6_wp)
       if (known) direction = direction/norm2(direction)
    end subroutine read_direction

@@ -6,8 +6,9 @@ module samplers
    use errors, only: error_type, exit_bad_input, raise
    use interruption, only: listen, stop_listening, stop_requested
    use chain_checkpoints, only: checkpoint_type
-   use kinds, only: wp
+   use kinds, only: i8, wp
    use memory, only: raise_no_memory
+   use running_command, only: advance_progress, begin_progress, end_progress
    use random, only: new_random_stream, random_stream_type
    use abstract_sampler, only: sampler_type
    use sampling_target, only: target_type
@@ -97,6 +98,7 @@ contains
       chains%log_density = 0.0_wp
       chains%acceptance = 0.0_wp
       call listen()
+      call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
       !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) private(stream, number)
       do k = 1, settings%chains
          started(k) = .false.
@@ -106,6 +108,7 @@ contains
             call checkpoint%restore(number, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
             !$omp end critical (chain_files)
          end if
+         if (started(k)) call advance_progress(int(sampler%burn_in + settings%samples, i8))
          if (started(k)) cycle
          stream = new_random_stream(settings%seed, number)
          call sampler%run(target, stream, chains%draws(:, :, k), chains%log_density(:, k), chains%acceptance(k), started(k))
@@ -117,6 +120,7 @@ contains
       !$omp end parallel do
       interrupted = stop_requested()
       call stop_listening()
+      call end_progress()
       if (interrupted) then
          call raise(error, 'interrupted')
          return

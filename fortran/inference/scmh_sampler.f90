@@ -2,7 +2,8 @@
 !> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
    use interruption, only: stop_requested
-   use kinds, only: wp
+   use running_command, only: advance_progress
+   use kinds, only: i8, wp
    use random, only: random_stream_type
    use abstract_sampler, only: draw_starts, sampler_type
    use sampling_target, only: outside, target_type
@@ -57,6 +58,7 @@ contains
       accepted = 0
       do sweep = 1 - self%burn_in, samples
          if (stop_requested()) return
+         call advance_progress(1_i8)
          do j = 1, target%dimension
             previous = x(j)
             call stream%normal(z)

@@ -246,7 +246,7 @@ contains
             call choose_some(build, min(batch_end(learning) - learning%n(), n_left), error)
          else if (learning%n() < 2) then
             call raise(error, failures(build))
-            if (build%n_failed == 0) error%message = 'there are fewer than two simulations to learn from'
+            if (build%n_failed == 0) error%message = 'fewer than two simulations; a surrogate needs two'
          else
             call refit_all(learning, error)
             build%phase = validating

@@ -334,7 +334,7 @@ contains
       call warn(lines, 'surrogate: '//surrogate_text(found))
       if (allocated(found%evidence)) call warn(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
          & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. It depends on the limits above: ' &
-         & //'where the data decide, a prior twice as wide has a log Z that is lower by 0.69')
+         & //'where the measurements determine the constants, a prior twice as wide has a log Z that is lower by 0.69')
    end subroutine describe_prior
 
    function surrogate_text(found) result(text)
@@ -345,7 +345,7 @@ contains
       if (found%field_degree > 0) text = 'the exact theory of the half-space, harmonics to degree '//to_text(found%field_degree) &
          & //', the worst grain off by '//fixed(100.0_wp*found%field_error, 1)//' % of its sd'
       if (found%simulations == 0) return
-      if (len(text) > 0) text = text//'; times what was learnt from '
+      if (len(text) > 0) text = text//'; times a correction trained on '
       text = text//to_text(found%simulations)//' simulations'
       if (len_trim(found%checksum) > 0) text = text//', checksum '//found%checksum
       text = text//', sd '//fixed(found%surrogate_sd, 2)//' GPa in the mean grain; it is valid for ' &

@@ -3,7 +3,7 @@ module problem_input
    use build_checks, only: check_build, question_candidates
    use choices, only: all_choices
    use errors, only: error_type, refuse
-   use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file
+   use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file, replace_entries
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation
@@ -15,16 +15,22 @@ module problem_input
 contains
 
    !> Read the file `path` for a stage or for 'run'.
-   subroutine read_problem(path, command, self, error)
+   subroutine read_problem(path, command, self, error, changes)
       !> A file; a stage, or 'run'.
       character(len=*), intent(in) :: path, command
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(namelist_file_type) :: namelist
+      !> A namelist whose variables take the place of the file's.
+      character(len=*), intent(in), optional :: changes
+      type(namelist_file_type) :: namelist, stated
       character(len=:), allocatable :: groups
       character(len=8), allocatable :: names(:)
 
       call read_namelist_file(path, namelist, error)
+      if (present(changes) .and. .not. allocated(error)) then
+         call parse_namelist(path, changes, stated, error)
+         if (.not. allocated(error)) call replace_entries(namelist, stated)
+      end if
       if (.not. allocated(error)) call plan_stages(namelist, command, names, groups, error)
       if (.not. allocated(error)) call new_problem(path, namelist, command, groups, all_choices(), self, error)
       if (allocated(error)) return

@@ -46,19 +46,20 @@ module stages
       & 'Simulates the crystals in films or grains of growing size, in the surroundings of &specimen and in softer and stiffer ' &
       & //'ones, and says from which size on their modulus is that of a half-space within 1 %. Writes size.png.'), &
       & stage_row_type('build', 'design', 'problem specimen indenter simulation domain surrogate design execution', 'build.json', &
-      & 'step 1: a surrogate, taught by simulations chosen one after another', &
+      & 'step 1: a surrogate, trained on simulations that are chosen one by one', &
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
       & //'their moduli.'), &
       & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &
       & 'summary.json', &
       & 'step 2: the constants behind measured moduli', &
-      & 'Writes posterior.nc and summary.json, and says what the data decided and what the prior did. Needs no simulation: ' &
-      & //'the exact theory, the correction that comes with the package (''block'') or one made by build serves.'), &
+      & 'Writes posterior.nc and summary.json, and shows what each constant depends on. Needs no simulation: it uses ' &
+      & //'the exact theory, the correction that comes with the package (''block''), or a surrogate that build made.'), &
       & stage_row_type('next', 'next', 'problem surrogate indenter measurements prior knowledge sampler next execution', &
       & 'next.json', &
       & 'the grain orientations worth measuring next', &
-      & 'Ranks orientations by what one more measurement there is expected to teach, given the posterior of extract.')]
+      & 'Ranks orientations by the information that one more measurement there is expected to bring, given the ' &
+      & //'posterior of extract.')]
 
    !> All stages that a file asks for.
    type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '', &

@@ -4,6 +4,7 @@
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
+   use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse
    use files, only: folder_of, printable, resolve_path
@@ -77,6 +78,7 @@ contains
       type(choice_list_type), intent(in) :: choices(:)
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      type(lattice_type) :: lattice
       integer :: i
 
       self%path = path
@@ -100,6 +102,10 @@ contains
          call new_crystal_class(self%settings%problem%symmetry, self%class, error)
          ! One name for its synonyms.
          if (.not. allocated(error)) self%settings%problem%symmetry = self%class%name
+         if (allocated(self%settings%problem%lattice) .and. .not. allocated(error)) then
+            call new_lattice(self%class, self%settings%problem%lattice, lattice, error)
+            if (allocated(error)) error%message = place(path, 'problem', 'lattice')//error%message
+         end if
       end if
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return

@@ -9,7 +9,7 @@ program batch
    use choices, only: all_choices
    use problem, only: problem_type
    use problem_input, only: read_problem
-   use running_command, only: take_folder, watch_signals
+   use running_command, only: show_progress, take_folder, watch_signals
    use settings_output, only: schema_markdown
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
@@ -27,6 +27,7 @@ program batch
 
    call settle_blas()
    call watch_signals()
+   call show_progress(1)
    call read_arguments()
    call perform()
 

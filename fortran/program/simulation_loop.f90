@@ -1,13 +1,12 @@
 !> The simulations of a stage on the threads of this process.
 module simulation_loop
-   use, intrinsic :: iso_fortran_env, only: error_unit
    use abstract_stage, only: stage_type
    use errors, only: error_type, machine_failure
    use kinds, only: degree, i8
    use namelist_file, only: place
    use parallelism, only: thread_count
+   use running_command, only: advance_progress, begin_progress, end_progress
    use simulate, only: new_simulator, outcome_type, simulator_type
-   use text, only: to_text
    implicit none
    private
    public :: simulate_all
@@ -18,9 +17,6 @@ module simulation_loop
       integer :: left = 0
    end type held_simulator_type
 
-   !> Seconds between two lines of progress.
-   integer, parameter :: interval = 5
-
 contains
 
    !> Have all simulations made that a stage wants. An error starts no more; what is under way is still taken.
@@ -29,15 +25,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(held_simulator_type), allocatable :: held(:)
       type(error_type), allocatable :: ignored
-      integer(i8) :: last_line
       logical :: stopped
       integer :: i
 
-      call system_clock(last_line)
+      call begin_progress('simulations', int(stage%n_expected, i8))
       allocate (held(size(stage%physics)))
       do
          call stage%want(error)
-         if (allocated(error) .or. size(stage%jobs) == 0) return
+         if (allocated(error) .or. size(stage%jobs) == 0) exit
          stopped = .false.
          do i = 1, size(held)
             held(i)%left = count(stage%jobs%physics == i)
@@ -49,8 +44,9 @@ contains
          !$omp end parallel do
          if (.not. allocated(error)) cycle
          call stage%leave(ignored)
-         return
+         exit
       end do
+      call end_progress()
 
    contains
 
@@ -58,7 +54,6 @@ contains
          integer, intent(in) :: i
          type(outcome_type) :: outcome
          type(error_type), allocatable :: own
-         integer(i8) :: now, rate
          logical :: enough
 
          !$omp atomic read
@@ -87,11 +82,7 @@ contains
             needed%left = needed%left - 1
             ! Of many physics each has few jobs; of one there are more to come.
             if (needed%left == 0 .and. size(held) > 1 .and. allocated(needed%simulator)) deallocate (needed%simulator)
-            call system_clock(now, rate)
-            if (now - last_line > interval*rate) then
-               last_line = now
-               write (error_unit, '(5a)') stage%name, ': ', to_text(stage%n_new), ' simulations of ', to_text(stage%n_expected)
-            end if
+            call advance_progress(1_i8)
             !$omp end critical (simulation_loop_outcomes)
          end associate
          !$omp atomic write

@@ -9,7 +9,7 @@ module namelist_file
    use text, only: lower, newline, to_text
    implicit none
    private
-   public :: namelist_file_type, entry_type, value_type, read_namelist_file, parse_namelist, place
+   public :: namelist_file_type, entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, place
 
    !> One value as written: a quoted text without its quotes, or a bare word.
    type :: value_type
@@ -77,6 +77,34 @@ contains
       end if
       call parse_namelist(path, content, file, error)
    end subroutine read_namelist_file
+
+   !> Have the groups and the variables that are `stated` in a file, in place of its own.
+   subroutine replace_entries(file, stated)
+      type(namelist_file_type), intent(inout) :: file
+      type(namelist_file_type), intent(in) :: stated
+      type(entry_type), allocatable :: entries(:)
+      type(name_type), allocatable :: groups(:)
+      integer :: i, k
+
+      do i = 1, size(stated%groups)
+         if (any([(file%groups(k)%text == stated%groups(i)%text, k=1, size(file%groups))])) cycle
+         allocate (groups(size(file%groups) + 1))
+         groups(:size(file%groups)) = file%groups
+         groups(size(groups)) = stated%groups(i)
+         call move_alloc(groups, file%groups)
+      end do
+      do i = 1, size(stated%entries)
+         do k = 1, size(file%entries)
+            if (file%entries(k)%group == stated%entries(i)%group .and. file%entries(k)%name == stated%entries(i)%name) exit
+         end do
+         if (k > size(file%entries)) then
+            allocate (entries(k))
+            entries(:k - 1) = file%entries
+            call move_alloc(entries, file%entries)
+         end if
+         file%entries(k) = stated%entries(i)
+      end do
+   end subroutine replace_entries
 
    !> Parse the content of a file; `path` is for messages.
    subroutine parse_namelist(path, content, file, error)

@@ -147,6 +147,9 @@ contains
       associate (string => value%text)
          if (.not. value%quoted) then
             message = printable(string)//' is not in quotes; a text is needed'//allowed_part(v)
+            ! The first bytes of these signs in UTF-8.
+            if (index(string, char(226)//char(128)) == 1) message = 'curly quotes stand around '//printable(string) &
+               & //'; straight quotes are needed, ''..'''
          else if (len(string) > longest) then
             message = 'the text has '//to_text(len(string))//' bytes ('''//printable(string)//'''); at most ' &
                & //to_text(longest)//' are allowed'
@@ -190,6 +193,11 @@ contains
       end if
       call read_real(value%text, number, outcome)
       whole = verify(value%text, '+-0123456789') == 0
+      if (v%kind == kind_integer .and. outcome == number_ok .and. abs(number - anint(number)) <= 0.0_wp &
+         & .and. abs(number) < huge(1)) then
+         whole = .true.
+         value%text = to_text(nint(number))
+      end if
       if (outcome == number_malformed .or. (outcome == number_ok .and. v%kind == kind_integer .and. .not. whole)) then
          message = printable(value%text)//' is not '//trim(nouns(v%kind))//allowed_part(v)
       else if (outcome /= number_ok .and. .not. whole) then

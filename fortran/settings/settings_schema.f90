@@ -168,7 +168,7 @@ contains
       v%n_variables = 0
       call v%group('problem', s%problem%given, 'What the file is about.')
       call v%text('symmetry', s%problem%symmetry, kind_choice, 'unset', v%words('symmetry'), &
-         & 'crystal symmetry of the material; a correction that is learnt from all classes needs none')
+         & 'crystal class of the material; a correction for crystals of all classes needs none')
       call v%reals('lattice', s%problem%lattice, shape_list, 'unset', '(0, 1e4]', '', &
          & 'unit cell, for indices of directions and planes: those of a, b, c (any unit), alpha, beta, gamma (degrees) that the ' &
          & //'symmetry leaves open, such as a, c; cubic crystals have none')
@@ -235,7 +235,7 @@ contains
 
       call v%group('domain', s%domain%given, 'The crystals that the surrogate covers.')
       call v%names('classes', s%domain%classes, 'unset', &
-         & 'correction: classes of the crystals to learn from; unset: triclinic ones, which teach all classes')
+         & 'correction: classes of the training crystals; unset: triclinic, which include all classes')
       call v%real('log_anisotropy_max', s%domain%log_anisotropy_max, '1.5', '(0, 5]', '', &
          & 'correction: largest norm of the anisotropic part of the logarithm of the stiffness')
       call v%real('poisson_min', s%domain%poisson_min, '0.05', '(-1, 0.5)', '', &
@@ -256,7 +256,7 @@ contains
       call v%text('file', s%surrogate%file, kind_text, '', '', 'halfspace: the exact theory; a name that comes with the package; ' &
          & //'else its file; empty: surrogate.txt if there is a &domain, else halfspace')
       call v%text('model', s%surrogate%model, kind_choice, 'correction', v%words('basis'), &
-         & 'what the specimen adds to the exact theory, for all classes, or the paper''s polynomial of the constants of one')
+         & 'a correction of the exact theory for the specimen, for all classes, or the paper''s polynomial of the constants of one')
       call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', &
          & 'degree of the polynomials: of log stiffness (1 to 4), or of the constants (the paper''s Q)')
       call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', &

@@ -94,7 +94,7 @@ contains
       end if
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
       if (.not. all(abs(terms) < huge(1.0_wp))) then
-         call raise(error, 'a crystal to learn from is elastically unstable', exit_bad_input)
+         call raise(error, 'a training crystal is elastically unstable', exit_bad_input)
          return
       end if
       associate (regression => learner%design%regression)
@@ -253,7 +253,7 @@ contains
 
       n = size(learner%simulations%modulus)
       if (n < 2) then
-         call raise(error, 'there are '//to_text(n)//' simulations to learn from; at least 2 are needed', exit_bad_input)
+         call raise(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed', exit_bad_input)
          return
       end if
       call absorb_choices(learner%design)

@@ -40,8 +40,8 @@ contains
       if (file_exists(path)) return
       path = places%data_folder//name//extension
       if (index(', '//places%shipped//',', ', '//name//',') > 0 .and. file_exists(path)) return
-      call raise(error, ''''//printable(name)//''': there is no such surrogate; allowed: a file in the output folder or ' &
-         & //'beside the namelist, '//places%shipped, exit_bad_input)
+      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or name a file in the ' &
+         & //'output folder or beside the namelist, '//theory_name//', '//places%shipped, exit_bad_input)
    end subroutine find_surrogate
 
    !> Load a surrogate of crystals of a class.

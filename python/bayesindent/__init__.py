@@ -1,4 +1,8 @@
-"""Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains."""
+"""Single-crystal elastic constants, with honest uncertainty, from spherical indentation of single grains.
+
+`bi.extract(table, "cubic")` infers the constants from a table of grains; `bi.summary`, `bi.report`, `bi.compare`, `bi.next_grain` and the plots take what it
+gives. help(bi.extract) lists every keyword.
+"""
 
 from . import report
 from .core import BayesindentError, BayesindentWarning, InputError, MachineError
@@ -8,11 +12,24 @@ from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, summary
 from .pipeline.build import build_surrogate as build
 from .report.comparison import compare
+from .report.plots import (
+    plot_chains,
+    plot_constants,
+    plot_error_budget,
+    plot_grains,
+    plot_knowledge,
+    plot_orientations,
+    plot_pairs,
+    plot_prior,
+    plot_residuals,
+    plot_shares,
+    plot_young,
+)  # fmt: skip
 from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
     "Surrogate", "anisotropy_index", "build", "compare", "constants", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "polycrystal_averages", "quantities", "report", "stiffness", "summary",
+    "next_grain", "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young", "polycrystal_averages", "quantities", "report", "stiffness", "summary",
 ]  # fmt: skip

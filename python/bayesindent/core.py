@@ -3,7 +3,6 @@
 import ctypes
 import os
 import struct
-import warnings
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
@@ -32,15 +31,7 @@ _MODULE = _choose_kernels()
 
 import numpy as np  # noqa: E402
 
-__all__ = [
-    "BayesindentError",
-    "BayesindentWarning",
-    "InputError",
-    "MachineError",
-    "NativeObject",
-    "call",
-    "warn_of",
-]
+__all__ = ["BayesindentError", "BayesindentWarning", "InputError", "MachineError", "NativeObject", "call"]
 
 #: The compiled core: an operation on named values, and what it gave, as bytes.
 native = import_module(_MODULE, __package__)
@@ -60,12 +51,6 @@ class MachineError(BayesindentError):
 
 class BayesindentWarning(UserWarning):
     """What is to be known of a result before it is used."""
-
-
-def warn_of(document: dict) -> None:
-    """Why a result cannot be used, and the warnings of its document, as Python's; they name the line that called the library's function."""
-    for line in [*(f"the result cannot be used: {reason}" for reason in document.get("reasons", [])), *document.get("warnings", [])]:
-        warnings.warn(line, BayesindentWarning, stacklevel=3)
 
 
 #: Kind, rank, length of the name, bytes of the value, shape; see fortran/common/named_values.f90.

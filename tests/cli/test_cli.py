@@ -1,6 +1,7 @@
 """The command line: what it says, where, and its exit status."""
 
 import os
+import re
 
 import pytest
 
@@ -18,6 +19,7 @@ COMMANDS = (
     "next",
     "report",
     "compare",
+    "completion",
     "bench",
     "test",
     "lint",
@@ -31,7 +33,7 @@ def test_help_names_every_command(process):
     done = process("--help")
     assert done.returncode == 0
     for command in COMMANDS:
-        assert f"\n    {command} " in done.stdout
+        assert re.search(rf"\n    {command}\s", done.stdout)
     assert "examples:" in done.stdout
 
 

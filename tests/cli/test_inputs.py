@@ -46,8 +46,8 @@ def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):
 
 
 SURROGATES = {
-    "nowhere.txt": "'nowhere.txt': there is no such surrogate; allowed: a file in the output folder or beside the namelist, block",
-    "hexagonal": "'hexagonal': there is no such surrogate; allowed: a file in the output folder or beside the namelist, block",
+    "nowhere.txt": "'nowhere.txt': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist, halfspace, block",
+    "hexagonal": "'hexagonal': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist, halfspace, block",
 }
 
 

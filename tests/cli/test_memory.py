@@ -60,7 +60,7 @@ def test_too_little_memory_is_retried_and_never_stored(tmp_path):
     done = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("finest mesh MachineError Indentation: &simulation: too little memory for a mesh of")
+    assert lines[0].startswith("finest mesh MachineError bi.Indentation: simulation: too little memory for a mesh of")
     assert lines[1].startswith("none fits MachineError too little memory for a factor of")
     assert lines[2] == "rows 0 []"
     assert lines[3] == "again worked 0"

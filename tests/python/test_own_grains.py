@@ -68,7 +68,7 @@ def test_indices_need_a_cell(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("phi1,Phi\n1,2\n", "&next candidates: .*ebsd.*: the column phi2_deg is missing"),
+        ("phi1,Phi\n1,2\n", "candidates: .*ebsd.*: the column phi2_deg is missing"),
         ("u,v,w\n0,0,0\n", "line 2, column u: 0 and all other indices are 0"),
         ("phi1,Phi,phi2\n0.5,0.2,1.5\n2.5,0.7,1.5\n5.5,0.2,1.5\n", "ebsd.*: no angle is above 2 pi, so these look like radians"),
         ("u,v,w\n" + 2001 * "1,1,1\n", "2001 grains; allowed up to 2000"),

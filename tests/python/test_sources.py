@@ -7,6 +7,7 @@ import re
 
 import arguments
 import lines
+import prose
 import pytest
 
 import bayesindent
@@ -236,6 +237,23 @@ def test_every_public_python_parameter_is_explained():
         # Of a dataclass each field is explained where it stands.
         if callable(item) and not dataclasses.is_dataclass(item) and not (isinstance(item, type) and issubclass(item, Exception))
         for parameter in inspect.signature(item).parameters
-        if not re.search(rf"\b{parameter}\b", item.__doc__)
+        if not re.search(rf"\b{parameter}\b", item.__doc__ + (item.__init__.__doc__ or "" if isinstance(item, type) else ""))
     ]
     assert not found, "\n".join(found)
+
+
+def test_the_prose_keeps_its_rules():
+    assert prose.complaints(SOURCE) == []
+
+
+def test_finds_prose_that_breaks_them():
+    long = "One two three. " * 150 + "Word" + " word" * 30 + ".\n\n```\n" + "code " * 40 + "\n```\n"
+    found = prose.of_readme(f"# Title\n\n{long}")
+    assert [words.partition(";")[0] for words in found] == ["a sentence of 31 words"]
+    assert prose.of_readme("# Title\n\nA short one. " * 20)[0] == "100 words; allowed 500 to 700"
+    assert prose.of_phrases("What the\nspecimen adds is learnt from rows; the prior has a say.") == [
+        ("has a say", "the result depends on the prior"),
+        ("What the specimen adds", "the specimen correction"),
+        ("learnt from", "is trained on"),
+    ]
+    assert not prose.of_phrases("The user knows the prior and learns a lot.")

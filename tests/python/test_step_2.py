@@ -124,16 +124,16 @@ def test_refusals():
     table = {"euler_deg": angles, "modulus_gpa": measured, "sd_gpa": sd}
     for settings, words in (
         ({"bounds": {"C33": (1, 2)}}, "C33"),
-        ({"bounds": {"C11": (250, 50)}}, "&prior c_min: C11 = 250.0 GPa is not below"),
-        ({"bounds": {"C11": (100, 110), "C12": (120, 130)}}, "&prior c_max: no crystal"),
+        ({"bounds": {"C11": (250, 50)}}, "bounds: C11 = 250.0 GPa is not below"),
+        ({"bounds": {"C11": (100, 110), "C12": (120, 130)}}, "bounds: no crystal"),
         ({"bounds": {"C11": (1000, 1001), "C12": (990, 991), "C44": (1, 2)}}, "outside the surrogate's domain"),
         ({"anisotropy_cap": -1.0}, "anisotropy_cap"),
         ({"method": "gibbs"}, "method"),
         ({"modulus_kind": "E"}, "modulus_kind"),
         ({"knowledge": {"hardness": (1, 1)}}, "hardness.*allowed"),
-        ({"knowledge": {"C44": (100, 0)}}, "&knowledge sd: 0"),
+        ({"knowledge": {"C44": (100, 0)}}, "knowledge sd: 0"),
         ({"colour": "blue"}, "colour"),
-        ({"calibration_sd": 3.0}, "&measurements calibration_sd: 3.0"),
+        ({"calibration_sd": 3.0}, "calibration_sd: 3.0"),
         ({"samples": 0}, "samples"),
     ):
         with pytest.raises(bi.InputError, match=words):
@@ -146,7 +146,7 @@ def test_refusals():
         bi.extract(table | {"euler_deg": angles + np.array([0, 100, 0])}, surrogate=model, **KIND)
     with pytest.raises(bi.InputError, match="at least one grain"):
         bi.extract({"euler_deg": np.zeros((0, 3)), "modulus_gpa": [], "sd_gpa": []}, surrogate=model)
-    with pytest.raises(bi.InputError, match="&prior: the prior is outside the surrogate's domain"):
+    with pytest.raises(bi.InputError, match="bounds: the prior is outside the surrogate's domain"):
         bi.extract(table, surrogate=model, bounds={"C44": (121, 160)}, **KIND)
 
 
@@ -322,7 +322,7 @@ def test_targets(surrogates, results):
     assert [item["gain"] for item in gains["C44/C11"]] == pytest.approx([item["gain"] for item in gains["C44^2 C11^-2"]])
     assert gains["C44"] != gains["C44/C11"]
     for target, words in (("C77", "C77.*allowed"), ("C14", "zero"), ("hardness", "unknown"), ("young[000]", "unknown")):
-        with pytest.raises(bi.InputError, match=f"&next target: .*{words}"):
+        with pytest.raises(bi.InputError, match=f"target: .*{words}"):
             bi.next_grain(table, surrogate=surrogates["cubic"], target=target, **settings)
 
 

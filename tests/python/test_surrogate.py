@@ -221,7 +221,8 @@ def test_a_handle_that_was_freed_is_an_error_in_words(surrogate):
 
 def test_what_is_no_surrogate_is_refused(tmp_path):
     with pytest.raises(
-        bi.InputError, match=r"'missing.txt': there is no such surrogate; allowed: a file in the output folder or beside the namelist"
+        bi.InputError,
+        match=r"'missing.txt': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist",
     ):
         Surrogate.load("missing.txt", folder=tmp_path)
     (tmp_path / "text.txt").write_text("not a surrogate")
@@ -351,7 +352,7 @@ def test_crystals_beyond_the_scale_are_outside_and_told_of(tmp_path):
         copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
         assert surrogate.outside_words(*surrogate.basis.coverage([copper, 0.4 * copper, 9 * copper])[1:]) == (
             "2 of 3 rows are outside the surrogate's domain: 2, 3; "
-            "2 by the scale (geometric mean of the stiffness' eigenvalues), which it knows from 60 to 540 GPa"
+            "2 by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from 60 to 540 GPa"
         )
     assert np.array_equal(Surrogate.load(tmp_path / "film.txt").predict(stiffness, angles), fitted.predict(stiffness, angles))
     whole = (tmp_path / "film.txt").read_text()

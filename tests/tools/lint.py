@@ -1,4 +1,4 @@
-"""Formatters, linters and the type checker over the whole source tree: `lint` says what is wrong, `lint --fix` formats first.
+"""Formatters, linters, the type checker and the rules of prose over the whole source tree: `lint` says what is wrong, `lint --fix` formats first.
 
 All of them are Python wheels of the development extra `dev`; their settings are in pyproject.toml, .clang-format and fortitude.toml.
 """
@@ -8,6 +8,8 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+
+import prose
 
 ROOT = Path(__file__).parents[2]
 SHELL = ("bayesindent", ".ci/run")
@@ -22,6 +24,9 @@ def main(argv=None) -> int:
         for command in fixes():
             run(command)
     failed = [name for name, command, silent in checks() if not passes(name, command, silent)]
+    if found := prose.complaints(ROOT):
+        failed.append("prose")
+        print("== prose", *found, sep="\n")
     print(f"lint: {', '.join(failed)} found something" if failed else "lint: nothing found", flush=True)
     return 1 if failed else 0
 

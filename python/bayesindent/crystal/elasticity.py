@@ -9,25 +9,29 @@ from numpy.typing import ArrayLike
 from ..core import InputError, call
 
 __all__ = [
-    "anisotropy_index", "class_name", "constant_names", "halfspace_modulus", "log_anisotropy", "polycrystal_averages", "quantities",
+    "angles_of", "anisotropy_index", "class_name", "constant_names", "halfspace_modulus", "log_anisotropy", "polycrystal_averages", "quantities",
     "quantity_names", "stiffness", "stiffness_rows",
 ]  # fmt: skip
 
 
 def quantity_names(symmetry: str) -> dict[str, str]:
-    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first."""
+    """Quantities that are reported of a crystal and their units ('GPa', or '1' for ratios); the constants come first, all where the symmetry is ''."""
     found = call("crystal.reported_quantities", symmetry=symmetry)
     return dict(zip(found["names"], found["units"], strict=True))
 
 
-def quantities(symmetry: str, constants: ArrayLike, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Quantities of stable crystals of a `symmetry`, constants (..., k) in GPa; each an array (...).
+def quantities(symmetry: str | ArrayLike, constants: ArrayLike | None = None, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which `stiffness` makes, or of a `symmetry` with its
+    constants (..., k) in GPa.
 
     `names`: any of the vocabulary of `&knowledge`, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
     are reported: constants, bulk modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
     anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
     """
-    matrices = stiffness_rows(symmetry, constants)
+    if isinstance(symmetry, str):
+        matrices = stiffness_rows(symmetry, [] if constants is None else constants)
+    else:
+        matrices, symmetry = oriented_crystals(symmetry, np.zeros(3))[0], ""
     names = list(quantity_names(symmetry) if names is None else names)
     found = call("crystal.quantities", names=",".join(names), stiffness=matrices.reshape(-1, 6, 6))
     return {name: row.reshape(matrices.shape[:-2]) for name, row in zip(names, found["values"].T, strict=True)}
@@ -53,13 +57,17 @@ def constant_names(symmetry: str) -> tuple[str, ...]:
     return _crystal_class(symmetry)[1]
 
 
-def stiffness(symmetry: str, **constants) -> np.ndarray:
+def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.ndarray:
     """Stiffness (..., 6, 6) in GPa, crystal frame, Voigt order 11,22,33,23,13,12, from constants in GPa.
 
-    `symmetry` names a crystal class ('cubic', 'hexagonal', '4/mmm', ..); the constants are those of `constant_names`.
-    Arrays of constants broadcast. Raises `InputError` for other names.
+    `symmetry` names a crystal class ('cubic', 'hcp', '4/mmm', ..). The constants are `values` in the order of `bi.constants(symmetry)`, or keywords,
+    C11=168.4. Arrays of constants broadcast. Raises `InputError` for other names, or another number of values.
     """
     names = constant_names(symmetry)
+    if len(values) == len(names) and not constants:
+        constants = dict(zip(names, values, strict=True))
+    if values and set(constants) != set(names):
+        raise InputError(f"a {symmetry} crystal takes {len(names)} constants, {', '.join(names)}, not {len(values) + len(constants)}")
     if set(constants) != set(names):
         raise InputError(f"a {symmetry} crystal takes the constants {', '.join(names)}, not {', '.join(constants) or 'none'}")
     arrays = np.broadcast_arrays(*(np.asarray(constants[name], dtype=float) for name in names))
@@ -102,7 +110,7 @@ def _averages(stiffness: ArrayLike) -> np.ndarray:
 
 def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness (..., 6, 6) in GPa and angles (..., 3) in degrees of what users give, checked for shape, symmetry and finite angles."""
-    matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
+    matrices, angles = np.asarray(stiffness, dtype=float), angles_of(euler_deg)
     if matrices.shape[-2:] != (6, 6):
         raise InputError(f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it from constants")
     if angles.shape[-1:] != (3,):
@@ -113,6 +121,13 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
     if np.any(np.abs(matrices - transposed) > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)):
         raise InputError("a stiffness is not symmetric")
     return matrices, angles
+
+
+def angles_of(orientations) -> np.ndarray:
+    """Bunge-Euler angles in degrees, as an array or as orix' Orientation, which rotates from sample to crystal too."""
+    if hasattr(orientations, "to_euler"):
+        return np.asarray(orientations.to_euler(degrees=True), dtype=float)
+    return np.asarray(orientations, dtype=float)
 
 
 def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:

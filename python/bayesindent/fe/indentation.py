@@ -1,10 +1,10 @@
 """Finite element simulations of the indentation of one crystal."""
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..core import BayesindentError, InputError, NativeObject
 from ..crystal.elasticity import oriented_crystals
 from ..engines import ENGINES
+from ..settings.keywords import takes
 from ..settings.problem import Problem, schema
 from .deck import write_deck
 
@@ -80,9 +81,8 @@ class MeshArrays:
 class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 
-    The keywords (`settings`) are the variables of &specimen (`geometry`, ..), &indenter (`shape`, `radius_um`, `contact_radius_um` or `depth_um`,
-    ..) and &simulation (`refine`, ..), with the same words, ranges and defaults: see docs/namelists.md. Raises `InputError` for what cannot be
-    meant, `MachineError` where memory does not suffice.
+    Its keywords are the variables of the specimen, the indenter and the simulation; help(bi.Indentation.__init__) explains all `settings`.
+    Raises `InputError` for what cannot be meant, `MachineError` where memory does not suffice.
     """
 
     kind = "indentation"
@@ -107,12 +107,19 @@ class Indentation(NativeObject):
     depth_max_um: float
     contact_radius_max_um: float
 
+    @takes(*GROUPS, without=NOT_OURS)
     def __init__(self, **settings):
-        for name in NOT_OURS:
-            if name in settings:
-                raise InputError(f"Indentation: {name} says what a command does, not what a simulation is")
-        self._made_of: tuple = (partial(type(self), **settings), ())
-        self._set_up(Problem.from_keywords("Indentation", **by_group(settings)))
+        """Mesh and solver of a specimen under an indenter.
+
+        Parameters
+        ----------
+        """
+        self._made_of: tuple = (partial(type(self), **settings), ())  # type: ignore[misc]
+        group = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
+        asked: dict[str, Any] = {name: {} for name in GROUPS}
+        for name, value in settings.items():
+            asked[group[name]][name] = value
+        self._set_up(Problem.from_keywords("bi.Indentation", **asked))
 
     @classmethod
     def of_problem(cls, problem: Problem) -> "Indentation":
@@ -145,6 +152,7 @@ class Indentation(NativeObject):
         crystal = one_crystal(stiffness, euler_deg)
         return IndentationResult(**self._call("run", **crystal), warning=resolution(self._problem, crystal["stiffness"])[1])
 
+    @takes()
     def run_many(
         self,
         stiffness: ArrayLike,
@@ -163,9 +171,9 @@ class Indentation(NativeObject):
         each simulation.
         """
         asked = {"workers": workers, "engine": engine, "scheduler": scheduler}
-        execution = Problem.from_keywords("Indentation.run_many", execution=asked).settings.execution
+        execution = Problem.from_keywords("bi.Indentation.run_many", execution=asked).settings.execution
         if errors not in ("raise", "return"):
-            raise InputError(f"Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
+            raise InputError(f"bi.Indentation.run_many: errors: '{errors}' is unknown; allowed: 'raise', 'return'")
         matrices, angles = np.asarray(stiffness, dtype=float), np.asarray(euler_deg, dtype=float)
         if len(matrices) != len(angles):
             raise InputError(f"there are {len(matrices)} crystals but {len(angles)} orientations")
@@ -238,17 +246,6 @@ class Indentation(NativeObject):
 
 def _mesh_of(found: dict) -> MeshArrays:
     return MeshArrays(**{item.name: found[item.name] for item in fields(MeshArrays)})
-
-
-def by_group(settings: dict) -> dict:
-    """Keywords by the group whose variables they are; a misspelt one by that of the name that is nearest, so that its message tells it."""
-    groups = {variable.name: variable.group for variable in schema() if variable.group in GROUPS}
-    sorted_out: dict = {group: {} for group in GROUPS}
-    for name, value in settings.items():
-        near = difflib.get_close_matches(name, groups, 1)
-        group = groups.get(name) or (groups[near[0]] if near else GROUPS[-1])
-        sorted_out[group][name] = value
-    return sorted_out
 
 
 def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:

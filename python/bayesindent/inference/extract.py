@@ -1,53 +1,123 @@
 """Step 2: the constants behind measured moduli, and which grain to measure next. The densities, the chains and what is said of them are the core's."""
 
 import json
+from collections.abc import Mapping
 from os import PathLike
 
 import numpy as np
 
-from ..core import warn_of
+from ..common.result_files import plain
+from ..core import InputError, call
 from ..crystal.elasticity import constant_names, quantity_names
+from ..settings.keywords import takes, warn_of
+from ..settings.problem import Problem, schema
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
 from .posterior import EXTRACTION, Posterior
 
 __all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "next_grain", "summary"]
 
+#: Groups whose variables are keywords, and those that other keywords stand for.
+GROUPS, LEFT_OUT = ("indenter", "measurements", "prior", "sampler"), ("file", "c_min", "c_max")
 
-def next_grain(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", result=None, **settings) -> dict:
+
+@takes(*GROUPS, "next", without=LEFT_OUT)
+def next_grain(
+    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike | None = None, result=None, lattice=None,
+    bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, **settings,
+) -> dict:  # fmt: skip
     """Orientations worth measuring next, ranked, each given those above it.
 
-    `measurements`, `surrogate` and `settings` are those of `extract`, whose `result` may be given, and the variables of `&next`: `target`: 'all' (gain: information on
-    the constants in nats), a quantity of the vocabulary of `&knowledge`, or a product of powers, of which the logarithm is to be known
-    (gain: the share of the variance that is expected to go); `sd_gpa`: of the next measurement, 0: the median of those made; `count`.
+    bi.next_grain(result) is enough; the variables of the next measurement are target, sd_gpa, candidates and count.
+
+    Parameters
+    ----------
+    measurements : result of bi.extract, or what that takes
+        Of a result its own measurements and settings are used.
+    result : result of bi.extract, optional
+        Draws that are there already, where `measurements` is a table.
+    symmetry, surrogate, lattice, bounds, knowledge, seed, workers
+        As in `bi.extract`.
+
+    Returns
+    -------
+    dict
+        `suggestions`: of each `euler_deg`, `gain`, and its indices; `unit` of the gain; `candidates`: all that were compared.
     """
-    surrogate = loaded(surrogate)
-    problem = problem_of("bi.next_grain", surrogate, measurements, **settings)
-    if result is None:
-        result = extract(measurements, surrogate=surrogate, **settings)
+    own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
+    if hasattr(measurements, "posterior"):
+        result, (origin, table, page, groups, named) = measurements, asked_of(measurements)
+        surrogate = loaded(surrogate or named)
+        problem = Problem.from_keywords(origin, table, page, **groups | {"next": settings})
+    else:
+        surrogate = loaded(surrogate or "halfspace")
+        problem = problem_of("bi.next_grain", surrogate, measurements, **own, **settings)
+        if result is None:
+            of_next = {variable.name for variable in schema() if variable.group == "next"}
+            result = extract(measurements, surrogate=surrogate, **own, **{name: settings[name] for name in settings if name not in of_next})
     draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
     document = Posterior(problem, surrogate).suggest(problem, draws)
     warn_of(document)
     return document
 
 
-def extract(measurements, *, surrogate: Surrogate | str | PathLike = "halfspace", **settings):
-    """Sample the constants behind measured moduli; an ArviZ InferenceData whose `posterior` holds one variable a constant.
+def asked_of(result) -> tuple:
+    """Origin, table, page of the stiffness and groups of the problem of a result, see `Problem.from_keywords`; and the name of its surrogate."""
+    facts = result.posterior.attrs
+    if not facts.get("surrogate"):
+        raise InputError("bi.next_grain: the result does not name its surrogate; state it again with surrogate=")
+    return (*json.loads(facts["asked"]), facts["surrogate"])
 
-    `measurements`: a CSV file or a table (see `measurements_of`). `surrogate`: a `Surrogate`, or what `Surrogate.load` takes; 'halfspace'
-    is the exact theory. `settings`: `symmetry`, the crystal class, which only a surrogate of a class of its own can do without; `lattice`, its unit cell, where the table has indices (`&problem lattice`); `bounds` maps constants to (low, high) in GPa, either perhaps None; `knowledge` maps quantities ('C44', 'C33/C11',
-    'bulk_modulus', 'young[110]', ..) to (mean, sd), and 'stiffness' to (means, covariance) of all constants in GPa and GPa², or to a CSV of
-    them; `seed`, `workers` (0: all cores; results do not depend on it), and the variables of
-    `&measurements`, `&prior` and `&sampler`: `modulus_kind`, `calibration_sd`, `likelihood`, `scale`, `anisotropy_cap`, `method`,
-    `samples`, `burn_in`, `chains`, `surrogate_variance`, ... Further groups: `prior` (constants without the data), `derived` (quantities
-    of the crystal, for some of the draws), `predictions` (the modulus of each grain, of the kind that was measured), for the same draws
-    `log_likelihood` (of each measurement given all others), `log_prior` and `posterior_predictive` (the grains measured anew), and
-    `observed_data`, `constant_data`. Why a result cannot be used is its first warning.
+
+@takes(*GROUPS, without=LEFT_OUT)
+def extract(
+    measurements, symmetry: str | None = None, *, surrogate: Surrogate | str | PathLike = "halfspace", lattice=None,
+    bounds: Mapping | None = None, knowledge: Mapping | None = None, seed: int = 1, workers: int = 0, progressbar: bool = False, **settings,
+):  # fmt: skip
+    """Infer the elastic constants of a crystal from measured moduli of its grains.
+
+    Which modulus was measured must be stated: by `modulus_kind`, or by the name of its column (effective_modulus_gpa, Er, ..).
+
+    Parameters
+    ----------
+    measurements : path or table
+        A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5) of phi1, Phi, phi2, modulus and sd.
+        Columns are those of a file. `orientation` may be orix' Orientation in place of the three angles.
+    symmetry : str
+        The crystal class, such as 'cubic', 'hcp' or '4/mmm'.
+    surrogate : Surrogate, str or path, default 'halfspace'
+        What simulations gave; 'halfspace' is the exact theory of a bulk sample, 'block' comes with the package.
+    lattice : list of float, optional
+        Unit cell, where orientations are indices of directions or planes: what the symmetry leaves open of a, b, c, alpha, beta, gamma.
+    bounds : dict, optional
+        (low, high) in GPa by constant, each perhaps None: {'C11': (150, 300)}.
+    knowledge : dict, optional
+        (mean, sd) by quantity ('bulk_modulus', 'C44', 'C33/C11', 'young[110]', ..); 'stiffness': (means, covariance) of all constants
+        in GPa and GPa², or a CSV of them.
+    seed : int, default 1
+        Of all random numbers.
+    workers : int, default 0
+        Threads; 0: all cores. Results do not depend on it.
+    progressbar : bool, default False
+        Show how far the chains are.
+
+    Returns
+    -------
+    arviz.InferenceData (DataTree with ArviZ 1)
+        `posterior` has a variable for each constant, and further groups: `prior`, `derived` (quantities of the crystal), `predictions` (the modulus of each
+        grain), `log_likelihood`, `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. Why a result cannot be used is its
+        first warning. `bi.summary(result)` has mean, sd and shares of each constant.
     """
-    surrogate = loaded(surrogate)
-    found = Posterior(problem_of("bi.extract", surrogate, measurements, **settings), surrogate, EXTRACTION)
+    name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
+    own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
+    problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
+    call("file.show_progress", wanted=progressbar)
+    found = Posterior(problem, surrogate, EXTRACTION)
     warn_of(found.document)
-    return inference_data(groups_of(found.values))
+    groups = groups_of(found.values)
+    made = problem._made_of[0]
+    groups["posterior"][1].update(surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str))
+    return inference_data(groups)
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..core import InputError
-from ..crystal.elasticity import constant_names
+from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, schema
 
 __all__ = ["measurements_of", "problem_of"]
@@ -27,7 +27,7 @@ def problem_of(
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
-        raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; say 'cubic', for example")
+        raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
     for name, value in variables.items():
@@ -86,8 +86,8 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
 
 
 def measurements_of(table) -> dict[str, list]:
-    """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg, (n, 3), for the
-    three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
+    """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg or orientation, (n, 3) or orix'
+    Orientation, for the three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
     modulus and sd. What the columns mean is the core's to say."""
     if isinstance(table, list | tuple):
         named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
@@ -102,7 +102,7 @@ def measurements_of(table) -> dict[str, list]:
         table = {name: getattr(table, name) for name in ("euler_deg", "modulus_gpa", "sd_gpa")}
     columns: dict[str, list] = {}
     for name in table:
-        if name == "euler_deg":
+        if name in ("euler_deg", "orientation"):
             angles = _array(table[name])
             if angles.ndim != 2 or angles.shape[1] != 3:
                 raise InputError(f"the measurements' euler_deg have shape {angles.shape}; allowed (n, 3): phi1, Phi, phi2 of n grains")
@@ -123,6 +123,6 @@ ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 
 def _array(values) -> np.ndarray:
     try:
-        return np.asarray(values, dtype=float)
+        return angles_of(values)
     except (TypeError, ValueError):
         raise InputError(f"the measurements are no table of numbers: {str(values)[:60]}") from None

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..common.progress import Progress
-from ..core import BayesindentError, InputError, MachineError, warn_of
+from ..core import BayesindentError, InputError, MachineError
+from ..settings.keywords import warn_of
 from ..settings.problem import Points, Problem
 from ..surrogate.surrogate import Surrogate, places
 from .stage import Job, Stage, run_stage
@@ -30,7 +31,7 @@ def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *
         raise InputError(
             f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given where it is 'import', and only there"
         )
-    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)))
+    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)), str)
     return Surrogate.load(Path(output) / problem.settings.surrogate.file)
 
 

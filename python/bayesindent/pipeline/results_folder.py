@@ -1,14 +1,15 @@
 """What a folder of results says of itself: its manifest, the resolved namelist, documents and the numbers of Step 2. The core writes and
 verifies them."""
 
+import json
 from pathlib import Path
 
 from ..common.result_files import read_json
 from ..core import InputError, call
-from ..settings.problem import stages
+from ..settings.problem import Problem, stages
 from ..surrogate.surrogate import places
 
-__all__ = ["DOCUMENTS", "belongs", "read_manifest", "read_posterior", "read_resolved", "surrogate_digest"]
+__all__ = ["DOCUMENTS", "belongs", "changed_inputs", "read_manifest", "read_posterior", "read_resolved", "surrogate_digest"]
 
 #: The file of each stage's document.
 DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
@@ -41,6 +42,23 @@ def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str
     except InputError:
         return {}
     return {"surrogate_file": call("file.digest", path=path)["text"]}
+
+
+def changed_inputs(folder: Path) -> list[str]:
+    """A line for each group of the namelist last used in a folder, with the tables that it names, that was edited since."""
+    manifest = read_manifest(folder)
+    try:
+        problem = Problem(manifest["namelist"])
+        now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])
+    except (KeyError, InputError):
+        return []
+    # These may have been options.
+    used = {name: digest for name, digest in manifest["inputs"].items() if name not in ("problem", "sampler", "surrogate_file")}
+    return [
+        f"&{name} of {manifest['namelist']}, or a table that it names, was edited after these results: bayesindent run makes new ones"
+        for name, digest in used.items()
+        if now.get(name, digest) != digest
+    ]
 
 
 def belongs(document: dict, manifest: dict) -> bool:

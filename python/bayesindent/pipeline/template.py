@@ -74,7 +74,7 @@ def metals() -> dict[str, Metal]:
 def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, str]:
     """The texts of a namelist and of its table of measurements, a file named `table`.
 
-    `symmetry`: a crystal class, or 'fcc', 'bcc', 'hcp'; `metal`: its symbol. One of them is enough if it is the metal.
+    `symmetry`: a crystal class; `metal`: its symbol. One of them is enough if it is the metal.
     """
     known = metals().get(metal[:1].upper() + metal[1:].lower()) if metal else None
     if metal and known is None:
@@ -83,11 +83,12 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
         if known is None:
             raise InputError("init: say the crystal class, such as fcc, hcp or mmm, or a --metal")
         symmetry = known.structure
-    structures = {metal.structure: metal.symmetry for metal in metals().values()}
-    stated = symmetry.lower() if symmetry.lower() in structures else class_name(symmetry)
-    if known and stated not in (known.structure, known.symmetry):
+    if symmetry.capitalize() in metals():
+        raise InputError(f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal {symmetry.capitalize()}")
+    word, stated = class_name(symmetry), symmetry.lower()
+    others = {metal.structure for metal in metals().values()} - {known.structure if known else ""}
+    if known and (word != known.symmetry or stated in others):
         raise InputError(f"init: --metal: {known.name} is {known.structure} ({known.symmetry}), not {symmetry}")
-    word = structures.get(stated, stated)
     constants = ", ".join(constant_names(word))
     lines = [
         f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",

@@ -1,16 +1,19 @@
 """The command line: what was asked, of which command, with which exit status."""
 
 import argparse
+import difflib
 import errno
 import json
 import logging
 import os
+import re
 import sys
 import textwrap
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from ..common.result_files import plain
 from ..core import BayesindentError, InputError, call
@@ -26,6 +29,9 @@ log = logging.getLogger("bayesindent")
 # Without a handler of its own the library would print errors, which `tell` does.
 log.addHandler(logging.NullHandler())
 
+#: Warnings that are shown; they come by their consequence.
+MOST_WARNINGS = 8
+
 #: Why the machine could not read or write a file.
 REASONS = {
     errno.ENOSPC: "cannot be written: the disk is full",
@@ -39,27 +45,37 @@ REASONS = {
 DESCRIPTION = """\
 Single-crystal elastic constants, with honest uncertainty, from spherical indentation of grains of known orientation.
 
-A namelist FILE.nml says what is wanted. Step 1 (build) teaches a surrogate the indentation modulus of any crystal of a class by finite
-element simulations, each where the surrogate knows least. Step 2 (extract) samples the constants that explain measured moduli."""
+A namelist FILE.nml says what is wanted. Of a bulk sample no simulations are needed. Of a film or a grain, build trains a surrogate on finite
+element simulations. extract then infers the constants from the measured moduli."""
 
 EXAMPLES = """\
 examples:
-  bayesindent run inputs/quickstart.nml           everything the file asks for, with a report; rerun it to go on
-  bayesindent run inputs/quickstart.nml --check   only say whether the file is right
-  bayesindent theory inputs/zinc.nml --json       exact half-space moduli of the crystals in a file
+  bayesindent init --metal Cu                      a namelist and a table to begin with
+  bayesindent run inputs/quickstart.nml            everything the file asks for, with a report; the same command resumes it
+  bayesindent run inputs/quickstart.nml --check    only say whether the file is right
+  bayesindent theory inputs/zinc.nml --json        exact half-space moduli of the crystals in a file
   bayesindent predict --surrogate block --points points.csv --symmetry cubic
-  bayesindent build FILE.nml --ask 20 > points.csv   the next 20 crystals, to be simulated elsewhere
-  bayesindent build FILE.nml --tell results.csv      and their moduli back
+  bayesindent build FILE.nml --ask 20 > points.csv    the next 20 crystals, to be simulated elsewhere
+  bayesindent build FILE.nml --tell results.csv       and their moduli back
 
 units: GPa, um, mN, degrees (Bunge-Euler angles phi1, Phi, phi2). An uncertainty is a standard deviation, sd.
 exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; 128 + N stopped by
 signal N, such as 130 by Ctrl-C (run it again to go on).
-'bayesindent COMMAND --help' tells more, such as the variables of the namelist."""
+'bayesindent help COMMAND' explains a command; 'bayesindent version' prints the version."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (default: the process's own); return its exit status."""
-    arguments = parser().parse_args(argv)
+    argv = list(sys.argv[1:] if argv is None else argv)
+    if argv[:1] == ["version"]:
+        argv = ["--version"]
+    elif argv[:1] == ["help"]:
+        argv = [*argv[1:], "--help"]
+    if "--all" in argv:
+        argv = [word for word in argv if word not in ("-h", "--help")]
+    arguments, unknown = parser().parse_known_args(argv)
+    if unknown:
+        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # ArviZ announces its next version at every import.
     warnings.filterwarnings("ignore", category=FutureWarning, module="arviz")
     # A log that cannot be written is no reason for a traceback.
@@ -101,15 +117,43 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help ends with the variables of the namelist groups that the command reads."""
+    """A parser whose help ends with the namelist groups that the command reads, or with all their variables, and which names what was meant."""
 
     groups: tuple[str, ...] = ()
+    full = False
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **(kwargs | {"formatter_class": argparse.RawDescriptionHelpFormatter}))
 
     def format_help(self) -> str:
-        return super().format_help() + "".join(f"\n{describe_group(name)}" for name in self.groups)
+        if self.full or not self.groups:
+            return super().format_help() + "".join(f"\n{describe_group(name)}" for name in self.groups)
+        lines = [f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"]
+        for name in self.groups:
+            variables = [variable for variable in schema() if variable.group == name]
+            words = f"{variables[0].group_meaning} Variables: {', '.join(variable.name for variable in variables)}."
+            lines += [textwrap.fill(words, 79, initial_indent=f"  {f'&{name}':<15}", subsequent_indent=17 * " ") + "\n"]
+        return super().format_help() + "".join(lines)
+
+    def error(self, message: str) -> NoReturn:
+        choices = [option for action in self._actions for option in action.option_strings]
+        wrong = re.match(r"unrecognized arguments: (-\S+)", message)
+        if found := re.match(r"argument COMMAND: invalid choice: '(.*?)'", message):
+            wrong, choices = found, [command.name for command in COMMANDS]
+            message = f"'{found[1]}' is no command; allowed: {', '.join(choices)}"
+        near = difflib.get_close_matches(wrong[1], choices, 1) if wrong else []
+        if wrong and wrong[1].endswith(".nml"):
+            near = [f"run {wrong[1]}"]
+        super().error(message + (f". Did you mean '{near[0]}'?" if near else ""))
+
+
+class ShowAll(argparse.Action):
+    """The help with every variable."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        parser.full = True
+        parser.print_help()
+        parser.exit()
 
 
 def parser() -> argparse.ArgumentParser:
@@ -120,13 +164,18 @@ def parser() -> argparse.ArgumentParser:
     for command in COMMANDS:
         words = textwrap.fill(" ".join(f"{command.summary[0].upper()}{command.summary[1:]}. {command.description}".split()), 100)
         sub = subparsers.add_parser(command.name, help=command.summary, description=words)
-        sub.set_defaults(command=command, json=False, results=None)
+        sub.set_defaults(command=command, json=False, results=None, quiet=False, parser=sub)
         sub.groups = command.groups
         if command.groups:
             sub.add_argument("file", metavar="FILE.nml", type=Path, help="the namelist")
+            sub.add_argument("--all", action=ShowAll, nargs=0, help="show this help with every variable of the namelist")
+            sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
+            if "sampler" in command.groups:
+                sub.add_argument("--samples", metavar="N", type=int, help="in place of &sampler samples")
         if command.has_document:
             sub.add_argument("--output", metavar="DIR", type=Path, help="folder of the results (default: runs/<stem of the file>)")
             sub.add_argument("--json", action="store_true", help="one JSON document on standard output, all else on standard error")
+            sub.add_argument("--quiet", action="store_true", help="neither progress nor warnings nor hints on standard error")
         if command.arguments is not None:
             command.arguments(sub)
     return root
@@ -154,18 +203,26 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     for reason in reasons:
         log.error("the result cannot be used: %s", reason)
         print(f"The result cannot be used: {reason}", file=sys.stderr if arguments.json else sys.stdout, flush=True)
+    say = ignore if arguments.quiet else tell
     for warning in document["warnings"]:
         log.warning("%s", warning)
-        tell(f"warning: {warning}")
+    for warning in document["warnings"][:MOST_WARNINGS]:
+        say(f"warning: {warning}")
+    if (more := len(document["warnings"]) - MOST_WARNINGS) > 0:
+        say(f"{more} more warnings are in {arguments.results / 'run.log' if arguments.results else 'the JSON document (--json)'}")
+    if arguments.results is not None:
+        say(f"results are in {arguments.results}")
     if arguments.json:
         print(json.dumps(plain(document), allow_nan=False), flush=True)
     else:
         arguments.command.show(document)
-    if arguments.results is not None:
-        tell(f"results are in {arguments.results}")
     if arguments.command.then is not None:
-        tell(f"next: {arguments.command.then(arguments, document)}")
+        say(f"next: {arguments.command.then(arguments, document)}")
     return UNUSABLE if reasons else DONE
+
+
+def ignore(text: str) -> None:
+    """Show nothing."""
 
 
 def tell(text: str) -> None:

@@ -1,4 +1,4 @@
-"""What a command is: its words for help, what it does, and how its document is told to people."""
+"""What a command is: its words for help, what it does, and how its document is shown."""
 
 import argparse
 import logging
@@ -15,7 +15,7 @@ from ..settings.problem import Problem, schema, stages
 from ..surrogate.surrogate import places
 from ..version import __version__
 
-__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "report_of", "take_folder"]
+__all__ = ["PATIENCE_S", "Command", "namelist_command", "output_folder", "perform", "prepare", "problem_of", "report_of", "take_folder"]
 
 log = logging.getLogger("bayesindent")
 
@@ -53,7 +53,7 @@ class Command:
         if self.action is not None:
             return self.action(arguments)
         problem, output = prepare(arguments)
-        return with_warnings(problem, perform(self, problem, output, Progress(True)))
+        return with_warnings(problem, perform(self, problem, output, Progress(not arguments.quiet)))
 
 
 def namelist_command(name: str, **more) -> Command:
@@ -63,9 +63,16 @@ def namelist_command(name: str, **more) -> Command:
     return Command(name, row.summary, row.description, groups=groups, **more)
 
 
+def problem_of(arguments: argparse.Namespace) -> Problem:
+    """The problem of a command's namelist, with the options that take the place of its variables."""
+    options = {"&sampler samples": getattr(arguments, "samples", None), "&problem seed": arguments.seed}
+    changes = "\n".join(f"{name} = {value} /" for name, value in options.items() if value is not None)
+    return Problem(arguments.file, arguments.command.name, changes)
+
+
 def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     """The problem of a command's namelist, and its output folder, which no other process has, with the resolved input and the log."""
-    problem = Problem(arguments.file, arguments.command.name)
+    problem = problem_of(arguments)
     output = arguments.results = output_folder(arguments, arguments.file)
     take_folder(output, patience_s, arguments.command.resumes)
     handler = logging.FileHandler(output / "run.log", encoding="utf-8")

@@ -1,6 +1,5 @@
 """Tables at a terminal."""
 
-import sys
 from collections.abc import Iterable, Sequence
 
 __all__ = ["show_moduli", "show_table"]
@@ -22,15 +21,9 @@ def show_moduli(document: dict) -> None:
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table under its title, numbers to the right; as wide as it needs where standard output is no terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for number, name in enumerate(header):
-        table.add_column(name, justify="left" if number == 0 else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
-    console.print(f"{title}:")
-    console.print(table)
+    """A table under its title, numbers to the right, as wide as it needs: no number is cut."""
+    cells = [list(header), *map(list, rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    print(f"{title}:")
+    for first, *others in cells:
+        print(f"{first:<{widths[0]}}", *(f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)), sep="  ")

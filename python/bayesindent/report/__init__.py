@@ -1,7 +1,7 @@
 """The report and its figures.
 
-`bi.report(folder)` writes it: this package is also the function, so that neither hides the other. It writes report.html of the results in `folder`
-into `output` (default: the folder itself), and returns its path; `figures`: 'png', 'pdf' or 'svg' for every figure as a file in `folder`/figures too;
+`bi.report(folder)` or `bi.report(result)` writes it: this package is also the function, so that neither hides the other. It writes report.html of the results
+in `folder`, or of what `bi.extract` gave, into `output` (default: the folder itself), and returns its path; `figures`: 'png', 'pdf' or 'svg' for every figure as a file in `folder`/figures too;
 `paper`: what a paper takes in `folder`/paper.
 """
 
@@ -9,14 +9,15 @@ import sys
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 
 class _Report(ModuleType):
-    def __call__(self, folder: str | PathLike, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
+    def __call__(self, folder: Any, output: str | PathLike | None = None, *, figures: str = "", paper: bool = False) -> Path:
         """See the package."""
         from .report import write_report
 
-        return write_report(Path(folder), Path(output) if output else None, figures, paper)
+        return write_report(folder, Path(output) if output else None, figures, paper)[1]
 
 
 sys.modules[__name__].__class__ = _Report

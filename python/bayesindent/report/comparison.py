@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..common.result_files import whole_file, write_csv, write_json
-from ..core import InputError, warn_of
+from ..core import InputError
 from ..inference.extract import arviz_data
+from ..settings.keywords import warn_of
 from .formatting import number
 from .results import Results
 
@@ -20,11 +21,11 @@ __all__ = ["Run", "compare", "compare_runs", "read_runs"]
 
 
 class Run(Results):
-    """The results of a folder that has a posterior of its present inputs, under a name that differs from those of the others."""
+    """Results with a posterior of their present inputs, under a name that differs from those of the others."""
 
-    def __init__(self, folder: Path, label: str):
-        super().__init__(folder)
-        self.label = label
+    def __init__(self, source: Any, label: str):
+        super().__init__(source)
+        self.label, folder = label, self.folder
         if "extract" in self.outdated:
             raise InputError(
                 f"{folder}: the posterior there is of other inputs than were used last; run 'bayesindent extract' on its file again"
@@ -64,10 +65,11 @@ class Run(Results):
         return np.asarray(found.loo_i if hasattr(found, "loo_i") else found.elpd_i)
 
 
-def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """The runs of two or more folders, each under the shortest name that tells it from the others."""
-    if len(folders) < 2:
+def read_runs(sources: Sequence) -> list[Run]:
+    """The runs of two or more folders, each under the shortest name that tells it from the others, or results of `bi.extract` by their number."""
+    if len(sources) < 2:
         raise InputError("compare: two or more folders of results are needed")
+    folders = [Path(source) for source in sources if not hasattr(source, "posterior")]
     paths = [folder.resolve() for folder in folders]
     for i, folder in enumerate(folders):
         if not folder.is_dir():
@@ -77,21 +79,24 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     depth = 1
     while len({path.parts[-depth:] for path in paths}) < len(paths):
         depth += 1
-    return [Run(folder, "/".join(path.parts[-depth:])) for folder, path in zip(folders, paths, strict=True)]
+    names = iter(["/".join(path.parts[-depth:]) for path in paths])
+    return [
+        Run(source, f"result {number}" if hasattr(source, "posterior") else next(names)) for number, source in enumerate(sources, start=1)
+    ]
 
 
 #: Above this shape of the tail of its importance weights (Pareto's k) a grain's leave-one-out density is not to be relied on.
 GREATEST_SHAPE = 0.7
 
 
-def compare(*folders: str | os.PathLike, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
-    """Posteriors of two or more folders of results side by side, each compared with the first.
+def compare(*results: Any, output: str | os.PathLike | None = None, figures: str = "png") -> dict:
+    """Posteriors of two or more `results` side by side, each compared with the first: folders, or what `bi.extract` gave.
 
     `runs`: mean, sd and 95 % interval of each constant; `differences`: of each constant from the first run's, in GPa and in sds of the
     difference; `models`: leave-one-out and, where it was estimated, evidence of runs of the same measurements. With `output`, a folder,
     comparison.csv, comparison.json and the figures forest and overlay ('png', 'pdf' or 'svg') are written into it.
     """
-    document = compare_runs(read_runs([Path(folder) for folder in folders]), Path(output) if output else None, figures)
+    document = compare_runs(read_runs(results), Path(output) if output else None, figures)
     warn_of(document)
     return document
 

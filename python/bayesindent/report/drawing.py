@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Rectangle, StepPatch
 
+from ..common.progress import Progress
 from ..common.result_files import whole_file, write_csv
 from .figures import FIGURES
 from .figures.style import Picture, house_style, stamp_synthetic, text_size
@@ -69,7 +70,7 @@ SCREEN = 160
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
-def draw_figures(results: Results, kind_of_files: str, paper: bool = False) -> dict[str, list[dict]]:
+def draw_figures(results: Results, kind_of_files: str, paper: bool, progress: Progress) -> dict[str, list[dict]]:
     """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
     As files too, of one kind in the folder `figures`, and for a paper in `paper/figures` with the numbers behind each as CSV.
@@ -83,8 +84,14 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool = False) -> d
             with suppress(NothingToShow):
                 pictures[function.__name__] = function(results)
 
+        ours, left = os.getpid(), list(pictures)
+
         def draw(name: str) -> dict:
             picture = pictures[name]
+            if os.getpid() == ours:
+                # Another process draws those between.
+                counted(left.index(name) + 1)
+                del left[: left.index(name) + 1]
             if results.synthetic:
                 stamp_synthetic(picture.figure)
             for folder, kind, dots in files:
@@ -100,7 +107,8 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool = False) -> d
                 "width": width, "height": height, "text": text_size(picture.figure),
             }  # fmt: skip
 
-        drawn = dict(zip(pictures, halved(draw, list(pictures))))
+        with progress.bar("figures", len(pictures)) as counted:
+            drawn = dict(zip(pictures, halved(draw, list(pictures))))
     sections: dict[str, list[dict]] = {}
     for section, function in FIGURES:
         if function.__name__ in drawn:

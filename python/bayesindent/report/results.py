@@ -4,7 +4,7 @@ import json
 from collections.abc import Sized
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import constant_names
-from ..pipeline.results_folder import DOCUMENTS, belongs, read_manifest, read_posterior, read_resolved, surrogate_digest
+from ..pipeline.results_folder import DOCUMENTS, belongs, changed_inputs, read_manifest, read_posterior, read_resolved, surrogate_digest
 from ..surrogate.surrogate import Surrogate
 
 __all__ = ["NothingToShow", "Results", "present"]
@@ -32,22 +32,29 @@ def present(part: T | None) -> T:
 
 
 class Results:
-    """A folder of results; a stage that did not run, or on other inputs, is an empty document."""
+    """A folder of results, or what `bi.extract` gave; a stage that did not run, or on other inputs, is an empty document."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
-        self.manifest = read_manifest(folder)
-        self.resolved = read_resolved(folder)
+    def __init__(self, source: Any):
+        #: What `bi.extract` gave; None if the results are a folder's.
+        self.result = source if hasattr(source, "posterior") else None
+        folder = self.folder = Path() if self.result is not None else Path(source)
+        facts = {} if self.result is None else self.result.posterior.attrs
+        self.manifest = {} if facts else read_manifest(folder)
+        self.resolved = facts["settings"] if facts else read_resolved(folder)
         self._settings = call("settings.values", path=folder / "resolved.nml", content=self.resolved) if self.resolved else {}
         #: The folder of the namelist that was last used here.
         self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
-        if name := self.group("surrogate").get("file"):
+        if not facts and (name := self.group("surrogate").get("file")):
             # A build that was killed may have left a new surrogate beside the documents of the last one.
             self.manifest["inputs"] = self.manifest.get("inputs", {}) | surrogate_digest(name, folder, self.namelist_folder)
-        found = {stage: read_json(folder / file) for stage, file in DOCUMENTS.items()}
+        found = {stage: {} if facts else read_json(folder / file) for stage, file in DOCUMENTS.items()}
         #: Stages whose documents are of other inputs.
         self.outdated = [stage for stage, document in found.items() if document and not belongs(document, self.manifest)]
         self.documents = {stage: {} if stage in self.outdated else document for stage, document in found.items()}
+        if facts:
+            self.documents["extract"] = json.loads(facts["summary"])
+        #: What was edited after the results, in words.
+        self.edited = [] if facts else changed_inputs(folder)
         problem = self.group("problem")
         self.symmetry = problem.get("symmetry", "")
         self.constants = constant_names(self.symmetry) if self.symmetry else ()
@@ -66,8 +73,8 @@ class Results:
 
     @property
     def warnings(self) -> list[str]:
-        """Those of all documents."""
-        return list(dict.fromkeys(line for document in self.documents.values() for line in document.get("warnings", [])))
+        """Those of all documents, after what was edited since."""
+        return list(dict.fromkeys([*self.edited, *(line for document in self.documents.values() for line in document.get("warnings", []))]))
 
     @property
     def predicted(self) -> list[dict]:
@@ -101,8 +108,21 @@ class Results:
     @cached_property
     def posterior(self) -> dict:
         """The numbers of the posterior that the document of `extract` is about, see `read_posterior`; nothing where there is none."""
+        if self.result is not None:
+            return self._of_result(self.result)
         found = read_posterior(self.folder) if self.documents["extract"] else {}
         return found if found and json.loads(f"{{{found['inputs']}}}") == self.documents["extract"]["inputs"] else {}
+
+    def _of_result(self, result: Any) -> dict:
+        """The same of groups of ArviZ, as far as figures and comparisons need it."""
+        bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
+        own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
+        return {
+            "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
+            "stride": own.shape[1] // result.log_likelihood.sizes["draw"], "log_likelihood": result.log_likelihood["modulus"].values,
+            "modulus_gpa": result.observed_data["modulus"].values, "sd_gpa": result.constant_data["sd"].values,
+            "euler_deg": result.constant_data["euler_deg"].values,
+        }  # fmt: skip
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
@@ -124,7 +144,8 @@ class Results:
     def surrogate(self) -> Surrogate | None:
         """The surrogate of the results: in the folder, beside the namelist, or one that comes with the package."""
         # What was built through the library may not have said its name.
-        name = self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
+        named = None if self.result is None else self.result.posterior.attrs.get("surrogate")
+        name = named or self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
         if not name:
             return None
         try:

@@ -1,9 +1,10 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
+from html import escape
 from itertools import starmap
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,8 @@ class Points:
 class Problem(NativeObject):
     """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory', 'build', 'extract', 'next').
 
+    `changes`: a namelist whose variables take the place of the file's.
+
     `settings.design.budget` is a value as the command will use it, whether the file says it or not: None if it has none, an array
     if there is one for each constant. `settings.design.given`: whether the file has the group. `crystals`, `measurements`,
     `candidates` (of &design) and `grains` (of &next) are the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file, group and
@@ -108,9 +111,9 @@ class Problem(NativeObject):
 
     kind = "problem"
 
-    def __init__(self, path: str | os.PathLike, command: str = "run"):
-        self._made_of: tuple = (type(self), (path, command))
-        self._fill(call("file.problem", path=path, command=command), Path(path))
+    def __init__(self, path: str | os.PathLike, command: str = "run", changes: str = ""):
+        self._made_of: tuple = (type(self), (path, command, changes))
+        self._fill(call("file.problem", path=path, command=command, changes=changes or None), Path(path))
 
     @classmethod
     def from_keywords(
@@ -187,8 +190,30 @@ class Problem(NativeObject):
         asked = f"asks for {', '.join(self.stages)}" if self.stages else "asks for nothing"
         return f"<Problem {self.path}: {self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
 
+    def _repr_html_(self) -> str:
+        groups = {name: getattr(self.settings, name) for name in _types()[0]}
+        rows = [
+            (
+                name,
+                ", ".join(
+                    f"{label} = {value}" for label, value in vars(group).items() if label != "given" and str(value) not in ("None", "")
+                ),
+            )
+            for name, group in groups.items()
+            if group.given
+        ]
+        return html_table(repr(self)[1:-1], rows)
+
     def __reduce__(self):
         return self._made_of or super().__reduce__()
+
+
+def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """What a notebook shows: a title and rows of a name and a text."""
+    lines = (
+        f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(text)}</td></tr>" for name, text in rows
+    )
+    return f"<table><caption>{escape(title)}</caption>{''.join(lines)}</table>"
 
 
 def spelled(value, place: str = "") -> str:

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
-from ..settings.problem import Points
+from ..settings.keywords import takes
+from ..settings.problem import Points, html_table
 from ..surrogate.basis import Basis
 
 __all__ = ["SHIPPED", "Surrogate", "places"]
@@ -68,14 +69,18 @@ class Surrogate(NativeObject):
         )
 
     @classmethod
+    @takes("surrogate", without=("file", "scan"))
     def fit(
         cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
         domain: dict | None = None, **settings,
     ) -> "Surrogate":  # fmt: skip
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
-        `symmetry` and `domain`: of &problem and the variables of &domain; `settings`: those of &surrogate. Without bounds in the domain
-        the crystals are given by the constants of a triclinic one.
+        `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the crystals are given by the constants of a
+        triclinic one.
+
+        Parameters
+        ----------
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
         learner = basis._call("learner")["handle"]
@@ -111,6 +116,11 @@ class Surrogate(NativeObject):
         )
         title = self.provenance.get("title") or ""
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
+
+    def _repr_html_(self) -> str:
+        facts = {name: value for name, value in self.provenance.items() if isinstance(value, str) and "\n" not in value}
+        shown = {"model": self.basis.model, "terms": self.basis.n_terms, "simulations": len(self._facts["simulated_modulus_gpa"])} | facts
+        return html_table(repr(self)[1:-1], [(name, str(value)) for name, value in shown.items() if value])
 
     @property
     def covariance(self) -> np.ndarray:
@@ -160,7 +170,7 @@ class Surrogate(NativeObject):
         if high < np.finfo(float).max and not len(self.basis.c_min):
             beyond = np.count_nonzero((scale < low) | (scale > high))
             if beyond:
-                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), which it knows from {low:.3g} to {high:.3g} GPa"
+                words += f"; {beyond} by the scale (geometric mean of the stiffness' eigenvalues), for which it is valid from {low:.3g} to {high:.3g} GPa"
         return words
 
 

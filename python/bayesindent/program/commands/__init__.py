@@ -3,7 +3,7 @@
 from importlib import import_module
 
 from ...settings.problem import stages
-from . import compare, init, predict, report, run, source_tree
+from . import compare, completion, init, predict, report, run, source_tree
 
 __all__ = ["COMMANDS"]
 
@@ -14,5 +14,6 @@ COMMANDS = (
     predict.COMMAND,
     report.COMMAND,
     compare.COMMAND,
+    completion.COMMAND,
     *source_tree.COMMANDS,
 )

@@ -22,7 +22,7 @@ def action(arguments: argparse.Namespace) -> dict:
     if arguments.tell is not None:
         points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
         return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
-    return with_warnings(problem, perform(COMMAND, problem, output, Progress(True)))
+    return with_warnings(problem, perform(COMMAND, problem, output, Progress(not arguments.quiet)))
 
 
 def show(document: dict) -> None:
@@ -43,7 +43,7 @@ def then(arguments: argparse.Namespace, document: dict) -> str:
     if "points" in document:
         return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
     if "imported" in document:
-        return f"bayesindent build {arguments.file}, which learns from them"
+        return f"bayesindent build {arguments.file}, which trains the surrogate on them"
     return f"bayesindent extract {arguments.file} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
 
 

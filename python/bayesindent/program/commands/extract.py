@@ -29,12 +29,12 @@ def show(document: dict) -> None:
         [name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)]
         for name, item in document["parameters"].items()
     ]
-    header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
-    show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
+    print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
     if beside := document.get("theory_alone"):
         constants = ", ".join(f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items())
         print(f"Theory of the half-space without the specimen: {constants}")
-    print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
+    header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
+    show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
 
 
 def then(arguments: argparse.Namespace, document: dict) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ...common.result_files import write_text
 from ...core import InputError
-from ...pipeline.template import template
+from ...pipeline.template import metals, template
 from ..command import Command
 
 __all__ = ["COMMAND"]
@@ -27,10 +27,8 @@ def init(arguments: argparse.Namespace) -> dict:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as mmm; or fcc, bcc, hcp")
-    parser.add_argument(
-        "--metal", metavar="SYMBOL", help="state what is known of a pure metal, such as Cu; an unknown one lists those that are"
-    )
+    parser.add_argument("symmetry", nargs="?", metavar="SYMMETRY", help="a crystal class, such as fcc, hcp or mmm")
+    parser.add_argument("--metal", metavar="SYMBOL", help=f"state what is known of a pure metal: {', '.join(metals())}")
 
 
 COMMAND = Command(

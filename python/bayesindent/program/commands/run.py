@@ -3,9 +3,8 @@
 import argparse
 
 from ...common.progress import Progress
-from ...settings.problem import Problem
 from ...surrogate.surrogate import places
-from ..command import namelist_command, output_folder, perform, prepare, with_warnings
+from ..command import namelist_command, output_folder, perform, prepare, problem_of, with_warnings
 from . import report
 
 __all__ = ["COMMAND"]
@@ -16,20 +15,20 @@ def run(arguments: argparse.Namespace) -> dict:
     from ..commands import COMMANDS
 
     if arguments.check:
-        return check(Problem(arguments.file, "run"), arguments)
+        return check(problem_of(arguments), arguments)
     problem, output = prepare(arguments)
-    known = {command.name: command for command in COMMANDS}
+    known, progress = {command.name: command for command in COMMANDS}, Progress(not arguments.quiet)
     documents: dict[str, dict] = {}
     for name in problem.stages:
         if name != "next" or documents.get("extract", {}).get("usable", True):
-            documents[name] = perform(known[name], problem, output, Progress(True))
-    documents["report"] = report.make(output, output)
+            documents[name] = perform(known[name], problem, output, progress)
+    documents["report"] = report.make(output, output, progress)
     warnings = [line for document in documents.values() for line in document["warnings"]]
     return with_warnings(problem, documents | {"warnings": warnings})
 
 
 def check(problem, arguments: argparse.Namespace) -> dict:
-    """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it knows the crystals of the prior."""
+    """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals."""
     problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
     return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
 
@@ -39,7 +38,8 @@ def show(document: dict) -> None:
 
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
-    for command in COMMANDS:
+    # The constants last: a terminal shows the end.
+    for command in sorted(COMMANDS, key=lambda command: command.name == "extract"):
         if command.show is not None and command.name in document:
             command.show(document[command.name])
 

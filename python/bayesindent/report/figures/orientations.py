@@ -81,8 +81,8 @@ def next_grains(results: Results) -> Picture:
     rows = labelled("candidate", everywhere, gain) + labelled("suggested", suggested, gain_suggested)
     return Picture(
         figure,
-        f"The {len(suggested)} orientations that one more measurement would teach most at.",
-        f"Orientations that are expected to teach most, ranked, {over}; "
+        f"The {len(suggested)} orientations where one more measurement would bring most information.",
+        f"Orientations that are expected to bring most information, ranked, {over}; "
         "from the second on each is given those before it, and gains less than it would as the next.",
         (["kind", "crystal_x", "crystal_y", "crystal_z", "gain"], rows),
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,9 +61,13 @@ class Picture:
     table: tuple[list[str], list[list]] | None = None
 
 
+#: Where figures are drawn, if not on their own.
+PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
+
+
 def new_figure(height: float) -> Figure:
-    """An empty figure of this height in inches."""
-    return Figure(figsize=(WIDTH, height))
+    """An empty figure of this height in inches, or the `PLACE` that is set."""
+    return PLACE.get() or Figure(figsize=(WIDTH, height))
 
 
 def panels(height: float, rows: int = 1, columns: int = 1, **settings: Any) -> tuple[Figure, Any]:

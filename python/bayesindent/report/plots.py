@@ -1,0 +1,66 @@
+"""The report's figures as functions: of what `bi.extract` gave, or of a folder of results."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from ..core import InputError
+from .results import NothingToShow, Results
+
+__all__ = [
+    "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young",
+]  # fmt: skip
+
+
+def plotter(name: str, module: str, figure: str, words: str) -> Callable:
+    """The function `name` that draws the figure of a module of `figures`, and shows what the words say."""
+
+    def plot(result: Any, ax: Any = None) -> Any:
+        # Not above: importing matplotlib is slow. Notebooks show figures once pyplot is there.
+        import matplotlib.pyplot  # noqa: F401
+
+        style = import_module(".figures.style", __package__)
+        place = None
+        if ax is not None:
+            if ax.get_subplotspec() is None:
+                raise InputError(f"bi.{name}: ax has no place in a grid; take one of plt.subplots")
+            place = ax.figure.add_subfigure(ax.get_subplotspec())
+            ax.remove()
+        token = style.PLACE.set(place)
+        try:
+            with style.house_style():
+                return getattr(import_module(f".figures.{module}", __package__), figure)(Results(result)).figure
+        except NothingToShow:
+            raise InputError(f"bi.{name}: the result has nothing of it") from None
+        finally:
+            style.PLACE.reset(token)
+
+    plot.__name__ = plot.__qualname__ = name
+    plot.__doc__ = f"""{words}
+
+Parameters
+----------
+result : result of bi.extract, or the folder of results
+ax : matplotlib Axes of plt.subplots, optional
+    Its place is taken by the figure; else the figure is one of its own.
+
+Returns
+-------
+matplotlib Figure, or SubFigure in the place of `ax`
+"""
+    return plot
+
+
+plot_constants = plotter(
+    "plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean, most probable value and bounds."
+)
+plot_prior = plotter("plot_prior", "posterior", "prior_posterior", "Each constant before and after the measurements.")
+plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
+plot_grains = plotter("plot_grains", "posterior", "grain_comparison", "The modulus of each grain, measured and predicted.")
+plot_residuals = plotter("plot_residuals", "posterior", "residuals", "Residuals of the grains in units of their sd, and their quantiles.")
+plot_orientations = plotter("plot_orientations", "orientations", "orientations", "The modulus over the directions of the crystal.")
+plot_young = plotter("plot_young", "young", "young_surface", "Young's modulus over the directions of the crystal.")
+plot_chains = plotter("plot_chains", "posterior", "traces", "The chains.")
+plot_shares = plotter("plot_shares", "posterior", "shares", "Shares of the measurements, of the knowledge and of the prior.")
+plot_error_budget = plotter("plot_error_budget", "posterior", "error_budget", "Which errors the sd of each constant is due to.")
+plot_knowledge = plotter("plot_knowledge", "posterior", "knowledge", "What further knowledge would reduce each sd to.")

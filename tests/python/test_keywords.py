@@ -1,0 +1,182 @@
+"""The library as a notebook's user types it: keywords that help lists, names that others know, results in memory."""
+
+import inspect
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.settings.problem import schema
+from conftest import SOURCE
+
+IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
+FEW = {"draws": 300, "burn_in": 300, "chains": 2}
+KNOWN = {"bulk_modulus": (165, 3)}
+COPPER = (168.4, 121.4, 75.4)
+
+
+def quietly(function, *arguments, **keywords):
+    """What a function gives, whatever it warns of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments, **keywords)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return quietly(bi.extract, IRON, "bcc", knowledge=KNOWN, random_seed=3, **FEW)
+
+
+def draws(found):
+    return np.stack([found.posterior[name].values for name in ("C11", "C12", "C44")])
+
+
+@pytest.mark.parametrize(
+    ("function", "groups"),
+    [
+        (bi.extract, ("indenter", "measurements", "prior", "sampler")),
+        (bi.next_grain, ("next", "measurements")),
+        (bi.Indentation.__init__, ("specimen", "indenter", "simulation")),
+        (bi.Surrogate.fit, ("surrogate",)),
+    ],
+)
+def test_help_lists_every_variable_with_its_default(function, groups):
+    """The defaults are those of the reference page."""
+    page = dict(re.findall(r"^\| `(\w+)` \| [^|]* \| [^|]* \| ([^|]*) \|", (SOURCE / "docs" / "namelists.md").read_text(), flags=re.M))
+    parameters = inspect.signature(function).parameters
+    assert not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
+    replaced = {"file", "c_min", "c_max", "simulator", "vtu", "inp", "scan"}
+    listed = [variable.name for variable in schema() if variable.group in groups and variable.name not in replaced]
+    assert len(listed) > 3
+    for name in listed:
+        assert re.search(rf"^{name} : .*\n    \w", function.__doc__, flags=re.M), name
+        default, stated = parameters[name].default, page[name].strip()
+        shown = f".{default}.".lower() if isinstance(default, bool) else "unset" if default is None else str(default)
+        assert shown == stated, name
+
+
+def test_other_names_and_the_symmetry_by_position(result):
+    again = quietly(bi.extract, IRON, symmetry="cubic", knowledge=KNOWN, seed=3, samples=300, burn_in=300, chains=2)
+    assert (draws(again) == draws(result)).all()
+    other = quietly(bi.extract, IRON, "cubic", knowledge=KNOWN, random_seed=4, **FEW)
+    assert (draws(other) != draws(result)).any()
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"sample": 3}, "bi.extract: keyword 'sample' is unknown, did you mean 'samples'?; help(bi.extract) lists all"),
+        ({"samples": 300, "draws": 300}, "bi.extract: a keyword is stated twice: draws is samples, random_seed is seed"),
+        ({"samples": 3}, "bi.extract: samples: 3 is out of range; allowed 10 to "),
+        ({"likelihood": "cauchy"}, "bi.extract: likelihood: 'cauchy' is not known; allowed 'normal', 'student'"),
+        ({"bounds": {"C11": (300, 200)}}, "bi.extract: bounds: C11 = 300.0 GPa is not below "),
+        ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
+        ({"evidence": "yes"}, "bi.extract: evidence: the text 'yes' stands where a logical is needed; allowed True, False"),
+    ],
+)
+def test_errors_are_in_pythons_words(keywords, words):
+    with pytest.raises(bi.InputError) as error:
+        bi.extract(IRON, "cubic", **keywords)
+    assert str(error.value).startswith(words) and "&" not in str(error.value)
+
+
+def test_warnings_name_the_callers_line_and_no_group():
+    with pytest.warns(bi.BayesindentWarning) as told:
+        bi.extract(IRON, "cubic", bounds={"C11": (150, 300), "C12": (80, 200), "C44": (60, 160)}, **FEW)
+    assert {item.filename for item in told} == {__file__}
+    assert not any("&" in str(item.message) for item in told)
+    assert any("State in knowledge what else is known" in str(item.message) for item in told)
+
+
+def test_constants_by_position_and_quantities_of_a_stiffness():
+    c = bi.stiffness("cubic", *COPPER)
+    expected = np.diag([COPPER[0]] * 3 + [COPPER[2]] * 3)
+    expected[:3, :3] += COPPER[1] * (1 - np.eye(3))
+    assert c == pytest.approx(expected)
+    c11, c12, c44 = COPPER
+    found = bi.quantities(c)
+    assert found["bulk_modulus"] == pytest.approx((c11 + 2 * c12) / 3)
+    # Young's modulus along [100] of a cubic crystal, in closed form.
+    assert found["young[100]"] == pytest.approx((c11 - c12) * (c11 + 2 * c12) / (c11 + c12))
+    assert (found["C11"], found["C66"]) == pytest.approx((c11, c44))
+    assert bi.quantities("cubic", COPPER)["bulk_modulus"] == pytest.approx(found["bulk_modulus"])
+    with pytest.raises(bi.InputError, match="a cubic crystal takes 3 constants, C11, C12, C44, not 2"):
+        bi.stiffness("cubic", 168.4, 121.4)
+
+
+def test_basal_directions_of_hexagonal_crystals():
+    """Miller-Bravais directions: [0001] is along c, and a1 = [2-1-10] is along x, 30 degrees from [10-10]."""
+    zinc = bi.stiffness("hcp", C11=161.1, C12=34.2, C44=38.3, C33=61.1, C13=50.3)
+    found = bi.quantities(zinc, names=["compressibility[0001]", "compressibility[001]", "young[2-1-10]", "young[100]"])
+    assert found["compressibility[0001]"] == found["compressibility[001]"] != found["young[100]"] == pytest.approx(found["young[2-1-10]"])
+    quartz = bi.stiffness("trigonal", 86.8, 7.0, 11.9, -18.0, 105.8, 58.2)
+    turned = bi.quantities(quartz, names=["young[10-10]", "young[0.8660254037844386 0.5 0]", "young[01-10]", "young[0 1 0]"])
+    assert turned["young[10-10]"] == pytest.approx(turned["young[0.8660254037844386 0.5 0]"])
+    assert turned["young[01-10]"] == pytest.approx(turned["young[0 1 0]"])
+    for name in ("young[1101]", "young[1111]"):
+        with pytest.raises(bi.InputError, match="is unknown"):
+            bi.quantities(zinc, names=[name])
+
+
+def test_orientations_of_orix():
+    """orix turns vectors of the sample into those of the crystal: the modulus is that of the direction that z becomes."""
+    quaternion, vector = pytest.importorskip("orix.quaternion"), pytest.importorskip("orix.vector")
+    angles = np.array([[10.0, 35.0, 50.0], [200.0, 70.0, 320.0], [0.0, 15.0, 30.0]])
+    turned = quaternion.Orientation.from_euler(angles, degrees=True)
+    along = (turned * vector.Vector3d.zvector()).data
+    by_direction = np.degrees([(0, np.arccos(z), np.arctan2(x, y)) for x, y, z in along])
+    c = bi.stiffness("cubic", *COPPER)
+    assert bi.halfspace_modulus(c, turned) == pytest.approx(bi.halfspace_modulus(c, by_direction), rel=1e-9)
+    table = {"orientation": turned, "indentation_modulus_gpa": bi.halfspace_modulus(c, angles), "sd_gpa": [2.0, 2.0, 2.0]}
+    found = quietly(bi.extract, table, "cubic", **FEW)
+    assert found.constant_data["euler_deg"].values % 360 == pytest.approx(angles)
+
+
+@pytest.mark.long
+def test_results_in_memory(result, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    known = {"knowledge": KNOWN, "seed": 3} | FEW
+    assert quietly(bi.next_grain, result, count=2) == quietly(bi.next_grain, IRON, "cubic", result=result, count=2, **known)
+    page = bi.report(result)
+    assert page.resolve() == tmp_path / "report.html"
+    text = page.read_text()
+    for name, item in bi.summary(result)["parameters"].items():
+        assert f"<td>{name}</td><td>{item['mean']:.1f}</td><td>{item['sd']:.1f}</td>" in text
+    other = quietly(bi.extract, IRON, "cubic", bounds={"C44": (60, 100)}, random_seed=3, **FEW)
+    compared = quietly(bi.compare, result, other)
+    assert compared["same_data"] and [run["run"] for run in compared["runs"]] == ["result 1", "result 2"]
+    first, second = (draws(found).mean(axis=(1, 2)) for found in (result, other))
+    assert [row["difference_gpa"] for row in compared["differences"]] == pytest.approx(second - first, abs=1e-6)
+    # What a file of ArviZ keeps is enough.
+    import arviz
+
+    result.to_netcdf("kept.nc")
+    again = arviz.from_netcdf("kept.nc")
+    assert quietly(bi.next_grain, again, count=2) == quietly(bi.next_grain, result, count=2)
+
+
+def test_figures_take_the_place_of_an_axis(result):
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2)
+    part = bi.plot_grains(result, ax=right)
+    assert left in figure.axes and right not in figure.axes and part in figure.subfigs
+    shown = {round(float(x), 6) for axes in part.axes for line in axes.lines for x in (*line.get_xdata(), *line.get_ydata())}
+    measured = result.observed_data["modulus"].values
+    assert {round(float(value), 6) for value in measured} <= shown
+    # Three constants: three pairs and three histograms, each panel with all draws behind it.
+    pairs = bi.plot_pairs(result)
+    assert sum(bool(axes.lines or axes.collections or axes.patches) for axes in pairs.axes) >= 6
+    with pytest.raises(bi.InputError, match="bi.plot_pairs: ax has no place in a grid"):
+        bi.plot_pairs(result, ax=plt.figure().add_axes((0, 0, 1, 1)))
+    plt.close("all")
+
+
+def test_notebooks_show_problems_and_surrogates(tmp_path):
+    (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' title = 'a <b>' /\n&measurements file = '{IRON}' /\n")
+    page = bi.Problem(tmp_path / "a.nml")._repr_html_()
+    assert "symmetry = cubic, title = a &lt;b&gt;" in page and "<th style='text-align:left'>measurements</th>" in page
+    page = bi.Surrogate.load("block")._repr_html_()
+    assert "150 simulations" in page and page.count("<tr>") == page.count("</tr>") > 3
