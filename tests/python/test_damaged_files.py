@@ -159,7 +159,7 @@ def sampled(tmp_path_factory):
     """A folder with a posterior."""
     folder = tmp_path_factory.mktemp("sampled")
     text = f"&problem symmetry = 'cubic' /\n&surrogate file = 'halfspace' /\n&measurements file = '{REFERENCE / 'cubic_fe3si.csv'}', "
-    (folder / "a.nml").write_text(text + "modulus_kind = 'indentation_modulus' /\n&sampler samples = 200, burn_in = 1000, chains = 2 /\n")
+    (folder / "a.nml").write_text(text + "modulus_kind = 'indentation_modulus' /\n&sampler samples = 600, burn_in = 1000, chains = 2 /\n")
     assert main(["extract", str(folder / "a.nml"), "--output", str(folder / "out")]) == 0
     return folder / "out"
 

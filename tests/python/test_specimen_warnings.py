@@ -57,6 +57,10 @@ def test_a_contact_pressure_that_few_metals_carry():
     share = 4 / (3 * np.pi) * 1.5 / 16
     assert float(words.split("up to ")[1].split(" GPa")[0]) == pytest.approx(share * MODULI.max(), rel=0.01)
     assert float(words.split("GPa, ")[1].split(" %")[0]) == pytest.approx(100 * share, rel=0.02)
+    # First yield below a sphere: 1.07 times the yield stress (Johnson, Contact Mechanics).
+    for factor in (0.99, 1.01):
+        found = warnings_of(contact_radius_um=np.full(N, 1.5), yield_gpa=share * MODULI.max() / 1.07 * factor)
+        assert any("pressure" in words for words in found) == (factor < 1)
 
 
 def test_what_cannot_be_a_size():

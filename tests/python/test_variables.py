@@ -276,6 +276,7 @@ EFFECTS = {
         "orientation_sd_deg": (density, {}, 2.0),
         "misalignment_sd_deg": (density, {}, 2.0),
         "zero_sd_nm": None,  # test_tables: with depths
+        "yield_gpa": None,  # test_specimen_warnings: pressure of the contacts
         "scatter_sd": (density, {}, 0.03),
         "scale": (density, {}, "inferred"),
         "likelihood": (density, {}, "student"),
