@@ -61,7 +61,7 @@ module posterior_focus
    integer, parameter :: n_candidates = 400
    !> How much farther than its domain a surrogate is used to sample in: factors on the log-anisotropy and on the scale, and the share of
    !> the way of Poisson's ratio to its limits.
-   real(wp), parameter :: wider = 1.5_wp, wider_scale = 2.0_wp, wider_poisson = 0.5_wp
+   real(wp), parameter :: wider = 1.25_wp, wider_scale = 2.0_wp, wider_poisson = 0.5_wp
    !> Beyond the farthest draw the domain goes on for this share of their range.
    real(wp), parameter :: margin = 0.1_wp
 
