@@ -101,7 +101,9 @@ def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tm
 
     def by_batch(output):
         done = batch("a.nml", "--output", output)
-        assert (done.returncode, done.stderr) == (0, "")
+        assert done.returncode == 0
+        # So coarse a mesh resolves copper badly.
+        assert all("extrapolated from two meshes" in line for line in done.stderr.splitlines())
         return int(done.stdout.split(" new,")[0].split()[-1])
 
     def by_python(output):
@@ -298,7 +300,8 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
     # Chains as short as these give both programs something to warn of, but where they mix fast.
     said = [line for line in expected["warnings"] if "mixed" in line]
     assert said or method == "ensemble"
-    assert [line for line in done.stderr.splitlines() if "mixed" in line] == [f"warning: {line}" for line in said]
+    told = [line for line in done.stderr.splitlines() if "mixed" in line and not line.startswith("the result cannot be used: ")]
+    assert told == [f"warning: {line}" for line in said]
 
 
 def test_surrogate_of_another_symmetry(batch, tmp_path):
