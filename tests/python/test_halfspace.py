@@ -241,7 +241,7 @@ def test_references_of_lower_symmetry(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["beryllium", "graphite"])
+@pytest.mark.parametrize("name", ["beryllium"])
 def test_seeds_agree(name):
     """Long tails and several modes: five seeds have the same means, or say that they cannot be used; others by `bench truths`."""
     truth = next(truth for truth in TRUTHS if truth.name == name)
