@@ -384,7 +384,7 @@ contains
             allowed = 1.07_wp*problem%settings%measurements%yield_gpa
             limit = 'a contact yields above '//to_text(allowed(1), 3)//' GPa, 1.07 times the yield stress'
          end if
-         worst = maxloc(pressure*modulus/allowed, 1)
+         worst = maxloc(merge(pressure*modulus, 0.0_wp, pressure*modulus > allowed), 1)
          if (pressure(worst)*modulus(worst) > allowed(worst)) call warn(warnings, 'the mean contact pressure is up to ' &
             & //to_text(pressure(worst)*modulus(worst), 3)//' GPa, '//to_text(100.0_wp*pressure(worst), 2)//' % of the ' &
             & //'modulus: '//limit//'; use shallower indentations or a blunter tip')
