@@ -17,7 +17,7 @@ import numpy as np
 import bayesindent as bi
 
 def draws(symmetry, **settings):
-    found = bi.extract(FILE, symmetry=symmetry, modulus_kind="effective_modulus", method=sys.argv[1], chains=2, **settings)
+    found = bi.extract(FILE, symmetry=symmetry, modulus_kind="indentation_modulus", method=sys.argv[1], chains=2, **settings)
     return np.stack([found.posterior[name] for name in bi.constants(symmetry)])
 
 few = {"samples": 20, "burn_in": 20, "knowledge": {"bulk_modulus": (165, 3)}}

@@ -118,7 +118,7 @@ def test_both_steps(tmp_path, capsys):
         "&simulation simulator = 'theory' /\n&domain c_min = 100, 60, 40, c_max = 250, 150, 120, anisotropy_cap = 4 /\n"
         "&surrogate file = 'mine.txt', model = 'paper', degree = 2, bandlimit = 4, scan = '1, 2 x 4' /\n"
         "&design n_candidates = 200, budget = 60, validation = 20 /\n"
-        f"&measurements file = '{SOURCE}/inputs/data/copper_film.csv', modulus_kind = 'effective_modulus' /\n"
+        f"&measurements file = '{SOURCE}/inputs/data/copper_film.csv', modulus_kind = 'indentation_modulus' /\n"
         "&prior c_min = 100, 60, 40, c_max = 250, 150, 120, anisotropy_cap = 4 /\n&sampler chains = 2, samples = 3000, burn_in = 1000 /\n&next count = 3 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0

@@ -21,7 +21,7 @@ LACKING = ("gcc", "gfortran", "libopenblas", "libcholmod", "libgfortran", "libgo
 
 DOMAIN = "&domain c_min = 50, 40, 15, c_max = 250, 150, 120, anisotropy_cap = 7.2 /\n"
 FILES = {
-    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n&measurements file = 'own.csv', modulus_kind = 'effective_modulus' /\n"
+    "own.nml": "&problem symmetry = 'cubic', seed = 1 /\n&measurements file = 'own.csv', modulus_kind = 'indentation_modulus' /\n"
     "&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n",
     "build.nml": "&problem symmetry = 'cubic' /\n&simulation simulator = 'theory' /\n&surrogate model = 'paper', degree = 2, bandlimit = 4 /\n"
     "&design n_candidates = 200, budget = 60 /\n" + DOMAIN,
