@@ -97,7 +97,10 @@ def test_while_it_waits_for_another_process(tmp_path):
 
 
 def has_open(process, file) -> bool:
-    return any(os.path.realpath(link) == str(file) for link in Path(f"/proc/{process}/fd").iterdir())
+    try:
+        return any(os.path.realpath(link) == str(file) for link in Path(f"/proc/{process}/fd").iterdir())
+    except FileNotFoundError:  # It was closed meanwhile.
+        return False
 
 
 STEP_2 = f"""&problem symmetry = 'cubic' /
