@@ -109,7 +109,7 @@ def main() -> None:
                 if not table.exists():
                     candidates(output, euler, table)
                 design = f"budget = {options.many}, focus = 'domain', candidates = '{table}'"
-                domain = "&domain log_anisotropy_max = 6, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /"
+                domain = "&domain log_anisotropy_max = 5, poisson_min = -0.9, poisson_max = 0.49, stiffness_min_gpa = 5, stiffness_max_gpa = 2000 /"
                 _, many = run(
                     f"{metal}_many_{seed}", CASE.format(design=design, **values) + domain + "\n", folder, folder / f"{metal}_many"
                 )
