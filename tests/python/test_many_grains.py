@@ -73,7 +73,7 @@ def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
     moduli[[7, 300]] += [20, -20]
     found = bi.extract(table_of(angles, moduli, 3.0), symmetry="cubic", samples=100, burn_in=300, chains=2, workers=1, **KIND)
     named = [line.split()[1] for line in bi.summary(found)["warnings"] if line.startswith("grain ")]
-    assert named == ["8", "301"]
+    assert sorted(named) == ["301", "8"]
     draws = np.stack([found.posterior[name].values.ravel() for name in COPPER], axis=1)[::20]
     predicted = found.predictions["modulus"].values.reshape(-1, 600)[::20]
     errors = (predicted - bi.halfspace_modulus(stiffness_rows("cubic", draws)[:, None], angles)) / 3.0

@@ -217,7 +217,7 @@ def namelists(draw):
         if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior", "knowledge")
         and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
                            "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit",
-                           "geometry", "shape", "contact_radius_um")
+                           "geometry", "shape", "contact_radius_um", "lattice")
     ]  # fmt: skip
     for variable in draw(st.lists(st.sampled_from(free), unique_by=lambda v: (v.group, v.name))):
         content.setdefault(variable.group, {})[variable.name] = value_of(variable, symmetry, draw)

@@ -12,11 +12,11 @@ COPPER = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
 MODULI = bi.halfspace_modulus(np.array(N * [COPPER]), ANGLES)
 
 
-def warnings_of(surrogate="halfspace", moduli=MODULI, **columns):
+def warnings_of(surrogate="halfspace", moduli=MODULI, yield_gpa=None, **columns):
     """The warnings of a short Step 2."""
     table = {"phi1_deg": ANGLES[:, 0], "Phi_deg": ANGLES[:, 1], "phi2_deg": ANGLES[:, 2], "modulus_gpa": moduli, "sd_gpa": np.full(N, 2.0)}
     posterior = bi.extract(
-        table | columns, symmetry="cubic", modulus_kind="indentation_modulus", surrogate=surrogate, samples=500, chains=2
+        table | columns, symmetry="cubic", modulus_kind="indentation_modulus", surrogate=surrogate, samples=500, chains=2, yield_gpa=yield_gpa
     )
     return bi.summary(posterior)["warnings"]
 

@@ -74,15 +74,15 @@ WIDEST = (-500.0, 5000.0)
 
 
 def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
-    """`c_min` and `c_max` from bounds of some constants; the others have none."""
+    """`c_min` and `c_max` from bounds of some constants; the others have none, and an end that is None is none."""
     names = constant_names(symmetry)
     ends = {name: list(WIDEST) for name in names}
     for name, pair in bounds.items():
         if name not in ends:
             raise InputError(f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has {', '.join(names)}")
         ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST, strict=True)]
-    low, high = zip(*ends.values(), strict=True)
-    return {"c_min": list(low), "c_max": list(high)}
+    sides = zip(("c_min", "c_max"), zip(*ends.values(), strict=True), WIDEST, strict=True)
+    return {side: list(values) for side, values, widest in sides if set(values) != {widest}}
 
 
 def measurements_of(table) -> dict[str, list]:
