@@ -1,5 +1,7 @@
 """Single crystals: stiffness, anisotropy, quantities by name (constants, averages, directional moduli, products of powers), and the exact theory of the indented half-space."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from functools import cache
 

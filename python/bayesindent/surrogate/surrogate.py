@@ -3,6 +3,8 @@
 Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
 
+from __future__ import annotations
+
 import json
 import os
 from os import PathLike
@@ -51,7 +53,7 @@ class Surrogate(NativeObject):
         self._describe(basis._call("surrogate", alpha=float(alpha), beta=float(beta), fall=float(fall), **posterior)["handle"])
 
     @classmethod
-    def of(cls, handle: int) -> "Surrogate":
+    def of(cls, handle: int) -> Surrogate:
         """The surrogate of a handle, which is from now on this object's."""
         self = cls.__new__(cls)
         self._describe(handle)
@@ -73,7 +75,7 @@ class Surrogate(NativeObject):
     def fit(
         cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
         domain: dict | None = None, **settings,
-    ) -> "Surrogate":  # fmt: skip
+    ) -> Surrogate:  # fmt: skip
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
         `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the crystals are given by the constants of a
@@ -92,7 +94,7 @@ class Surrogate(NativeObject):
             native.core_release(learner)
 
     @classmethod
-    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> "Surrogate":
+    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> Surrogate:
         """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the file `name` that `save` wrote.
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
