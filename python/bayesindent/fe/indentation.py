@@ -163,8 +163,8 @@ class Indentation(NativeObject):
         errors: str = "raise",
         done: Callable[[int], None] | None = None,
     ) -> list[IndentationResult | BayesindentError]:
-        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or as &execution has `engine` and
-        `scheduler`.
+        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or by the `engine` 'dask' and
+        its `scheduler`: 'local', 'slurm' or an address.
 
         The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result. done(1) is called after
         each simulation.

@@ -37,7 +37,7 @@ class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
     Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, by which the prior's sd falls from degree to degree, and the
+    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, the decay rate of the prior's sd from degree to degree, and the
     `provenance`, where it comes from (title, physics, namelist, ..).
     """
 
@@ -143,8 +143,8 @@ class Surrogate(NativeObject):
     def predict(self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Mean and sd (n,) in GPa of the simulated indentation modulus of crystals (n, 6, 6) in GPa at angles (n, 3) in degrees.
 
-        The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside` says where the
-        surrogate does not know.
+        The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside`: which crystals are
+        outside the domain.
         """
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]
