@@ -303,10 +303,9 @@ contains
          more = 'smaller'
          cause = 'large, or have an error in them that all grains share (calibration_sd)'
       end if
-      call warn(warnings, 'the residuals are '//more//' than the stated sds: chi-square is ' &
-         & //to_text(found%checks%chi_square, 3)//' for '//to_text(found%posterior%n_grains)//' grains; ' &
-         & //fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets drawn from the posterior have a '//more//' one; the sds are ' &
-         & //'too '//cause)
+      call warn(warnings, 'the residuals are '//more//' than the stated sds: chi-square is '//to_text(found%checks%chi_square, 3) &
+         & //' for '//to_text(found%posterior%n_grains)//' grains; '//fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets ' &
+         & //'drawn from the posterior have a '//more//' one; the sds are too '//cause)
    end subroutine check_residuals
 
    !> Results that depend on a limit of the prior or on its measure: of each the parameter that moves most.
@@ -349,8 +348,9 @@ contains
          if (change%name == 'measure') then
             text = text//' with the other measure of the prior'
          else
-            text = text//' with the '//trim(merge('upper', 'lower', change%is_upper))//' limit of '//trim(change%name)//' at ' &
-               & //to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
+            text = text//' with the '//trim(merge('upper', 'lower', change%is_upper))//' limit of ' &
+               & //trim(change%name(index(change%name, '.') + 1:))//trim(merge(' of &domain', '           ', &
+               & index(change%name, '.') > 0))//' at '//to_text(change%to, 4)//' instead of '//to_text(change%from, 4)
             if (.not. change%exact) text = text//' (estimated)'
          end if
       end function change_text

@@ -102,7 +102,7 @@ def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tm
     def by_batch(output):
         done = batch("a.nml", "--output", output)
         assert done.returncode == 0
-        assert done.stderr == ""
+        assert "warning" not in done.stderr
         return int(done.stdout.split(" new,")[0].split()[-1])
 
     def by_python(output):
@@ -208,7 +208,7 @@ def test_a_crystal_that_cannot_be_simulated(batch, bayesindent, tmp_path):
     done = batch("a.nml", "--output", "out")
     told = "simulate: 2 crystals, 2 new, 1 failed: out/moduli.csv\n"
     assert (done.returncode, done.stdout) == (0, told), done.stderr
-    assert done.stderr.startswith("warning: crystal 1 could not be simulated: ")
+    assert "warning: crystal 1 could not be simulated: " in done.stderr
     assert table(tmp_path / "out" / "moduli.csv")[0]["indentation_modulus_gpa"] == ""
     # It stays failed, with its reason, for both programs.
     assert "2 crystals, 0 new, 1 failed" in batch("a.nml", "--output", "out").stdout
@@ -294,8 +294,10 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
         draws = np.reshape([float(row[name]) for row in rows], (2, 200))
         assert [item["mean"], item["sd"]] == pytest.approx([draws.mean(), draws.std(ddof=1)])
         tail = {"prob": (0.05, 0.95)}
-        assert [item["ess_bulk"], item["ess_tail"]] == pytest.approx([arviz.ess(draws), arviz.ess(draws, method="tail", **tail)], rel=1e-7)
-        assert item["r_hat"] == pytest.approx(arviz.rhat(draws), rel=1e-7)
+        assert [item["ess_bulk"], item["ess_tail"]] == pytest.approx(
+            [float(arviz.ess(draws)), float(arviz.ess(draws, method="tail", **tail))], rel=1e-7
+        )
+        assert item["r_hat"] == pytest.approx(float(arviz.rhat(draws)), rel=1e-7)
         new = {"prob": 0.95} if int(arviz.__version__.split(".")[0]) else {"hdi_prob": 0.95}
         assert item["hdi_95"] == pytest.approx(arviz.hdi(draws.ravel(), **new).tolist())
     # Chains as short as these give both programs something to warn of, but where they mix fast.
