@@ -55,7 +55,9 @@ contains
          call basis%evaluate_crystals(x%in%columns('constants', basis%domain%class%n_constants), x%in%columns('euler_deg', 3), &
             & x%values, scale, spread)
          call x%out%put_array('scale', scale, shape(scale))
-         call x%out%put_array('spread', spread, shape(spread))
+         do i = 1, size(spread)
+            x%values(:, i) = spread(i)*x%values(:, i)
+         end do
       case ('validity')
          ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid for
          ! it, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.

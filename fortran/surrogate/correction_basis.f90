@@ -28,7 +28,7 @@ module correction_basis
    public :: correction_basis_type
 
    !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
-   real(wp), parameter :: least_noise = 2.5e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
+   real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
 
    !> How much larger than that of a nearly isotropic crystal the noise of a crystal at the domain's greatest log-anisotropy is, less 1.
    real(wp), parameter :: spread_at_end = 8.0_wp
