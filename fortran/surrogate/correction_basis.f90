@@ -91,8 +91,9 @@ contains
       self%prior_degrees = self%polynomials%degrees
       self%least_noise = least_noise
       self%noise_growth = 0.0_wp
-      if (self%domain%log_anisotropy_max < huge(1.0_wp)) &
-         & self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
+      if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
+         self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
+      end if
       self%first_sds = first_sds
    end subroutine set_up
 
