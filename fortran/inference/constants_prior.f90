@@ -31,6 +31,8 @@ module constants_prior
    real(wp), parameter :: most_anisotropic = 10.0_wp
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
+   !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
+   real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
 
    !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
    type :: knowledge_type
@@ -68,6 +70,7 @@ module constants_prior
       procedure, private :: log_default
       procedure :: draw_start
       procedure :: is_stated
+      procedure :: is_fixed
       procedure :: set_knowledge
    end type prior_type
 
@@ -87,8 +90,6 @@ contains
       type(knowledge_type), intent(in) :: knowledge
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
-      !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
-      real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
       !> Poisson's ratio of the isotropic solid.
       real(wp), parameter :: nu = 0.3_wp
       real(wp) :: width(class%n_constants)
@@ -207,6 +208,14 @@ contains
 
       is_stated = self%lower(j) > no_lower .or. self%upper(j) < no_upper
    end function is_stated
+
+   !> Whether its bounds are as near as those of a constant that is known.
+   pure logical function is_fixed(self, j)
+      class(prior_type), intent(in) :: self
+      integer, intent(in) :: j
+
+      is_fixed = self%upper(j) - self%lower(j) < 2.1_wp*max(least_width, relative_width*abs(self%lower(j)))
+   end function is_fixed
 
    !> Whether a crystal is in the support.
    pure logical function admits(self, x, c, anisotropy)

@@ -44,6 +44,7 @@ contains
       allocate (limits(0))
       associate (domain => prior%basis%domain)
          do j = 1, prior%n_constants
+            if (prior%is_fixed(j)) cycle
             call add(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], draws(j, :))
             if (size(domain%lower) > 0) call add('domain.'//prior%class%constants(j), .false., &
                & [merge(domain%lower(j), -no_limit, domain%lower(j) > prior%lower(j)), &

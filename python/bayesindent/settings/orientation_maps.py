@@ -68,7 +68,7 @@ class Grid:
             with redirect_stdout(StringIO()):  # where orix names the phases
                 loaded = io.load(str(path))
         except Exception as error:  # whatever a damaged file makes its reader raise
-            raise InputError(f"{place}is no map that orix reads ({type(error).__name__}: {error})") from None
+            raise InputError(f"{place}is no map that orix reads ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
         found = loaded[loaded.phase_id >= 0]
         if found.size < 2 or loaded.scan_unit != "um":
             raise InputError(f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed")

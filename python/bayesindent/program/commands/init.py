@@ -21,8 +21,13 @@ def init(arguments: argparse.Namespace) -> dict:
     for name in texts:
         if (folder / name).exists():
             raise InputError(f"{folder / name}: is there already; choose another folder with --output")
-    for name, text in texts.items():
-        write_text(folder / name, text)
+    try:
+        for name, text in texts.items():
+            write_text(folder / name, text)
+    except OSError:
+        # Neither, so that the same command can do it later.
+        (folder / NAMELIST).unlink(missing_ok=True)
+        raise
     return {"files": [str(folder / name) for name in texts], "warnings": []}
 
 
