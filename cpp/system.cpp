@@ -174,17 +174,10 @@ void bayesindent_data_folder(const char *installed, char *folder, std::int32_t s
 
 // Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the program with status 1.
 void bayesindent_print(std::int32_t to, const char *line) {
-  const std::string whole = std::string(line) + "\n";
-  for (std::size_t sent = 0; sent < whole.size();) {
-    const ssize_t now = write(to, whole.data() + sent, whole.size() - sent);
-    if (now <= 0 && to == 1) {
-      bayesindent_print(2, (std::string("standard output: cannot be written: ") + reason_of(errno)).c_str());
-      std::exit(1);
-    }
-    if (now <= 0)
-      return;
-    sent += static_cast<std::size_t>(now);
-  }
+  if (dprintf(to, "%s\n", line) >= 0 || to != 1)
+    return;
+  dprintf(2, "standard output: cannot be written: %s\n", reason_of(errno));
+  std::exit(1);
 }
 
 // Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one once

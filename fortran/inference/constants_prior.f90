@@ -32,7 +32,7 @@ module constants_prior
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
    !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
-   real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
+   real(wp), parameter, public :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
 
    !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
    type :: knowledge_type
@@ -70,7 +70,6 @@ module constants_prior
       procedure, private :: log_default
       procedure :: draw_start
       procedure :: is_stated
-      procedure :: is_fixed
       procedure :: set_knowledge
    end type prior_type
 
@@ -208,14 +207,6 @@ contains
 
       is_stated = self%lower(j) > no_lower .or. self%upper(j) < no_upper
    end function is_stated
-
-   !> Whether its bounds are as near as those of a constant that is known.
-   pure logical function is_fixed(self, j)
-      class(prior_type), intent(in) :: self
-      integer, intent(in) :: j
-
-      is_fixed = self%upper(j) - self%lower(j) < 2.1_wp*max(least_width, relative_width*abs(self%lower(j)))
-   end function is_fixed
 
    !> Whether a crystal is in the support.
    pure logical function admits(self, x, c, anisotropy)

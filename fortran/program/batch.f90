@@ -14,7 +14,7 @@ program batch
    use stage_documents, only: begin_results
    use stages, only: check_simulator, check_stages, groups_of, new_stage
    use surrogate_lookup, only: places_type
-   use text, only: join
+   use text, only: join, newline
    use system, only: argument, data_folder, end_process, error_stream, say, settle_blas
    use version, only: package_version, shipped_surrogates
    use warning_lists, only: warning_type
@@ -183,7 +183,6 @@ contains
    end subroutine refuse_usage
 
    subroutine print_help()
-      integer :: i
       character(len=*), parameter :: lines(17) = [character(len=120) :: usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
@@ -202,8 +201,6 @@ contains
          & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
 
-      do i = 1, size(lines)
-         call say(trim(lines(i)))
-      end do
+      call say(join(lines, newline))
    end subroutine print_help
 end program batch
