@@ -301,11 +301,11 @@ def test_errors_that_measurements_share_teach_nothing_of_the_constants(surrogate
 @pytest.mark.long
 def test_small_gains_are_not_those_of_chance(surrogates):
     """Errors that measurements share are drawn, 2000 times: by chance alone their variance would be off by 3 %, and gains by 0.016 nats."""
-    settings = reference("cubic")[1] | {"surrogate_variance": "none", "sd_gpa": 3.0, "count": 1, "calibration_sd": 0.1}
+    settings = reference("cubic")[1] | {"surrogate": surrogates["cubic"], "surrogate_variance": "none", "calibration_sd": 0.1}
     table = REFERENCE / "cubic_fe3si.csv"
-    result = bi.extract(table, surrogate=surrogates["cubic"], samples=4000, **settings)
+    result = bi.extract(table, samples=4000, **settings)
     gains = [
-        [item["gain"] for item in bi.next_grain(table, surrogate=surrogates["cubic"], result=result, seed=seed, **settings)["candidates"]]
+        [item["gain"] for item in bi.next_grain(table, result=result, seed=seed, sd_gpa=3.0, count=1, **settings)["candidates"]]
         for seed in range(4)
     ]
     assert np.ptp(gains, axis=0).max() < 0.004
