@@ -376,15 +376,11 @@ contains
    end subroutine question_directions
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
-   function resolved_text(self, name) result(page)
+   function resolved_text(self) result(page)
       class(problem_type), intent(in) :: self
-      !> Of the file, where that is not its path.
-      character(len=*), intent(in), optional :: name
       character(len=:), allocatable :: page
 
-      page = printable(self%path)
-      if (present(name)) page = printable(name)
-      page = '! Every value of '//page//', defaults included; paths are relative to the folder of that file.' &
+      page = '! Every value of '//printable(self%path)//', defaults included; paths are relative to the folder of that file.' &
          & //newline//settings_namelist(self%settings, self%needed)
    end function resolved_text
 end module problem

@@ -240,6 +240,8 @@ contains
          list = list//', '//printable(table%name(j))
       end do
       list = list(3:)
+      ! Or the file is none of a table.
+      if (table%columns == 1) list = 'one, without a comma, semicolon or tab'
       if (table%columns > most) list = list//', ...'
    end function column_list
 

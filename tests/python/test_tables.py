@@ -91,7 +91,7 @@ REFUSED = {
     "a word for a number": (page().replace("210.5", "n/a"), {}, "line 2, column indentation_modulus_gpa: 'n/a' is not a number"),
     "no header": (page().split("\n", 1)[1], {}, "line 1: numbers where the header row with the names of the columns must be"),
     "a cell too many": (page().replace("4.5\n", "4.5,7\n"), {}, "line 2: 6 cells where the header has 5"),
-    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is followed by what is not UTF-8 (save the file as UTF-8)"),
+    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is not UTF-8 (save the file as UTF-8)"),
     "UTF-16 (Excel's Unicode text)": (page("\t").encode("utf-16"), {}, "the file is not plain text (save it as UTF-8)"),
 }  # fmt: skip
 KIND_OF = {"Er": 1, "E_r": 1, "er_gpa": 1, "educed": 1, "effective": 1, "E_IT": 2, "sample": 2}

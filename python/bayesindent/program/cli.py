@@ -40,6 +40,8 @@ REASONS = {
     errno.EACCES: "there is no permission",
     errno.EPERM: "there is no permission",
     errno.EROFS: "cannot be written: the disk is read-only",
+    errno.ELOOP: "is a link; remove it, or choose another folder",
+    errno.ENXIO: "is a pipe; remove it, or choose another folder",
 }
 
 DESCRIPTION = """\
