@@ -17,7 +17,7 @@ import numpy as np
 from ..core import InputError, call
 
 __all__ = [
-    "as_csv", "open_to_append", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
+    "as_csv", "plain", "read_json", "whole_file", "write_csv", "write_groups", "write_json", "write_text",
 ]  # fmt: skip
 
 
@@ -39,12 +39,6 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         beside.unlink(missing_ok=True)
-
-
-def open_to_append(path: str) -> io.TextIOWrapper:
-    """A log: what a link leads to is not written, and a pipe not waited for."""
-    flags = os.O_NOFOLLOW | os.O_NONBLOCK
-    return open(path, "a", encoding="utf-8", opener=lambda path, own: os.open(path, own | flags, 0o666))
 
 
 def write_text(path: Path, text: str) -> None:

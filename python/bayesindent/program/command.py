@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 from ..common.progress import Progress
-from ..common.result_files import open_to_append
 from ..core import call
 from ..pipeline.stage import run_stage
 from ..settings.problem import Problem, schema, stages
@@ -75,7 +74,9 @@ class Log(logging.FileHandler):
     """A log that is a file: not what a link leads to, and no pipe, which would wait for a reader."""
 
     def _open(self):
-        return open_to_append(self.baseFilename)
+        return open(
+            self.baseFilename, "a", encoding="utf-8", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        )
 
 
 def prepare(arguments: argparse.Namespace, patience_s: int = 0):
