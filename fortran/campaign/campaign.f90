@@ -4,14 +4,13 @@
 !> that failed stays failed. Rows belong to a physics (mesh, element, estimator, revision of the numerics): several surrogates share a
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
-   use checksums, only: checksum
+   use files, only: checksum
    use campaign_file, only: begin_transaction, end_transaction, name_file, open_campaign_file, raise_damaged
    use errors, only: error_type
    use kinds, only: i8, wp
-   use numbers, only: number_ok, number_text, read_integer, read_real
    use simulate, only: outcome_done, outcome_failed, outcome_type
    use sqlite, only: database_type, statement_type
-   use text, only: to_text
+   use text, only: number_ok, number_text, read_integer, read_real, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -81,7 +80,7 @@ module campaign
 
 contains
 
-   !> Open a file for the physics of an `identity` (see `physics_identity`); it is made if it is not there.
+   !> Open a file for the physics of an `identity` (see `simulate`); it is made if it is not there.
    subroutine open_campaign(self, path, identity, error)
       class(campaign_type), intent(inout) :: self
       character(len=*), intent(in) :: path

@@ -11,9 +11,8 @@
 module json
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use kinds, only: wp
-   use numbers, only: number_text
-   use text, only: append, newline, split_list, to_text
-   use warning_lists, only: warning_type
+   use text, only: append, newline, number_text, split_list, to_text
+   use errors, only: warning_type
    implicit none
    private
    public :: json_type, quoted

@@ -8,13 +8,11 @@
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
 !> before it. After the first error nothing more is done. To describe them they are given as named values instead.
 module labelled_values
-   use checksums, only: checksum
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: printable
+   use files, only: checksum, printable
    use kinds, only: i8, wp
    use named_values, only: named_values_type
-   use numbers, only: number_ok, read_integer, read_real
-   use text, only: append, newline, to_text
+   use text, only: append, newline, number_ok, read_integer, read_real, to_text
    implicit none
    private
    public :: labelled_values_type

@@ -6,9 +6,8 @@
 !> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, warning_type
    use kinds, only: i8, wp
-   use warning_lists, only: warning_type
    implicit none
    private
    public :: named_values_type, named_values_reader_type

@@ -1,12 +1,29 @@
-!> Moments and order statistics of samples; the distribution of chi-square.
+!> Order, moments and order statistics of samples; the distribution of chi-square.
 module statistics
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use kinds, only: wp
-   use sorting, only: sort_order
    implicit none
    private
-   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above
+   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above, sort_order
+
+   interface
+      pure subroutine c_sort_order(n, values, order) bind(c, name='bayesindent_sort_order')
+         import :: c_double, c_int
+         integer(c_int), value :: n
+         real(c_double), intent(in) :: values(*)
+         integer(c_int), intent(out) :: order(*)
+      end subroutine c_sort_order
+   end interface
 
 contains
+
+   !> Indices that sort the values, ascending; equal values keep their order.
+   pure subroutine sort_order(values, order)
+      real(wp), intent(in) :: values(:)
+      integer, intent(out) :: order(:)
+
+      call c_sort_order(size(values), values, order)
+   end subroutine sort_order
 
    !> Mean and sd of each variable; the sd is unbiased, or with weights not.
    pure subroutine moments(draws, mean, sd, weights)
@@ -140,4 +157,5 @@ contains
          share = total*exp(a*log(x) - x - log_gamma(a))
       end if
    end function chi_square_above
+
 end module statistics

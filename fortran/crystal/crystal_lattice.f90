@@ -6,8 +6,7 @@ module crystal_lattice
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
-   use numbers, only: read_real
-   use text, only: join, lower, split_list, to_text
+   use text, only: join, lower, read_real, split_list, to_text
    implicit none
    private
    public :: lattice_type, new_lattice, lattice_parameters

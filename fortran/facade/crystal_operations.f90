@@ -11,7 +11,7 @@ module crystal_operations
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
    use text, only: split_list
-   use warning_lists, only: warn, warning_type
+   use errors, only: warn, warning_type
    implicit none
    private
    public :: perform_crystal

@@ -3,29 +3,26 @@ module problem_operations
    use abstract_basis, only: basis_type
    use build_checks, only: basis_of_problem
    use campaign_import, only: import_table
-   use choices, only: all_choices
-   use errors, only: error_type
+   use problem_input, only: all_choices
+   use errors, only: error_type, warn, warning_type
    use exchange, only: exchange_type
    use fe_indentation, only: indentation_model_type, new_indentation_model
    use kinds, only: wp
    use named_values, only: named_values_type
    use namelist_file, only: place
-   use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
    use settings_schema, only: listed_settings => list_settings, settings_type
    use settings_list, only: allowed_in_words, kind_names, settings_list_type
    use settings_output, only: put_settings
-   use simulate, only: new_simulator, simulation_error
-   use simulation_operations, only: held_simulator_type
+   use simulate, only: identity_text, new_simulator, simulation_error
+   use simulation_operations, only: held_simulator_type, held_stage_type
    use stage_documents, only: begin_results, inputs_of
-   use stage_operations, only: held_stage_type
    use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
    use truncation_scan, only: read_scan
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: list_settings, use_problem

@@ -6,7 +6,7 @@ module fe_assembly
    use fe_mesh, only: mesh_type
    use kinds, only: wp
    use memory, only: raise_no_memory
-   use sorting, only: sort_order
+   use statistics, only: sort_order
    use text, only: to_text
    implicit none
    private

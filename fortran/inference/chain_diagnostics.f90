@@ -6,8 +6,7 @@
 module chain_diagnostics
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use kinds, only: i8, pi, wp
-   use sorting, only: sort_order
-   use statistics, only: median, sorted_values
+   use statistics, only: median, sort_order, sorted_values
    implicit none
    private
    public :: diagnostics_type, diagnose_chains, normal_quantile

@@ -17,7 +17,7 @@ module constants_posterior
    use observables, only: new_observable
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: outside, point_type, target_type
+   use abstract_sampler, only: outside, point_type, target_type
    use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: surrogate_type

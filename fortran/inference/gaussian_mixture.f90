@@ -2,7 +2,7 @@
 module gaussian_mixture
    use kinds, only: pi, wp
    use random, only: random_stream_type
-   use sorting, only: sort_order
+   use statistics, only: sort_order
    use vector_math, only: dot, exp_all
    implicit none
    private

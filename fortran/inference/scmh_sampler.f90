@@ -5,8 +5,7 @@ module scmh_sampler
    use running_command, only: advance_progress
    use kinds, only: i8, wp
    use random, only: random_stream_type
-   use abstract_sampler, only: draw_starts, sampler_type
-   use sampling_target, only: outside, target_type
+   use abstract_sampler, only: draw_starts, outside, sampler_type, target_type
    implicit none
    private
    public :: scmh_sampler_type

@@ -2,8 +2,8 @@
 !> bounds.
 module simplex_search
    use kinds, only: wp
-   use sampling_target, only: target_type
-   use sorting, only: sort_order
+   use abstract_sampler, only: target_type
+   use statistics, only: sort_order
    implicit none
    private
    public :: climb

@@ -13,7 +13,7 @@
 module abstract_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_type, row_type
-   use errors, only: error_type, machine_failure, raise, refuse
+   use errors, only: error_type, machine_failure, raise, refuse, warning_type
    use kinds, only: wp
    use problem, only: problem_type
    use settings_schema, only: settings_type
@@ -21,7 +21,6 @@ module abstract_stage
    use stage_documents, only: keep_document
    use surrogate_lookup, only: places_type
    use text, only: lower, to_text
-   use warning_lists, only: warning_type
    implicit none
    private
    public :: stage_type, job_type

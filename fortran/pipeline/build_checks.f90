@@ -3,7 +3,7 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, refuse
+   use errors, only: error_type, exit_bad_input, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use memory, only: check_memory
@@ -12,11 +12,10 @@ module build_checks
    use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
-   use surrogate_file, only: check_replaceable
+   use surrogate_model, only: check_replaceable
    use surrogate_lookup, only: check_new_name
    use text, only: join, to_text
    use truncation_scan, only: read_scan
-   use warning_lists, only: warn
    implicit none
    private
    public :: check_build, question_candidates, basis_of_problem

@@ -9,12 +9,11 @@ module crystal_tables
    use json, only: json_type
    use kinds, only: pi, wp
    use observables, only: moduli_of_indentation, new_observable
-   use numbers, only: short_text
    use point_tables, only: points_type
    use problem, only: problem_type
    use simulate, only: outcome_done
    use tables, only: write_table
-   use text, only: newline, split_list, to_text
+   use text, only: newline, short_text, split_list, to_text
    implicit none
    private
    public :: write_moduli, write_curves, begin_crystal, put_outcome

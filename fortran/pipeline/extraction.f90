@@ -5,12 +5,10 @@ module extraction
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
    use field_degree, only: allowed_error, choose_field_degree, find_field_error
-   use further_knowledge, only: expect_gains, gain_type
+   use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, i8, wp
-   use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
-   use model_checks, only: check_model, checks_type
-   use model_evidence, only: estimate_evidence, evidence_type
+   use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
       & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning

@@ -9,7 +9,7 @@ module extraction_document
    use problem, only: problem_type
    use text, only: fixed, join, to_text
    use variance_shares, only: error_sources, shares_type, verdict_of
-   use warning_lists, only: warn, warning_type
+   use errors, only: warn, warning_type
    implicit none
    private
    public :: write_extraction, describe_prior

@@ -6,7 +6,7 @@ module next_grains
    use crystal_elasticity, only: rotation_matrix
    use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type
+   use errors, only: error_type, warn, warning_type
    use field_degree, only: choose_field_degree
    use json, only: json_type
    use kinds, only: degree, wp
@@ -22,7 +22,6 @@ module next_grains
    use statistics, only: median
    use text, only: fixed, to_text
    use parallelism, only: thread_count
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: next_document

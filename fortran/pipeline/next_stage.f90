@@ -3,7 +3,7 @@ module next_stage
    use errors, only: error_type
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
-   use chain_checkpoints, only: chain_prefix
+   use samplers, only: chain_prefix
    use kinds, only: wp
    use next_grains, only: next_document
    use posterior_file, only: stored_draws

@@ -2,7 +2,7 @@
 module posterior_diagnostics
    use abstract_indenter, only: indenter_type
    use constants_prior, only: knowledge_type
-   use errors, only: error_type
+   use errors, only: error_type, warn, warning_type
    use extraction, only: extraction_type, unmixed
    use field_degree, only: allowed_error
    use files, only: printable
@@ -12,7 +12,6 @@ module posterior_diagnostics
    use orientation_check, only: readings
    use problem, only: problem_type
    use text, only: fixed, to_text
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: check_extraction, find_reasons, known_text, powers_text

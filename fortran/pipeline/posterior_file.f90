@@ -1,10 +1,9 @@
 !> posterior.bin: all numbers of Step 2 by their names, see `put_extraction`, with a checksum of all before it at the end.
 module posterior_file
    use, intrinsic :: iso_c_binding, only: c_char
-   use checksums, only: checksum
    use errors, only: error_type, refuse
    use extraction, only: extraction_type
-   use files, only: file_exists, read_bytes, replace_file
+   use files, only: checksum, file_exists, read_bytes, replace_file
    use kinds, only: wp
    use named_values, only: named_values_reader_type, named_values_type
    use problem, only: problem_type

@@ -5,7 +5,6 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use abstract_observable, only: observable_type
    use errors, only: error_type, exit_bad_input, refuse
-   use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: degree, wp
    use measured_grains, only: measured_type
    use memory, only: check_memory
@@ -13,7 +12,7 @@ module problem_posterior
    use observables, only: new_observable
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
-   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
    use settings_output, only: settings_namelist
    use surrogate_model, only: surrogate_type
    use text, only: to_text

@@ -4,17 +4,15 @@ module simulate_stage
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
    use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
-   use errors, only: error_type, raise
+   use errors, only: error_type, raise, warn
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
-   use physics_identity, only: identity_text
    use point_index, only: number_equal
-   use simulate, only: outcome_done, outcome_failed, outcome_waiting, simulation_error
+   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
    use text, only: to_text
-   use warning_lists, only: warn
    implicit none
    private
    public :: simulate_stage_type

@@ -5,7 +5,7 @@ module size_stage
    use abstract_stage, only: job_type, stage_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
    use crystal_tables, only: begin_crystal
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, warn
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter
    use json, only: json_type
@@ -14,7 +14,6 @@ module size_stage
    use settings_schema, only: specimen_settings_type
    use simulate, only: outcome_done
    use text, only: to_text
-   use warning_lists, only: warn
    implicit none
    private
    public :: size_stage_type

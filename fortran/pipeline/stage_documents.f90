@@ -4,9 +4,8 @@
 !> surrogate. The manifest of the output folder (inputs.json) has the digests of the inputs last used there. A document belongs to them if
 !> all that both name are the same. Every document ends with a checksum of all before it.
 module stage_documents
-   use checksums, only: checksum
    use errors, only: error_type, refuse
-   use files, only: file_exists, full_path, read_bytes, replace_file
+   use files, only: checksum, file_exists, full_path, read_bytes, replace_file
    use json, only: quoted
    use point_tables, only: points_type
    use problem, only: problem_type

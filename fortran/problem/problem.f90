@@ -6,7 +6,7 @@ module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
@@ -23,7 +23,6 @@ module problem
    use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, newline, split_list, to_text
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: problem_type, new_problem

@@ -2,13 +2,12 @@
 program batch
    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise
+   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise, warning_type
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use namelist_file, only: place
-   use choices, only: all_choices
    use problem, only: problem_type
-   use problem_input, only: read_problem
+   use problem_input, only: all_choices, read_problem
    use running_command, only: show_progress, take_folder, watch_signals
    use settings_output, only: schema_markdown
    use simulation_loop, only: simulate_all
@@ -18,7 +17,6 @@ program batch
    use text, only: join
    use system, only: argument, data_folder, settle_blas, end_process
    use version, only: package_version, shipped_surrogates
-   use warning_lists, only: warning_type
    implicit none
 
    character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'

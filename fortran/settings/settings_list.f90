@@ -6,8 +6,7 @@
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
-   use numbers, only: number_text, read_integer, read_real
-   use text, only: join, split_list, to_text
+   use text, only: join, number_text, read_integer, read_real, split_list, to_text
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, choice_list_type, is_text, allowed_in_words
@@ -77,7 +76,7 @@ module settings_list
 
 contains
 
-   !> The words of a key of `choices`.
+   !> The words of a key of `all_choices`.
    pure function words(self, key) result(list)
       class(settings_list_type), intent(in) :: self
       character(len=*), intent(in) :: key

@@ -2,12 +2,11 @@
 module settings_output
    use kinds, only: wp
    use named_values, only: named_values_type
-   use numbers, only: read_real
    use settings_schema, only: list_settings, settings_type
    use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_integer, kind_logical, kind_names, kind_source, &
       & settings_list_type, shape_constants, shape_list, shape_one, variable_type
-   use text, only: newline, quoted
-   use warning_lists, only: warn, warning_type
+   use text, only: newline, quoted, read_real
+   use errors, only: warn, warning_type
    implicit none
    private
    public :: schema_markdown, settings_namelist, put_settings

@@ -6,12 +6,11 @@ module settings_reader
    use files, only: printable
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, place, value_type
-   use numbers, only: number_malformed, number_ok, read_real
    use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, &
       & kind_logical, kind_source, longest_item, settings_list_type, shape_list, shape_one, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
    use spelling, only: suggestion
-   use text, only: lower, to_text
+   use text, only: lower, number_malformed, number_ok, read_real, to_text
    implicit none
    private
    public :: read_settings

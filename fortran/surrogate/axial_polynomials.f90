@@ -8,7 +8,7 @@
 module axial_polynomials
    use axial_coordinates, only: n_axial, n_coordinates, n_waves, wave_orders
    use kinds, only: wp
-   use sorting, only: sort_order
+   use statistics, only: sort_order
    implicit none
    private
    public :: axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree

@@ -11,7 +11,7 @@ module correction_basis
    use abstract_basis, only: basis_type, grain_model_type
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
-   use compliance_field, only: field_moduli, field_type, new_field
+   use compliance_field, only: field_moduli, field_type, modulus_expansion_type, new_field, new_modulus_expansion
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
@@ -20,7 +20,6 @@ module correction_basis
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
    use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
-   use modulus_expansion, only: modulus_expansion_type, new_modulus_expansion
    use surrogate_domain, only: spread_crystals
    use text, only: to_text
    implicit none

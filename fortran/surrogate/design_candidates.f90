@@ -7,7 +7,7 @@ module design_candidates
    use point_index, only: number_equal
    use problem, only: problem_type
    use settings_schema, only: design_settings_type
-   use sorting, only: sort_order
+   use statistics, only: sort_order
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text
    implicit none

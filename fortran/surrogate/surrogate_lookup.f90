@@ -3,8 +3,7 @@ module surrogate_lookup
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type, exit_bad_input, raise
    use files, only: file_exists, printable, resolve_path
-   use surrogate_file, only: load_surrogate
-   use surrogate_model, only: new_theory_surrogate, surrogate_type
+   use surrogate_model, only: load_surrogate, new_theory_surrogate, surrogate_type
    implicit none
    private
    public :: theory_name, places_type, find_surrogate, load_named_surrogate, check_new_name

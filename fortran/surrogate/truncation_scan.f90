@@ -2,8 +2,7 @@
 module truncation_scan
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable
-   use numbers, only: number_ok, read_integer
-   use text, only: split_list
+   use text, only: number_ok, read_integer, split_list
    implicit none
    private
    public :: read_scan

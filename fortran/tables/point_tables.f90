@@ -1,7 +1,7 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
-   use checksums, only: hash_of
+   use files, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, refuse

@@ -4,8 +4,8 @@ module table_columns
    use errors, only: error_type, refuse
    use files, only: printable
    use orientation_columns, only: direction_names
-   use spelling, only: suggestion
    use tables, only: longest_name, table_type
+   use spelling, only: suggestion
    use text, only: join, lower, split_list
    implicit none
    private

@@ -3,7 +3,7 @@ program test_fe
    use, intrinsic :: iso_c_binding, only: c_ptr
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
-   use fe_contact, only: contact_residual, solve_contact
+   use fe_grid, only: contact_residual, solve_contact
    use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, &
       & infinite_stiffness
    use fe_mesh, only: mesh_type, new_mesh

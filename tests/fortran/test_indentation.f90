@@ -2,7 +2,7 @@
 program test_indentation
    use abstract_indenter, only: indenter_type
    use abstract_specimen, only: specimen_type
-   use choices, only: all_choices
+   use problem_input, only: all_choices
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
@@ -11,11 +11,10 @@ program test_indentation
    use kinds, only: pi, wp
    use memory, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
-   use physics_identity, only: identity_text
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
-   use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
+   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
    use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
    use text, only: split_list, to_text
