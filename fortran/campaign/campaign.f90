@@ -45,17 +45,8 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign
-      procedure :: close => close_campaign
-      procedure :: rows
-      procedure :: find
-      procedure :: add
-      procedure :: add_soon
-      procedure :: flush
-      procedure :: begin_change
-      procedure :: end_change
-      procedure :: next_position
-      procedure :: other_physics
+      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, begin_change, end_change, &
+         & next_position, other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type

@@ -71,9 +71,7 @@ module files
       type(c_ptr) :: handle = c_null_ptr
       character(len=:), allocatable :: path
    contains
-      procedure :: begin
-      procedure :: add
-      procedure :: finish
+      procedure :: begin, add, finish
    end type new_file_type
 
 contains

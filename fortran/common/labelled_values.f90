@@ -34,13 +34,8 @@ module labelled_values
       !> Next byte to read, and the number of its line.
       integer, private :: position = 1, line = 1
    contains
-      procedure :: text => exchange_text
-      procedure :: lines => exchange_lines
-      procedure :: integer => exchange_integer
-      procedure :: real => exchange_real
-      procedure :: reals => exchange_reals
-      procedure :: finish
-      procedure :: fail
+      procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, real => exchange_real, &
+         & reals => exchange_reals, finish, fail
    end type labelled_values_type
 
 contains

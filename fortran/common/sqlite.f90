@@ -24,11 +24,7 @@ module sqlite
       private
       type(c_ptr) :: handle = c_null_ptr
    contains
-      procedure :: open => open_database
-      procedure :: close => close_database
-      procedure :: run
-      procedure :: value
-      procedure :: prepare
+      procedure :: open => open_database, close => close_database, run, value, prepare
       procedure, private :: fail
    end type database_type
 
@@ -37,16 +33,9 @@ module sqlite
       type(c_ptr) :: handle = c_null_ptr
       integer(c_int) :: bound = 0
    contains
-      procedure, private :: bind_text
-      procedure, private :: bind_integer
-      procedure, private :: bind_real
+      procedure, private :: bind_text, bind_integer, bind_real
       generic :: bind => bind_text, bind_integer, bind_real
-      procedure :: step
-      procedure :: integer => column_integer
-      procedure :: real => column_real
-      procedure :: text => column_text
-      procedure :: reset
-      procedure :: finish
+      procedure :: step, integer => column_integer, real => column_real, text => column_text, reset, finish
    end type statement_type
 
    abstract interface

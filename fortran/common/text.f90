@@ -19,11 +19,7 @@ module text
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
    interface to_text
-      module procedure integer_to_text
-      module procedure long_to_text
-      module procedure real_to_text
-      module procedure digits_to_text
-      module procedure logical_to_text
+      module procedure integer_to_text, long_to_text, real_to_text, digits_to_text, logical_to_text
    end interface to_text
 
    interface

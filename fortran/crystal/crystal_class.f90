@@ -55,9 +55,7 @@ module crystal_class
       integer, allocatable, private :: row(:), column(:), constant(:)
       real(wp), allocatable, private :: factor(:)
    contains
-      procedure :: stiffness
-      procedure :: constants_of
-      procedure :: includes
+      procedure :: stiffness, constants_of, includes
    end type crystal_class_type
 
 contains

@@ -26,11 +26,7 @@ module logarithmic_coordinates
       integer, allocatable, private :: entries(:, :)
       real(wp), allocatable, private :: values(:)
    contains
-      procedure :: to_logarithms
-      procedure :: from_logarithms
-      procedure :: log_volume
-      procedure :: log_volume_at
-      procedure :: saturating
+      procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at, saturating
    end type log_coordinates_type
 
 contains

@@ -39,13 +39,7 @@ module exchange
       real(wp), allocatable :: values(:, :)
       type(error_type), allocatable :: error
    contains
-      procedure :: open
-      procedure :: give
-      procedure :: close
-      procedure :: places
-      procedure :: threads
-      procedure :: crystals
-      procedure :: refuse
+      procedure :: open, give, close, places, threads, crystals, refuse
    end type exchange_type
 
 contains

@@ -22,8 +22,7 @@ module abstract_indenter
       !> Force over plane-strain modulus, um2, at a depth, um.
       procedure(closed_form), deferred :: unit_force
       !> Depth and contact radius, um, of each other.
-      procedure(closed_form), deferred :: depth_of
-      procedure(closed_form), deferred :: contact_radius_of
+      procedure(closed_form), deferred :: depth_of, contact_radius_of
       procedure :: check_length
    end type indenter_type
 

@@ -32,11 +32,8 @@ module abstract_specimen
    contains
       procedure(take_settings), deferred :: set_up
       procedure(plan_mesh), deferred :: plan
-      procedure :: check_sizes
-      procedure :: materials
-      procedure :: contrast_error
-      procedure, non_overridable :: make
-      procedure, non_overridable :: own_stiffness
+      procedure :: check_sizes, materials, contrast_error
+      procedure, non_overridable :: make, own_stiffness
    end type specimen_type
 
    abstract interface

@@ -16,9 +16,7 @@ module block_specimen
       !> Its edges along x and y, and along z, um.
       real(wp) :: width = 0.0_wp, height = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
+      procedure :: set_up, check_sizes, plan
    end type block_specimen_type
 
    !> Half-width of the box of bricks under the contact in contact radii, and cells across it at refine = 1.

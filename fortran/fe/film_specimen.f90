@@ -22,11 +22,7 @@ module film_specimen
       !> um.
       real(wp) :: thickness = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
-      procedure :: materials
-      procedure :: contrast_error
+      procedure :: set_up, check_sizes, plan, materials, contrast_error
    end type film_specimen_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.

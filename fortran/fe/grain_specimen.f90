@@ -20,10 +20,7 @@ module grain_specimen
       !> um; depth 0: a hemisphere, else a cylinder.
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
-      procedure :: materials
+      procedure :: set_up, check_sizes, plan, materials
    end type grain_specimen_type
 
    !> The boundary is at least so far from the box under the contact, over the box's size.

@@ -15,8 +15,7 @@ module halfspace_specimen
       !> Where the infinite elements begin, in contact radii, and growth of the layers before them at refine = 1.
       real(wp) :: outer = 0.0_wp, growth = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: plan
+      procedure :: set_up, plan
    end type halfspace_specimen_type
 
 contains

@@ -14,11 +14,7 @@ module power_indenter
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
       real(wp) :: steepness = 0.0_wp, sinking = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: gap
-      procedure :: unit_force
-      procedure :: depth_of
-      procedure :: contact_radius_of
+      procedure :: set_up, gap, unit_force, depth_of, contact_radius_of
    end type power_indenter_type
 
 contains

@@ -15,12 +15,7 @@ module sphere_indenter
       !> um.
       real(wp) :: radius = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_length
-      procedure :: gap
-      procedure :: unit_force
-      procedure :: depth_of
-      procedure :: contact_radius_of
+      procedure :: set_up, check_length, gap, unit_force, depth_of, contact_radius_of
    end type sphere_indenter_type
 
 contains

@@ -15,8 +15,7 @@ module abstract_error_model
       procedure(weigh_interface), deferred :: weigh
       procedure(as_normals_interface), deferred :: as_normals
       procedure(draw_interface), deferred :: draw
-      procedure :: integrate
-      procedure :: leave_one_out
+      procedure :: integrate, leave_one_out
    end type error_model_type
 
    abstract interface

@@ -33,9 +33,7 @@ module abstract_sampler
       !> Logarithm of the density of the parameters, up to a constant.
       procedure(evaluate_interface), deferred :: evaluate
       !> Coordinates in which the density is smoother: by default the parameters themselves.
-      procedure :: to_working
-      procedure :: evaluate_working
-      procedure :: evaluate_outputs
+      procedure :: to_working, evaluate_working, evaluate_outputs
    end type target_type
 
    abstract interface

@@ -58,22 +58,9 @@ module constants_posterior
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
-      procedure :: evaluate
-      procedure :: evaluate_parts
-      procedure :: evaluate_working
-      procedure :: evaluate_outputs
-      procedure :: to_working
-      procedure :: draw_start
-      procedure :: set_field_degree
-      procedure :: draw_moduli
-      procedure :: predict_measurements
-      procedure :: infer_shared
-      procedure :: evaluate_grains
-      procedure :: scale_factor
-      procedure :: place_shared
-      procedure :: log_prior
-      procedure :: stiffness
-      procedure :: new_grains
+      procedure :: evaluate, evaluate_parts, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
+         & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
+         & new_grains
    end type posterior_type
 
 contains

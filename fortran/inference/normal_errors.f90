@@ -9,10 +9,7 @@ module normal_errors
 
    type, extends(error_model_type) :: normal_errors_type
    contains
-      procedure :: log_density
-      procedure :: weigh
-      procedure :: as_normals
-      procedure :: draw
+      procedure :: log_density, weigh, as_normals, draw
    end type normal_errors_type
 
 contains

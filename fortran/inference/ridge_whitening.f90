@@ -25,8 +25,7 @@ module ridge_whitening
       !> Range of each z in which the polynomial was fitted; beyond it goes on as at the end.
       real(wp), allocatable :: least(:), greatest(:)
    contains
-      procedure :: to_white
-      procedure :: from_white
+      procedure :: to_white, from_white
    end type whitening_type
 
 contains

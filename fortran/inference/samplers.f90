@@ -32,9 +32,7 @@ module samplers
       !> Path of a chain's file but for its stream; unallocated: nothing is kept.
       character(len=:), allocatable :: stem
    contains
-      procedure :: path => path_of
-      procedure :: restore
-      procedure :: store
+      procedure :: path => path_of, restore, store
    end type checkpoint_type
 
    !> A new sampler: its file, its name here, and its line in `new_sampler`.

@@ -16,10 +16,7 @@ module student_errors
       !> Degrees of freedom, positive.
       real(wp) :: dof = 4.0_wp
    contains
-      procedure :: log_density
-      procedure :: weigh
-      procedure :: as_normals
-      procedure :: draw
+      procedure :: log_density, weigh, as_normals, draw
    end type student_errors_type
 
 contains

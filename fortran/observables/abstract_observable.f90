@@ -15,8 +15,7 @@ module abstract_observable
    contains
       procedure(from_simulation_interface), deferred :: from_simulation
       procedure(isotropic_modulus_interface), deferred :: isotropic_modulus
-      procedure :: new_grain_model
-      procedure :: calibration_slope
+      procedure :: new_grain_model, calibration_slope
    end type observable_type
 
    abstract interface

@@ -13,8 +13,7 @@ module indentation_modulus
       !> a; d in 1/GPa.
       real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
    contains
-      procedure :: from_simulation
-      procedure :: isotropic_modulus
+      procedure :: from_simulation, isotropic_modulus
    end type indentation_modulus_type
 
 contains

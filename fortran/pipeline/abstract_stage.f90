@@ -60,11 +60,7 @@ module abstract_stage
       !> Of stages that open it.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open
-      procedure, non_overridable :: want
-      procedure, non_overridable :: take
-      procedure, non_overridable :: leave
-      procedure, non_overridable :: close
+      procedure, non_overridable :: open, want, take, leave, close
       !> Look at what is there, refuse what cannot be, and choose the first batch.
       procedure :: begin
       !> Learn from the batch that was simulated, and choose the next; none: all is done.

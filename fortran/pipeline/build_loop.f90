@@ -52,9 +52,7 @@ module build_loop
       type(outcome_type), allocatable, private :: outcomes(:)
       logical, private :: by_variance = .false.
    contains
-      procedure :: begin
-      procedure :: choose
-      procedure :: look_ahead
+      procedure :: begin, choose, look_ahead
    end type build_type
 
 contains

@@ -26,8 +26,7 @@ module extract_stage
       !> The prior that was in effect, in a few lines.
       type(warning_type), allocatable :: prior(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type extract_stage_type
 
 contains

@@ -78,8 +78,7 @@ module extraction
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: verdict
-      procedure :: least_value
+      procedure :: verdict, least_value
    end type extraction_type
 
 contains

@@ -26,9 +26,7 @@ module known_rows
       !> Candidates that have a row which is not taken, and may be chosen once more.
       logical, allocatable :: open(:)
    contains
-      procedure :: n => count_left
-      procedure :: divide
-      procedure :: choose
+      procedure :: n => count_left, divide, choose
    end type known_rows_type
 
 contains

@@ -19,8 +19,7 @@ module problem_posterior
    use parallelism, only: thread_count
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior
-   public :: sample_aside, sample_posterior
+   public :: check_step_2, check_target, new_problem_posterior, sample_aside, sample_posterior
 
    !> Burn-in, samples, chains, and from where on their random streams are.
    type, public :: run_type

@@ -25,8 +25,7 @@ module simulate_stage
       !> The crystals of the batch.
       integer, allocatable :: chosen(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type simulate_stage_type
 
 contains

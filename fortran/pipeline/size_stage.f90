@@ -41,8 +41,7 @@ module size_stage
       real(wp) :: contact_radius = 0.0_wp, sizes(n_sizes) = 0.0_wp
       type(case_type), allocatable :: cases(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type size_stage_type
 
 contains

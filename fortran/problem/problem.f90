@@ -54,8 +54,7 @@ module problem
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: resolved_text
-      procedure :: set_table
+      procedure :: resolved_text, set_table
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.

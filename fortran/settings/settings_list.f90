@@ -62,16 +62,9 @@ module settings_list
       !> The values of the list go into the settings; else it takes them from there.
       logical :: giving = .false.
    contains
-      procedure :: words
-      procedure :: group
-      procedure :: integer => visit_integer
-      procedure :: logical => visit_logical
-      procedure :: text => visit_text
-      procedure :: names => visit_names
-      procedure :: real => visit_real
-      procedure :: optional_logical => visit_optional_logical
-      procedure :: optional_real => visit_optional_real
-      procedure :: reals => visit_reals
+      procedure :: words, group, integer => visit_integer, logical => visit_logical, text => visit_text, names => visit_names, &
+         & real => visit_real, optional_logical => visit_optional_logical, optional_real => visit_optional_real, &
+         & reals => visit_reals
    end type settings_list_type
 
 contains

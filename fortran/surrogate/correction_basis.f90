@@ -36,10 +36,7 @@ module correction_basis
       !> None of the theory alone.
       type(axial_polynomials_type) :: polynomials
    contains
-      procedure :: set_up
-      procedure :: exchange
-      procedure :: evaluate_many
-      procedure :: new_grain_model
+      procedure :: set_up, exchange, evaluate_many, new_grain_model
    end type correction_basis_type
 
    type, extends(grain_model_type) :: correction_grain_model_type
@@ -57,10 +54,7 @@ module correction_basis
       !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
    contains
-      procedure :: set_grains
-      procedure :: evaluate_independent
-      procedure :: evaluate_columns
-      procedure :: expand
+      procedure :: set_grains, evaluate_independent, evaluate_columns, expand
    end type correction_grain_model_type
 
 contains

@@ -46,8 +46,7 @@ module point_tables
       integer, allocatable :: tests(:)
       real(wp), allocatable :: chi_square(:)
    contains
-      procedure :: name
-      procedure :: directions
+      procedure :: name, directions
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']

@@ -34,16 +34,7 @@ module tables
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell
-      procedure :: is_empty
-      procedure :: name
-      procedure :: called
-      procedure :: find
-      procedure :: number
-      procedure :: place
-      procedure :: refuse => refuse_cell
-      procedure :: join
-      procedure :: digest
+      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell, join, digest
    end type table_type
 
 contains
