@@ -9,7 +9,7 @@ module campaign_import
    use point_tables, only: points_type
    use problem, only: problem_type
    use simulate, only: identity_text, outcome_done, outcome_failed
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: lower, to_text
    implicit none
    private

@@ -9,9 +9,9 @@ module exchange
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
    use named_values, only: named_values_reader_type, named_values_type
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use problem, only: problem_type
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: to_text
    implicit none
    private

@@ -12,21 +12,20 @@ module operations
    use interruption, only: listen, stop_listening
    use namelist_file, only: namelist_file_type, parse_namelist
    use point_tables, only: read_crystals
-   use posterior_file, only: read_posterior
+   use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
    use problem_input, only: all_choices, problem_of_text, read_problem
-   use problem_operations, only: list_settings, use_problem
    use running_command, only: advance_progress, begin_progress, end_command, end_progress, show_progress, take_folder, &
       & watch_signals
    use settings_schema, only: settings_type
    use settings_output, only: put_settings
    use settings_reader, only: read_settings
-   use simulation_operations, only: held_simulator_type, held_stage_type, run_simulator, use_model, use_stage
+   use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
+      & use_stage
    use stage_documents, only: read_document, read_resolved, write_document
    use surrogate_learner, only: learner_type
-   use surrogate_lookup, only: find_surrogate, load_named_surrogate
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
    implicit none
    private

@@ -11,11 +11,10 @@ module surrogate_operations
    use evidence_regression, only: coefficient_covariance, coefficient_mean
    use exchange, only: exchange_type
    use extraction, only: extract, extraction_type
-   use extraction_document, only: write_extraction
+   use extraction_document, only: put_extraction, write_extraction
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
-   use next_grains, only: next_document
-   use posterior_file, only: put_extraction
+   use next_stage, only: next_document
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains

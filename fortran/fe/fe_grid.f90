@@ -13,7 +13,7 @@ module fe_grid
    use fe_mesh, only: mesh_type
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
-   use memory, only: raise_no_memory
+   use machine, only: raise_no_memory
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, retained_factor, &
       & solve_factored
    use text, only: to_text

@@ -10,7 +10,7 @@
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
-   use memory, only: check_memory
+   use machine, only: check_memory
    use mesh_plan, only: check_plan, clamped_around, closed_by_infinite, count_items, growing, mesh_plan_type, mesh_stage_type, &
       & surface_facets, to_ball, to_cylinder
    use text, only: to_text

@@ -18,7 +18,7 @@ module further_knowledge
    use linear_algebra, only: cholesky_factor
    use quantities, only: evaluate_draws, new_quantity, quantity_type
    use samplers, only: chains_type
-   use simplex_search, only: climb
+   use posterior_summary, only: climb
    use small_matrices, only: solve_lower
    use statistics, only: covariance_of, flattened, moments, thinned
    use text, only: split_list

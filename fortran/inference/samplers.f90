@@ -14,7 +14,7 @@ module samplers
    use files, only: checksum, file_exists, read_bytes, replace_file
    use interruption, only: listen, stop_listening, stop_requested
    use kinds, only: i8, wp
-   use memory, only: raise_no_memory
+   use machine, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
    use running_command, only: advance_progress, begin_progress, end_progress
    use scmh_sampler, only: scmh_sampler_type

@@ -19,7 +19,7 @@ module abstract_stage
    use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: keep_document
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: lower, to_text
    implicit none
    private

@@ -8,18 +8,16 @@ module build_loop
    use abstract_stage, only: job_type, stage_type
    use build_checks, only: basis_of_problem, check_build
    use campaign, only: campaign_name, row_type
-   use design_candidates, only: candidates_type, initial_set, new_candidates
    use errors, only: error_type, raise, refuse, warn
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
-   use learning, only: batch_end, change_basis, close_batch, learn, learning_type, new_learning, refit_all, why_to_stop
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
       & simulations_before, tempered
-   use sequential_design, only: design_type, update_posterior_mean
+   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, set_learner_candidates, &
-      & surrogate_of
+   use surrogate_learner, only: add_simulations, batch_end, change_basis, choose_next, close_batch, exclude_candidates, learn, &
+      & learning_type, new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none

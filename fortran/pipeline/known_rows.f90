@@ -3,7 +3,7 @@ module known_rows
    use abstract_basis, only: basis_type
    use campaign, only: row_type
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use design_candidates, only: candidates_type
+   use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: wp
    use point_index, only: new_point_index, point_index_type

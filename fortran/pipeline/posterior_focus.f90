@@ -7,15 +7,15 @@ module posterior_focus
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: logarithmic_mean
-   use design_candidates, only: candidates_type
+   use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: degree, wp
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use problem, only: problem_type
    use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, sample_aside
    use samplers, only: chains_type
    use statistics, only: flattened
-   use support_limits, only: limit_type, list_limits
+   use prior_sensitivity, only: limit_type, list_limits
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type

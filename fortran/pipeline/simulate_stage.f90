@@ -3,7 +3,7 @@ module simulate_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
-   use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
+   use stage_documents, only: begin_crystal, put_outcome, write_curves, write_moduli
    use errors, only: error_type, raise, warn
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter

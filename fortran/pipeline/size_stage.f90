@@ -4,7 +4,7 @@
 module size_stage
    use abstract_stage, only: job_type, stage_type
    use crystal_elasticity, only: averages_type, polycrystal_averages
-   use crystal_tables, only: begin_crystal
+   use stage_documents, only: begin_crystal
    use errors, only: error_type, refuse, warn
    use abstract_indenter, only: indenter_type
    use indenters, only: new_indenter

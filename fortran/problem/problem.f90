@@ -3,8 +3,7 @@
 !> Both programs, and the keywords of Python, come here and nowhere else, so that they have the same verdict. A message is one line:
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
-   use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_lattice, only: lattice_type, new_lattice
+   use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, resolve_path
@@ -12,10 +11,9 @@ module problem
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
-   use settings_checks, only: check_settings
    use settings_schema, only: candidate_sources, settings_type
    use settings_output, only: settings_namelist
-   use settings_reader, only: read_settings
+   use settings_reader, only: check_settings, read_settings
    use settings_list, only: choice_list_type
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type

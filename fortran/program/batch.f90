@@ -13,7 +13,7 @@ program batch
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_stages, groups_of, new_stage
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: join
    use system, only: argument, data_folder, settle_blas, end_process
    use version, only: package_version, shipped_surrogates

@@ -5,9 +5,8 @@ module imse_acquisition
    use abstract_basis, only: basis_type
    use evidence_regression, only: symmetric_product
    use kinds, only: wp
-   use linear_algebra, only: add_gram, multiply
+   use linear_algebra, only: add_gram, dot, multiply
    use sequential_design, only: absorb_choices, condition_on, design_type, quadratic_forms, tie
-   use vector_math, only: dot
    implicit none
    private
    public :: imse_acquisition_type

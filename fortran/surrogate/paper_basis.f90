@@ -15,7 +15,7 @@ module paper_basis
    use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    use text, only: to_text
-   use vector_math, only: transposed_product
+   use linear_algebra, only: transposed_product
    implicit none
    private
    public :: paper_basis_type, largest_degree, truncation_names

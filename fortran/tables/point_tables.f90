@@ -6,10 +6,10 @@ module point_tables
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, refuse
    use kinds, only: degree, i8, pi, wp
-   use orientation_columns, only: find_ways, read_directions
    use point_index, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, name_columns, nearest_to, &
+      & read_directions
    use tables, only: read_table, table_type
    use text, only: join, to_text
    implicit none

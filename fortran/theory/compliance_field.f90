@@ -14,9 +14,9 @@
 !>
 !> The modulus depends on the indented direction alone and is smooth: an even function on the sphere with the crystal's symmetry, which few
 !> surface harmonics hold. They are found by least squares from the moduli in directions spread over the region of distinct ones; a grain
-!> then costs as many products as there are harmonics. Who uses it compares with the theory, see `field_degree`.
+!> then costs as many products as there are harmonics. Who uses it compares with the theory, see `problem_posterior`.
 module compliance_field
-   use barnett_lothe, only: contraction_maps, inverse_barnett, lanes
+   use halfspace_theory, only: contraction_maps, inverse_barnett, lanes
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions

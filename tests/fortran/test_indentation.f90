@@ -9,7 +9,7 @@ program test_indentation
    use fe_mesh, only: mesh_type
    use indenters, only: indenter_names, new_indenter
    use kinds, only: pi, wp
-   use memory, only: check_memory, free_memory, memory_text
+   use machine, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type

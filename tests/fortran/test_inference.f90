@@ -17,7 +17,7 @@ program test_inference
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
    use text, only: to_text
-   use vector_math, only: exp_all, transposed_product
+   use linear_algebra, only: exp_all, transposed_product
    implicit none
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
