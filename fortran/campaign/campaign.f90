@@ -5,11 +5,11 @@
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use files, only: checksum
-   use campaign_file, only: begin_transaction, end_transaction, name_file, open_campaign_file, raise_damaged
+   use campaign_file, only: begin_transaction, database_type, end_transaction, name_file, open_campaign_file, raise_damaged, &
+      & statement_type
    use errors, only: error_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use sqlite, only: database_type, statement_type
    use text, only: number_ok, number_text, read_integer, read_real, to_text
    implicit none
    private

@@ -29,8 +29,7 @@ contains
 
       call dpotrf('L', size(a, 2), a, max(1, size(a, 1)), info)
       if (info > 0) then
-         call raise(error, 'a matrix is not positive definite (leading minor '//to_text(info)//' of ' &
-            & //to_text(size(a, 2))//')')
+         call raise(error, 'a matrix is not positive definite (leading minor '//to_text(info)//' of '//to_text(size(a, 2))//')')
       else if (info < 0) then
          call raise(error, 'a matrix holds a value that is not finite (dpotrf, argument '//to_text(-info)//')')
       end if
@@ -72,8 +71,7 @@ contains
       liwork = 3 + 5*n
       allocate (work(lwork), iwork(liwork))
       call dsyevd('V', 'L', n, a, max(1, n), values, work, lwork, iwork, liwork, info)
-      if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info ' &
-         & //to_text(info)//')')
+      if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info '//to_text(info)//')')
    end subroutine symmetric_eigen
 
    !> gram + factor a aᵀ, or gram + factor aᵀ a if `transposed`; the full symmetric matrix.
@@ -154,20 +152,9 @@ contains
          k = (clamped*log2e + rounder) - rounder
          r = (clamped - k*ln2_high) - k*ln2_low
          ! The Taylor series on |r| < 0.35; the first term left out is below 1e-17.
-         p = 1.0_wp/6227020800.0_wp
-         p = p*r + 1.0_wp/479001600.0_wp
-         p = p*r + 1.0_wp/39916800.0_wp
-         p = p*r + 1.0_wp/3628800.0_wp
-         p = p*r + 1.0_wp/362880.0_wp
-         p = p*r + 1.0_wp/40320.0_wp
-         p = p*r + 1.0_wp/5040.0_wp
-         p = p*r + 1.0_wp/720.0_wp
-         p = p*r + 1.0_wp/120.0_wp
-         p = p*r + 1.0_wp/24.0_wp
-         p = p*r + 1.0_wp/6.0_wp
-         p = p*r + 0.5_wp
-         p = p*r + 1.0_wp
-         p = p*r + 1.0_wp
+         p = 1.0_wp + r*(1.0_wp + r*(0.5_wp + r*(1.0_wp/6.0_wp + r*(1.0_wp/24.0_wp + r*(1.0_wp/120.0_wp + r*(1.0_wp/720.0_wp &
+            & + r*(1.0_wp/5040.0_wp + r*(1.0_wp/40320.0_wp + r*(1.0_wp/362880.0_wp + r*(1.0_wp/3628800.0_wp &
+            & + r*(1.0_wp/39916800.0_wp + r*(1.0_wp/479001600.0_wp + r*(1.0_wp/6227020800.0_wp)))))))))))))
          y(i) = p*transfer(ishft(int(k, i8) + 1023_i8, 52), 1.0_wp)
       end do
    end subroutine exp_all

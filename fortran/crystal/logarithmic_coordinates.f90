@@ -54,9 +54,8 @@ module logarithmic_coordinates
 contains
 
    !> The coordinates of a class.
-   pure function new_log_coordinates(class) result(self)
+   pure type(log_coordinates_type) function new_log_coordinates(class) result(self)
       type(crystal_class_type), intent(in) :: class
-      type(log_coordinates_type) :: self
       !> Of what is left of a matrix that the others span, a matrix of unit norm being 1.
       real(wp), parameter :: spanned = 1.0e-8_wp
       real(wp) :: matrix(6, 6), unit(class%n_constants)

@@ -9,18 +9,16 @@ module operations
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
    use files, only: checksum, read_bytes
-   use interruption, only: listen, stop_listening
    use namelist_file, only: namelist_file_type, parse_namelist
    use point_tables, only: read_crystals
    use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
    use problem_input, only: all_choices, problem_of_text, read_problem
-   use running_command, only: advance_progress, begin_progress, end_command, end_progress, show_progress, take_folder, &
-      & watch_signals
+   use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
+      & stop_listening, take_folder, watch_signals
    use settings_schema, only: settings_type
-   use settings_output, only: put_settings
-   use settings_reader, only: read_settings
+   use settings_reader, only: put_settings, read_settings
    use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
       & use_stage
    use stage_documents, only: read_document, read_resolved, write_document

@@ -21,7 +21,7 @@ module simulation_operations
    use problem, only: problem_type
    use problem_input, only: all_choices
    use settings_list, only: allowed_in_words, kind_names, settings_list_type
-   use settings_output, only: put_settings, settings_namelist
+   use settings_reader, only: put_settings, settings_namelist
    use settings_schema, only: listed_settings => list_settings, settings_type
    use simulate, only: identity_text, new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of

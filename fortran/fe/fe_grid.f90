@@ -6,11 +6,11 @@
 !> undeformed surface g - d, the clearance is w = g - d + F f ≥ 0, and f w = 0 node by node.
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
-   use abstract_indenter, only: indenter_type
+   use indenters, only: indenter_type
    use abstract_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
-   use fe_mesh, only: mesh_type
+   use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: i8, pi, wp
    use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
    use machine, only: raise_no_memory
@@ -124,7 +124,7 @@ contains
       type(grid_type), intent(out) :: grid
       type(error_type), allocatable, intent(out) :: error
 
-      call specimen%make(refine, grid%mesh, error)
+      call new_mesh(specimen%plan(refine), grid%mesh, error)
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return

@@ -1,9 +1,8 @@
 !> The half-space: bricks under the indenter, layers that grow around them, infinite elements outside. It has no length of its own.
 module halfspace_specimen
-   use abstract_specimen, only: specimen_type
+   use abstract_specimen, only: core_of_contact, layers_of_ratio, mesh_plan_type, specimen_type
    use errors, only: error_type
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, layers_of_ratio, mesh_plan_type
    use settings_schema, only: settings_type
    implicit none
    private

@@ -1,7 +1,7 @@
 !> What a sampler is: it makes one chain of a target from one random stream. And what it needs of a target, a density: its logarithm at
 !> many points in one call.
 module abstract_sampler
-   use interruption, only: stop_requested
+   use running_command, only: stop_requested
    use kinds, only: wp
    use output_polynomial, only: output_polynomial_type
    use random, only: random_stream_type

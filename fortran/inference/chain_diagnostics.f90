@@ -29,10 +29,9 @@ module chain_diagnostics
 contains
 
    !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of one chain or of one value.
-   pure function diagnose_chains(draws) result(diagnostics)
+   pure type(diagnostics_type) function diagnose_chains(draws) result(diagnostics)
       !> (sample, chain), finite.
       real(wp), intent(in), contiguous :: draws(:, :)
-      type(diagnostics_type) :: diagnostics
       real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
       real(wp) :: folded
 

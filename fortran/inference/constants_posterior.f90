@@ -6,15 +6,13 @@
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
 module constants_posterior
    use abstract_basis, only: grain_model_type
-   use abstract_error_model, only: error_model_type
-   use abstract_observable, only: observable_type
    use constants_prior, only: prior_type
-   use error_models, only: new_error_model
+   use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
    use abstract_sampler, only: outside, point_type, target_type

@@ -11,8 +11,7 @@ module ensemble_sampler
    use abstract_sampler, only: outside, point_type, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
-   use interruption, only: stop_requested
-   use running_command, only: advance_progress
+   use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
    use output_polynomial, only: is_fitted
    use random, only: random_stream_type

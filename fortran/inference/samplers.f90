@@ -12,11 +12,10 @@ module samplers
    use ensemble_sampler, only: ensemble_sampler_type
    use errors, only: error_type, exit_bad_input, raise
    use files, only: checksum, file_exists, read_bytes, replace_file
-   use interruption, only: listen, stop_listening, stop_requested
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
    use random, only: new_random_stream, random_stream_type
-   use running_command, only: advance_progress, begin_progress, end_progress
+   use running_command, only: advance_progress, begin_progress, end_progress, listen, stop_listening, stop_requested
    use scmh_sampler, only: scmh_sampler_type
    use text, only: to_text
    implicit none

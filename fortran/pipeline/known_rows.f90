@@ -6,7 +6,7 @@ module known_rows
    use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: wp
-   use point_index, only: new_point_index, point_index_type
+   use statistics, only: new_point_index, point_index_type
    use simulate, only: outcome_done
    implicit none
    private

@@ -273,12 +273,11 @@ contains
    end function held
 
    !> So many crystals of each posterior, evenly over the draws, in the directions of the grains, which take turns.
-   function candidates_of(problem, domain, first, others) result(found)
+   type(candidates_type) function candidates_of(problem, domain, first, others) result(found)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
       !> GPa, (6, 6, n).
       real(wp), intent(in) :: first(:, :, :), others(:, :, :)
-      type(candidates_type) :: found
       integer :: i, n
 
       n = size(first, 3) + size(others, 3)

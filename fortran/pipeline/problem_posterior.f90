@@ -2,7 +2,6 @@
 !> surface harmonics, chosen by what it changes for the worst grain.
 module problem_posterior
    use abstract_basis, only: grain_model_type
-   use abstract_observable, only: observable_type
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
@@ -12,11 +11,11 @@ module problem_posterior
    use measured_grains, only: measured_type
    use machine, only: check_memory, thread_count
    use namelist_file, only: place
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
-   use settings_output, only: settings_namelist
+   use settings_reader, only: settings_namelist
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none

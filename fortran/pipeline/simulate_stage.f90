@@ -5,12 +5,11 @@ module simulate_stage
    use campaign, only: campaign_name, row_type
    use stage_documents, only: begin_crystal, put_outcome, write_curves, write_moduli
    use errors, only: error_type, raise, warn
-   use abstract_indenter, only: indenter_type
-   use indenters, only: new_indenter
+   use indenters, only: indenter_type, new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
-   use point_index, only: number_equal
+   use statistics, only: number_equal
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
    use text, only: to_text
    implicit none

@@ -6,18 +6,16 @@
 !>
 !> Crystals that were simulated, or given to the theory, have tables, and rows in a document.
 module stage_documents
-   use abstract_indenter, only: indenter_type
-   use abstract_observable, only: observable_type
    use campaign, only: row_type
    use errors, only: error_type, refuse
    use files, only: checksum, file_exists, full_path, new_file_type, read_bytes, replace_file
-   use indenters, only: new_indenter
+   use indenters, only: indenter_type, new_indenter
    use json, only: json_type, quoted
    use kinds, only: pi, wp
-   use observables, only: moduli_of_indentation, new_observable
+   use observables, only: moduli_of_indentation, new_observable, observable_type
    use point_tables, only: points_type
    use problem, only: problem_type
-   use settings_output, only: settings_namelist
+   use settings_reader, only: settings_namelist
    use simulate, only: outcome_done
    use surrogate_model, only: find_surrogate, places_type
    use tables, only: write_table

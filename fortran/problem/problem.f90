@@ -12,8 +12,8 @@ module problem
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
    use settings_schema, only: candidate_sources, settings_type
-   use settings_output, only: settings_namelist
-   use settings_reader, only: check_settings, read_settings
+   use settings_checks, only: check_settings
+   use settings_reader, only: read_settings, settings_namelist
    use settings_list, only: choice_list_type
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type

@@ -9,7 +9,7 @@ program batch
    use problem, only: problem_type
    use problem_input, only: all_choices, read_problem
    use running_command, only: show_progress, take_folder, watch_signals
-   use settings_output, only: schema_markdown
+   use settings_reader, only: schema_markdown
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_stages, groups_of, new_stage

@@ -1,22 +1,22 @@
 !> The values of the settings: those of a namelist, checked one by one, or the defaults.
 !>
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
-!> What one variable alone cannot show is checked after all are read.
+!>
+!> And the settings as a page of the documentation, as a namelist, and as named values.
 module settings_reader
-   use crystal_class, only: crystal_class_names, crystal_class_type
-   use crystal_elasticity, only: is_stable
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use kinds, only: wp
+   use named_values, only: named_values_type
    use namelist_file, only: namelist_file_type, place, value_type
    use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, kind_logical, &
-      & kind_source, longest_item, settings_list_type, shape_list, shape_one, variable_type
-   use settings_schema, only: knowledge_settings_type, list_settings, set_settings, settings_type
+      & kind_names, kind_source, longest_item, settings_list_type, shape_constants, shape_list, shape_one, variable_type
+   use settings_schema, only: list_settings, set_settings, settings_type
    use spelling, only: suggestion
-   use text, only: join, lower, number_malformed, number_ok, read_real, to_text
+   use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
    private
-   public :: read_settings, check_settings
+   public :: read_settings, schema_markdown, settings_namelist, put_settings
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
@@ -234,117 +234,132 @@ contains
          & .and. (number < high .or. (interval(n:) == ']' .and. .not. number > high))
    end function in_interval
 
-   !> `path` begins the message.
-   subroutine check_settings(path, settings, class, error)
-      character(len=*), intent(in) :: path
+   !> The variables as a page of the documentation.
+   function schema_markdown(choices) result(page)
+      !> The words that modules above the settings own.
+      type(choice_list_type), intent(in) :: choices(:)
+      character(len=:), allocatable :: page
+      type(settings_list_type) :: schema
+      type(settings_type) :: unset
+      integer :: i, j
+
+      schema = list_settings(unset, choices)
+      page = '# Namelist groups' //newline//newline &
+         & //'Written by `bayesindent-batch --schema`. A file needs `&problem`; the other groups say what is done.' &
+         & //newline//'`*` is required, `unset` has no value. Paths are relative to the folder of the file.'//newline
+      do i = 1, size(schema%groups)
+         page = page//newline//'## `&'//schema%groups(i)%name//'`'//newline//newline//schema%groups(i)%meaning//newline &
+            & //newline//'| variable | type | unit | default | allowed | meaning |'//newline//'|---|---|---|---|---|---|'//newline
+         do j = 1, size(schema%variables)
+            associate (v => schema%variables(j))
+               if (v%group_number /= i) cycle
+               page = page//'| `'//v%name//'` | '//kind_in_words(v)//' | '//v%unit//' | '//v%default//' | ' &
+                  & //allowed_in_words(v)//' | '//v%meaning//' |'//newline
+            end associate
+         end do
+      end do
+   end function schema_markdown
+
+   function kind_in_words(v) result(words)
+      type(variable_type), intent(in) :: v
+      character(len=:), allocatable :: words
+
+      words = trim(kind_names(v%kind))
+      if (v%kind == kind_source) words = 'choice or file'
+      if (v%shape == shape_constants) words = words//' for each constant'
+      if (v%shape == shape_list) words = 'list of '//words//'s'
+   end function kind_in_words
+
+   !> The groups that are given, and those of the list `needed`, as namelists; numbers to the last bit.
+   function settings_namelist(settings, needed, only_needed) result(page)
       type(settings_type), intent(in) :: settings
-      type(crystal_class_type), intent(in) :: class
-      type(error_type), allocatable, intent(out) :: error
-      logical :: needed
+      character(len=*), intent(in) :: needed
+      !> Without those that are given.
+      logical, intent(in), optional :: only_needed
+      character(len=:), allocatable :: page
+      type(settings_list_type) :: list
+      logical :: with_given, written
+      integer :: i, j
 
-      call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
-      if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
-      if (allocated(error)) return
-      ! Only what is learnt for all classes needs no symmetry.
-      needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
-         & (settings%design%given .or. settings%domain%given))
-      if (needed .and. .not. allocated(settings%problem%symmetry)) then
-         call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
-         return
-      end if
-      call check_knowledge(path, settings%knowledge, error)
-      if (allocated(error)) return
-      if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
-         call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
-            & //'contact_radius_um; one of them is allowed')
-         return
-      end if
-      if (len(settings%specimen%estimator) == 0 .and. settings%measurements%given .and. &
-         & any(['film ', 'grain'] == settings%specimen%geometry)) then
-         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; the moduli of a '// &
-            & settings%specimen%geometry//' depend on how the instrument reads them. Allowed: ''curve'' (fit of force against ' &
-            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the true contact radius), ' &
-            & //'''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
-         return
-      end if
-      associate (design => settings%design)
-         if (design%initial > design%budget) then
-            call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
-               & //' is more than the budget; allowed 0 to '//to_text(design%budget))
-         else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
-            call refuse(error, place(path, 'design', 'budget')//to_text(design%budget) &
-               & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
-         end if
-      end associate
-   end subroutine check_settings
+      with_given = .true.
+      if (present(only_needed)) with_given = .not. only_needed
+      list = list_settings(settings)
+      page = ''
+      do i = 1, size(list%groups)
+         associate (group => list%groups(i))
+            written = (group%given .and. with_given) .or. index(' '//needed//' ', ' '//group%name//' ') > 0
+            if (.not. written) cycle
+            page = page//newline//'&'//group%name//newline
+         end associate
+         do j = 1, size(list%variables)
+            if (list%variables(j)%group_number == i) page = page//line_of(list%variables(j))//newline
+         end do
+         page = page//'/'//newline
+      end do
+   end function settings_namelist
 
-   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
-   subroutine check_bounds(path, group, class, low, high, error)
-      character(len=*), intent(in) :: path, group
-      type(crystal_class_type), intent(in) :: class
-      !> One for each constant, GPa.
-      real(wp), allocatable, intent(in) :: low(:), high(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: best(:)
-      character(len=3), allocatable :: names(:)
+   !> The line of a variable in a namelist.
+   function line_of(variable) result(line)
+      type(variable_type), intent(in) :: variable
+      character(len=:), allocatable :: line
       integer :: i
 
-      call check_count(place(path, group, 'c_min'), class, low, error)
-      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
-      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
-      names = class%constants
-      ! A prior whose bounds are equal fixes a constant.
-      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
-      if (i > 0) then
-         call refuse(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
-            & //to_text(high(i))//' GPa')
+      if (.not. allocated(variable%values)) then
+         line = '  ! '//variable%name//' is unset'
          return
       end if
-      ! The most stable crystal of the box: large on the diagonal, small off it.
-      best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
-      if (.not. is_stable(class%stiffness(best))) call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and ' &
-         & //'c_max is elastically stable; the stiffness must be positive definite')
-   end subroutine check_bounds
+      line = '  '//variable%name//' = '
+      do i = 1, size(variable%values)
+         if (i > 1) line = line//', '
+         if (is_text(variable)) line = line//quoted(variable%values(i)%text, '''')
+         if (.not. is_text(variable)) line = line//variable%values(i)%text
+      end do
+      if (len(variable%unit) > 0) line = line//' ! '//variable%unit
+   end function line_of
 
-   !> A value for each constant, or none.
-   subroutine check_count(prefix, class, values, error)
-      character(len=*), intent(in) :: prefix
-      type(crystal_class_type), intent(in) :: class
-      real(wp), allocatable, intent(in) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
+   !> Add all settings to named values, 'group.variable', in their own types; what is unset is not there.
+   subroutine put_settings(settings, values)
+      type(settings_type), intent(in) :: settings
+      type(named_values_type), intent(inout) :: values
+      type(settings_list_type) :: list
+      type(warning_type), allocatable :: texts(:)
+      real(wp), allocatable :: reals(:)
+      character(len=:), allocatable :: name
+      integer :: outcome, i, j
 
-      if (.not. allocated(values)) return
-      if (class%n_constants == 0) then
-         call refuse(error, prefix//'a value for each constant is needed, and so &problem symmetry')
-      else if (size(values) /= size(class%constants)) then
-         found = to_text(size(values))//' values'
-         if (size(values) == 1) found = 'one value'
-         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
-      end if
-   end subroutine check_count
-
-   !> Three lists of equal length, or none.
-   subroutine check_knowledge(path, knowledge, error)
-      character(len=*), intent(in) :: path
-      type(knowledge_settings_type), intent(in) :: knowledge
-      type(error_type), allocatable, intent(out) :: error
-      character(len=8), parameter :: names(3) = [character(len=8) :: 'quantity', 'mean', 'sd']
-      integer :: sizes(3), i, j
-
-      sizes = 0
-      if (allocated(knowledge%quantity)) sizes(1) = size(knowledge%quantity)
-      if (allocated(knowledge%mean)) sizes(2) = size(knowledge%mean)
-      if (allocated(knowledge%sd)) sizes(3) = size(knowledge%sd)
-      i = maxloc(sizes, dim=1)
-      j = findloc(sizes == sizes(i), .false., dim=1)
-      if (j == 0) return
-      if (sizes(j) == 0) then
-         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
-      else
-         call refuse(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
-            & //' of '//trim(names(i))//'; the lists are of equal length')
-      end if
-   end subroutine check_knowledge
+      list = list_settings(settings)
+      do i = 1, size(list%groups)
+         call values%put(list%groups(i)%name//'.given', list%groups(i)%given)
+      end do
+      do i = 1, size(list%variables)
+         associate (v => list%variables(i))
+            if (.not. allocated(v%values)) cycle
+            name = v%group//'.'//v%name
+            if (is_text(v) .and. v%shape == shape_one) then
+               call values%put(name, v%values(1)%text)
+            else if (is_text(v)) then
+               texts = [warning_type ::]
+               do j = 1, size(v%values)
+                  call warn(texts, v%values(j)%text)
+               end do
+               call values%put(name, texts)
+            else if (v%kind == kind_logical) then
+               call values%put(name, v%values(1)%text == '.true.')
+            else
+               reals = spread(0.0_wp, 1, size(v%values))
+               do j = 1, size(reals)
+                  call read_real(v%values(j)%text, reals(j), outcome)
+               end do
+               if (v%kind == kind_integer) then
+                  call values%put(name, nint(reals(1)))
+               else if (v%shape == shape_one) then
+                  call values%put(name, reals(1))
+               else
+                  call values%put_array(name, reals, shape(reals))
+               end if
+            end if
+         end associate
+      end do
+   end subroutine put_settings
 
 end module settings_reader

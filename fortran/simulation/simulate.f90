@@ -8,7 +8,7 @@
 !> It has the variables of &specimen, &indenter and &simulation that the simulation reads. Stored texts are compared as they are: what
 !> changes here orphans every campaign.
 module simulate
-   use abstract_indenter, only: indenter_type
+   use indenters, only: indenter_type
    use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_failure, refuse

@@ -87,12 +87,11 @@ module correction_basis
 contains
 
    !> All up to a degree.
-   pure function new_axial_polynomials(degree, centre) result(self)
+   pure type(axial_polynomials_type) function new_axial_polynomials(degree, centre) result(self)
       !> 0 to `greatest_degree`.
       integer, intent(in) :: degree
       !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
       real(wp), intent(in), optional :: centre
-      type(axial_polynomials_type) :: self
       integer :: chosen(greatest_degree), d, k, last
 
       self%n_coordinates = n_coordinates - 1

@@ -13,10 +13,9 @@ module sequential_design
    use evidence_regression, only: compute_posterior, regression_type, scale_columns, symmetric_product
    use kinds, only: degree, wp
    use linear_algebra, only: add_gram, cholesky_factor, dot, multiply, multiply_by_factor
-   use point_index, only: number_equal
    use problem, only: problem_type
    use settings_schema, only: design_settings_type
-   use statistics, only: sort_order
+   use statistics, only: number_equal, sort_order
    use surrogate_domain, only: domain_type, spread_crystals
    use text, only: to_text
    implicit none

@@ -3,14 +3,13 @@
 !> And the training, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and whether that is
 !> enough.
 module surrogate_learner
-   use abstract_acquisition, only: acquisition_type
    use abstract_basis, only: basis_type
-   use acquisitions, only: new_acquisition
+   use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, exit_bad_input, raise
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
       & log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
    use kinds, only: degree, wp
-   use point_index, only: number_equal
+   use statistics, only: number_equal
    use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
    use settings_schema, only: design_settings_type

@@ -6,7 +6,7 @@ module point_tables
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, refuse
    use kinds, only: degree, i8, pi, wp
-   use point_index, only: number_equal
+   use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, name_columns, nearest_to, &
       & read_directions

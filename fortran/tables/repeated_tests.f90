@@ -8,9 +8,8 @@ module repeated_tests
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use kinds, only: degree, wp
-   use point_index, only: number_equal
    use point_tables, only: first_rows, points_type
-   use statistics, only: chi_square_above
+   use statistics, only: chi_square_above, number_equal
    use table_columns, only: find_column
    use text, only: fixed, to_text
    implicit none

@@ -1,16 +1,14 @@
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, error models.
 program test_inference
-   use abstract_error_model, only: error_model_type
-   use abstract_observable, only: observable_type
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use error_models, only: new_error_model
+   use error_models, only: error_model_type, new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type, wavy_type
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type

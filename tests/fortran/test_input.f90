@@ -8,7 +8,8 @@ program test_input
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
-   use settings_reader, only: check_settings, read_settings
+   use settings_checks, only: check_settings
+   use settings_reader, only: read_settings
    use settings_list, only: kind_choice, kind_integer, kind_real
    use text, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use random, only: new_random_stream, random_stream_type

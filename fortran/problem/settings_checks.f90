@@ -1,0 +1,128 @@
+!> What one variable alone cannot show: checks of the settings against each other.
+module settings_checks
+   use crystal_class, only: crystal_class_names, crystal_class_type
+   use crystal_elasticity, only: is_stable
+   use errors, only: error_type, refuse
+   use kinds, only: wp
+   use namelist_file, only: place
+   use settings_schema, only: knowledge_settings_type, settings_type
+   use text, only: join, to_text
+   implicit none
+   private
+   public :: check_settings
+
+contains
+
+   !> `path` begins the message.
+   subroutine check_settings(path, settings, class, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(crystal_class_type), intent(in) :: class
+      type(error_type), allocatable, intent(out) :: error
+      logical :: needed
+
+      call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
+      if (.not. allocated(error)) call check_bounds(path, 'prior', class, settings%prior%c_min, settings%prior%c_max, error)
+      if (allocated(error)) return
+      ! Only what is learnt for all classes needs no symmetry.
+      needed = settings%measurements%given .or. settings%prior%given .or. (settings%surrogate%model == 'paper' .and. &
+         & (settings%design%given .or. settings%domain%given))
+      if (needed .and. .not. allocated(settings%problem%symmetry)) then
+         call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
+         return
+      end if
+      call check_knowledge(path, settings%knowledge, error)
+      if (allocated(error)) return
+      if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
+         call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
+            & //'contact_radius_um; one of them is allowed')
+         return
+      end if
+      if (len(settings%specimen%estimator) == 0 .and. settings%measurements%given .and. &
+         & any(['film ', 'grain'] == settings%specimen%geometry)) then
+         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; the moduli of a '// &
+            & settings%specimen%geometry//' depend on how the instrument reads them. Allowed: ''curve'' (fit of force against ' &
+            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the true contact radius), ' &
+            & //'''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         return
+      end if
+      associate (design => settings%design)
+         if (design%initial > design%budget) then
+            call refuse(error, place(path, 'design', 'initial')//to_text(design%initial) &
+               & //' is more than the budget; allowed 0 to '//to_text(design%budget))
+         else if (design%candidates == 'latin' .and. design%n_candidates < design%budget) then
+            call refuse(error, place(path, 'design', 'budget')//to_text(design%budget) &
+               & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
+         end if
+      end associate
+   end subroutine check_settings
+
+   !> c_min below c_max, or in &prior the same, and a stable crystal between them; each may be unset.
+   subroutine check_bounds(path, group, class, low, high, error)
+      character(len=*), intent(in) :: path, group
+      type(crystal_class_type), intent(in) :: class
+      !> One for each constant, GPa.
+      real(wp), allocatable, intent(in) :: low(:), high(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: best(:)
+      character(len=3), allocatable :: names(:)
+      integer :: i
+
+      call check_count(place(path, group, 'c_min'), class, low, error)
+      if (.not. allocated(error)) call check_count(place(path, group, 'c_max'), class, high, error)
+      if (allocated(error) .or. .not. (allocated(low) .and. allocated(high))) return
+      names = class%constants
+      ! A prior whose bounds are equal fixes a constant.
+      i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
+      if (i > 0) then
+         call refuse(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
+            & //to_text(high(i))//' GPa')
+         return
+      end if
+      ! The most stable crystal of the box: large on the diagonal, small off it.
+      best = merge(high, max(low, min(high, 0.0_wp)), names(:)(2:2) == names(:)(3:3))
+      if (.not. is_stable(class%stiffness(best))) call refuse(error, place(path, group, 'c_max')//'no crystal between c_min and ' &
+         & //'c_max is elastically stable; the stiffness must be positive definite')
+   end subroutine check_bounds
+
+   !> A value for each constant, or none.
+   subroutine check_count(prefix, class, values, error)
+      character(len=*), intent(in) :: prefix
+      type(crystal_class_type), intent(in) :: class
+      real(wp), allocatable, intent(in) :: values(:)
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+
+      if (.not. allocated(values)) return
+      if (class%n_constants == 0) then
+         call refuse(error, prefix//'a value for each constant is needed, and so &problem symmetry')
+      else if (size(values) /= size(class%constants)) then
+         found = to_text(size(values))//' values'
+         if (size(values) == 1) found = 'one value'
+         call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
+      end if
+   end subroutine check_count
+
+   !> Three lists of equal length, or none.
+   subroutine check_knowledge(path, knowledge, error)
+      character(len=*), intent(in) :: path
+      type(knowledge_settings_type), intent(in) :: knowledge
+      type(error_type), allocatable, intent(out) :: error
+      character(len=8), parameter :: names(3) = [character(len=8) :: 'quantity', 'mean', 'sd']
+      integer :: sizes(3), i, j
+
+      sizes = 0
+      if (allocated(knowledge%quantity)) sizes(1) = size(knowledge%quantity)
+      if (allocated(knowledge%mean)) sizes(2) = size(knowledge%mean)
+      if (allocated(knowledge%sd)) sizes(3) = size(knowledge%sd)
+      i = maxloc(sizes, dim=1)
+      j = findloc(sizes == sizes(i), .false., dim=1)
+      if (j == 0) return
+      if (sizes(j) == 0) then
+         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
+      else
+         call refuse(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
+            & //' of '//trim(names(i))//'; the lists are of equal length')
+      end if
+   end subroutine check_knowledge
+end module settings_checks
