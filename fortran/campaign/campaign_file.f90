@@ -6,7 +6,7 @@ module campaign_file
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_int64_t, c_intptr_t, &
       & c_null_char, c_null_ptr, c_ptr, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
-   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file
+   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
    use kinds, only: i8, wp
    use text, only: newline
    implicit none
@@ -368,7 +368,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(database_type) :: file
 
-      call file%open(name_beside(path), error)
+      ! A file of our own, whatever is there of this name.
+      call replace_file(name_beside(path), '', error)
+      if (.not. allocated(error)) call file%open(name_beside(path), error)
       if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
       call file%close()
       call place_new_file(path, whole=.not. allocated(error))

@@ -21,7 +21,7 @@ module operations
    use settings_reader, only: put_settings, read_settings
    use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
       & use_stage
-   use stage_documents, only: read_document, read_resolved, write_document
+   use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use surrogate_learner, only: learner_type
    use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
@@ -151,10 +151,8 @@ contains
          call end_progress()
       case ('file.end_command')
          call end_command()
-      case ('file.digest')
-         x%text = ''
-         if (len(path) > 0) call read_bytes(path, x%text, x%error)
-         if (.not. allocated(x%error)) x%text = checksum(x%text)
+      case ('file.digest_surrogate')
+         call digest_surrogate(x%in%text('name'), x%places(), x%text, x%error)
       case ('file.read_resolved')
          call read_resolved(x%in%text('folder'), x%text, x%error)
       case ('file.write_document')
@@ -165,8 +163,6 @@ contains
          ! Its values are those of the file.
          call read_posterior(x%in%text('folder'), x%out%bytes, x%error)
          if (allocated(x%out%bytes)) x%out%filled = len(x%out%bytes)
-      case ('file.find_surrogate')
-         call find_surrogate(x%in%text('name'), x%places(), x%text, x%error)
       case default
          call x%refuse(operation)
       end select

@@ -25,7 +25,7 @@ module simulation_operations
    use settings_schema, only: listed_settings => list_settings, settings_type
    use simulate, only: identity_text, new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of
-   use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
+   use stages, only: all_stages, check_simulator, check_stages, new_stage, run_command, stage_row_type
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
@@ -269,6 +269,7 @@ contains
          x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
          call check_stages(self, x%places(), x%error)
+         if (.not. allocated(x%error)) call check_simulator(self, x%error)
       case ('indentation')
          allocate (model)
          call x%give(model, 'indentation')

@@ -9,7 +9,7 @@
 module prior_sensitivity
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use constants_posterior, only: posterior_type
-   use constants_prior, only: prior_type
+   use constants_prior, only: least_width, prior_type, relative_width
    use crystal_elasticity, only: anisotropy_index, logarithmic_mean
    use errors, only: error_type
    use kinds, only: wp
@@ -256,7 +256,8 @@ contains
          real(wp), intent(in) :: range(2), values(:)
          type(limit_type) :: one
 
-         if (all(abs(range) >= no_limit)) return
+         ! No limits, or bounds that fix a constant, where every draw is at both.
+         if (all(abs(range) >= no_limit) .or. range(2) - range(1) < 2.1_wp*max(least_width, relative_width*abs(range(1)))) return
          one = limit_type(name, stated, range)
          ! In the constructor gfortran 12 ignores the stride of a section.
          one%values = values

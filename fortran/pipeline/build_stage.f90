@@ -9,6 +9,7 @@ module build_stage
    use json, only: json_type
    use kinds, only: degree, wp
    use posterior_focus, only: accurate_share, accurate_z
+   use settings_reader, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
    use simulate, only: identity_text, simulation_error, specimen_contact_radius
    use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
@@ -103,8 +104,8 @@ contains
          associate (last => learning%history(size(learning%history)))
             call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
          end associate
-         ! A surrogate travels between machines: the file by its name alone.
-         call page%put('namelist', problem%resolved_text(problem%path(len(problem%folder) + 1:)))
+         ! What the surrogate follows from, whichever command asked for it.
+         call page%put('namelist', settings_namelist(problem%settings, build%groups, only_needed=.true.))
          call page%end_object()
       end associate
       text = page%text()

@@ -18,6 +18,7 @@ module problem_input
    use simulate, only: check_simulation
    use specimens, only: geometry_names
    use stages, only: plan_stages
+   use machine, only: blas_bytes, check_memory
    implicit none
    private
    public :: read_problem, problem_of_text, all_choices
@@ -53,7 +54,8 @@ contains
       character(len=:), allocatable :: groups
       character(len=8), allocatable :: names(:)
 
-      call read_namelist_file(path, namelist, error)
+      call check_memory(blas_bytes, 'linear algebra', error)
+      if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
       if (present(changes) .and. .not. allocated(error)) then
          call parse_namelist(path, changes, stated, error)
          if (.not. allocated(error)) call replace_entries(namelist, stated)

@@ -51,12 +51,12 @@ contains
 
    !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen before; the lowest number of
    !> equals. Their moduli are not needed: afterwards the posterior's covariance is that of all data and all chosen.
-   subroutine choose(self, design, basis, scale, threads, chosen, variance)
+   subroutine choose(self, design, basis, scale, spread, threads, chosen, variance)
       class(acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      !> Of each candidate, GPa.
-      real(wp), intent(in) :: scale(:)
+      !> Of each candidate, GPa, and its spread.
+      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       !> Numbers of the candidates, from 1.
       integer, intent(out) :: chosen(:)
@@ -65,7 +65,7 @@ contains
       real(wp), allocatable :: factor(:)
       integer :: k
 
-      factor = sensitivity(design, basis, scale, self%relative)**2
+      factor = sensitivity(design, basis, scale, spread, self%relative)**2
       do k = 1, size(chosen)
          chosen(k) = most_uncertain(design, factor)
          variance(k) = design%variance(chosen(k))
@@ -95,18 +95,18 @@ contains
    end function most_uncertain
 
    !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
-   subroutine choose_for_mean(self, design, basis, scale, threads, chosen, variance)
+   subroutine choose_for_mean(self, design, basis, scale, spread, threads, chosen, variance)
       class(imse_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: scale(:)
+      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
       real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
       integer :: j, k, n
 
-      slope = sensitivity(design, basis, scale, self%relative .or. basis%domain%has_scale())
+      slope = sensitivity(design, basis, scale, spread, self%relative .or. basis%domain%has_scale())
       n = design%regression%n_terms
       weighted = design%candidates
       do j = 1, size(slope)
@@ -163,11 +163,11 @@ contains
    end subroutine lower_reductions
 
    !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the variance of M, or of log M.
-   function sensitivity(design, basis, scale, relative) result(slope)
+   function sensitivity(design, basis, scale, spread, relative) result(slope)
       type(design_type), intent(in) :: design
       class(basis_type), intent(in) :: basis
-      !> Of each candidate, GPa.
-      real(wp), intent(in) :: scale(:)
+      !> Of each candidate, GPa, and its spread.
+      real(wp), intent(in) :: scale(:), spread(:)
       !> Of log M.
       logical, intent(in) :: relative
       real(wp), allocatable :: slope(:)
@@ -177,10 +177,10 @@ contains
          if (relative) then
             slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
          else
-            slope = basis%to_modulus(slope, scale)
+            slope = basis%to_modulus(slope, scale, spread)*spread
          end if
       else
-         slope = merge(1.0_wp, scale, relative)
+         slope = merge(spread, scale, relative)
       end if
    end function sensitivity
 

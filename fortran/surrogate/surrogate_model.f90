@@ -49,7 +49,7 @@ module surrogate_model
    end type surrogate_type
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   integer, parameter :: version = 3
+   integer, parameter :: version = 4, oldest = 3
 
    !> The surrogate that needs no simulation and no file.
    character(len=*), parameter :: theory_name = 'halfspace'
@@ -131,12 +131,12 @@ contains
       !> Of the covariance, lower, if it has one.
       real(wp), intent(in), allocatable :: factor(:, :)
       real(wp), dimension(surrogate%basis%n_terms, size(modulus)) :: terms, product
-      real(wp) :: scale(size(modulus)), variance(size(modulus))
+      real(wp), dimension(size(modulus)) :: scale, spread, variance
       integer :: i
 
-      call surrogate%basis%evaluate_many(c, euler, terms, scale)
+      call surrogate%basis%evaluate_many(c, euler, terms, scale, spread)
       do i = 1, size(modulus)
-         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i))
+         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i), spread(i))
       end do
       if (allocated(factor)) then
          call multiply_by_factor(factor, terms)
@@ -146,7 +146,7 @@ contains
          variance = max(0.0_wp, sum(terms*product, 1))
       end if
       sd = scale
-      if (surrogate%basis%logarithmic) sd = modulus
+      if (surrogate%basis%logarithmic) sd = spread*modulus
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
       sd = sd*sqrt(variance)
    end subroutine predict_side_by_side
@@ -272,8 +272,8 @@ contains
          number = version
       end if
       call file%integer(label, number)
-      if (number /= version) call file%fail('it has version '//to_text(number)//' of the format; version '//to_text(version) &
-         & //' is known')
+      if (number < oldest .or. number > version) call file%fail('it has version '//to_text(number)//' of the format; versions ' &
+         & //to_text(oldest)//' and '//to_text(version)//' are known')
       call file%text('model', name)
       if (file%reading .and. .not. allocated(file%error)) then
          call allocate_basis(name, surrogate%basis, error)
@@ -287,6 +287,8 @@ contains
          call surrogate%basis%set_up(error)
          if (allocated(error)) call file%fail(error%message)
       end if
+      surrogate%basis%noise_growth = merge(surrogate%basis%noise_growth, 0.0_wp, number == version)
+      if (number == version) call file%real('noise_growth', surrogate%basis%noise_growth)
       call file%real('alpha', surrogate%alpha)
       call file%real('beta', surrogate%beta)
       call file%real('fall', surrogate%decay_rate)
@@ -402,7 +404,7 @@ contains
       if (file_exists(path)) return
       path = places%data_folder//name//extension
       if (index(', '//places%shipped//',', ', '//name//',') > 0 .and. file_exists(path)) return
-      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or name a file in the ' &
+      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or state a file in the ' &
          & //'output folder or beside the namelist, '//theory_name//', '//places%shipped, exit_bad_input)
    end subroutine find_surrogate
 
