@@ -22,8 +22,8 @@ module stage_documents
    use text, only: newline, short_text, split_list, to_text
    implicit none
    private
-   public :: begin_results, digest_surrogate, inputs_of, keep_document, write_document, read_document, read_resolved, write_moduli, write_curves, &
-      & begin_crystal, put_outcome
+   public :: begin_results, digest_surrogate, inputs_of, keep_document, write_document, read_document, read_resolved, &
+      & write_moduli, write_curves, begin_crystal, put_outcome
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
