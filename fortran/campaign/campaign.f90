@@ -4,14 +4,13 @@
 !> that failed stays failed. Rows belong to a physics (mesh, element, estimator, revision of the numerics): several surrogates share a
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
-   use checksums, only: checksum
-   use campaign_file, only: begin_transaction, end_transaction, name_file, open_campaign_file, raise_damaged
+   use files, only: checksum
+   use campaign_file, only: begin_transaction, database_type, end_transaction, name_file, open_campaign_file, raise_damaged, &
+      & statement_type
    use errors, only: error_type
    use kinds, only: i8, wp
-   use numbers, only: number_ok, number_text, read_integer, read_real
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use sqlite, only: database_type, statement_type
-   use text, only: to_text
+   use text, only: number_ok, number_text, read_integer, read_real, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -46,17 +45,8 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign
-      procedure :: close => close_campaign
-      procedure :: rows
-      procedure :: find
-      procedure :: add
-      procedure :: add_soon
-      procedure :: flush
-      procedure :: begin_change
-      procedure :: end_change
-      procedure :: next_position
-      procedure :: other_physics
+      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, begin_change, end_change, &
+         & next_position, other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type
@@ -81,7 +71,7 @@ module campaign
 
 contains
 
-   !> Open a file for the physics of an `identity` (see `physics_identity`); it is made if it is not there.
+   !> Open a file for the physics of an `identity` (see `simulate`); it is made if it is not there.
    subroutine open_campaign(self, path, identity, error)
       class(campaign_type), intent(inout) :: self
       character(len=*), intent(in) :: path

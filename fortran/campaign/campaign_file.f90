@@ -1,12 +1,133 @@
 !> The file of a campaign: its layout, and whether what is there is one.
+!>
+!> Database files are read and written through libsqlite3. What the machine could not do (a lock, the disk) is an error of its own kind. One
+!> thread at a time may use a database. A statement that gave a row keeps the file locked until `reset`.
 module campaign_file
-   use errors, only: error_type, machine_failure, refuse
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_int64_t, c_intptr_t, &
+      & c_null_char, c_null_ptr, c_ptr, c_size_t
+   use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
-   use sqlite, only: database_type
+   use kinds, only: i8, wp
    use text, only: newline
    implicit none
    private
-   public :: open_campaign_file, begin_transaction, end_transaction, name_file, raise_damaged
+   public :: open_campaign_file, begin_transaction, end_transaction, name_file, raise_damaged, database_type, statement_type
+
+   !> Result codes of the library that are not errors, and those for which the machine is to blame: permission, busy, locked, memory,
+   !> read-only, interrupt, input and output, full, cannot open.
+   integer, parameter :: ok = 0, row_code = 100, done_code = 101, of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14]
+   integer, parameter :: read_only = 8, full = 13
+   integer(c_int), parameter :: read_write_create = 6_c_int
+   !> SQLITE_TRANSIENT in place of a destructor: the library copies a text at once.
+   integer(c_intptr_t), parameter :: transient = -1_c_intptr_t
+   !> How long to wait for another process, ms.
+   integer(c_int), parameter :: patience = 60000_c_int
+
+   type :: database_type
+      private
+      type(c_ptr) :: handle = c_null_ptr
+   contains
+      procedure :: open => open_database, close => close_database, run, value, prepare
+      procedure, private :: fail
+   end type database_type
+
+   type :: statement_type
+      private
+      type(c_ptr) :: handle = c_null_ptr
+      integer(c_int) :: bound = 0
+   contains
+      procedure, private :: bind_text, bind_integer, bind_real
+      generic :: bind => bind_text, bind_integer, bind_real
+      procedure :: step, integer => column_integer, real => column_real, text => column_text, reset, finish
+   end type statement_type
+
+   abstract interface
+      integer(c_int) function code_of(handle) bind(c)
+         import :: c_int, c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+      end function code_of
+      type(c_ptr) function pointer_of(handle) bind(c)
+         import :: c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+      end function pointer_of
+      integer(c_int) function code_of_number(handle, i) bind(c)
+         import :: c_int, c_ptr
+         !> Of a database or a statement.
+         type(c_ptr), value :: handle
+         !> Parameter or column of it, or ms.
+         integer(c_int), value :: i
+      end function code_of_number
+   end interface
+   procedure(code_of), bind(c, name='sqlite3_close_v2') :: c_close
+   procedure(code_of), bind(c, name='sqlite3_step') :: c_step
+   procedure(code_of), bind(c, name='sqlite3_reset') :: c_reset
+   procedure(code_of), bind(c, name='sqlite3_clear_bindings') :: c_clear_bindings
+   procedure(code_of), bind(c, name='sqlite3_finalize') :: c_finalize
+   procedure(pointer_of), bind(c, name='sqlite3_errmsg') :: c_message
+   procedure(pointer_of), bind(c, name='sqlite3_db_handle') :: c_database
+   procedure(code_of_number), bind(c, name='sqlite3_busy_timeout') :: c_busy_timeout
+
+   interface
+      integer(c_int) function c_open(path, handle, flags, vfs) bind(c, name='sqlite3_open_v2')
+         import :: c_char, c_int, c_ptr
+         character(kind=c_char), intent(in) :: path(*)
+         type(c_ptr), intent(out) :: handle
+         integer(c_int), value :: flags
+         type(c_ptr), value :: vfs
+      end function c_open
+      integer(c_int) function c_exec(handle, sql, callback, argument, message) bind(c, name='sqlite3_exec')
+         import :: c_char, c_int, c_ptr
+         type(c_ptr), value :: handle, callback, argument, message
+         character(kind=c_char), intent(in) :: sql(*)
+      end function c_exec
+      integer(c_int) function c_prepare(handle, sql, bytes, statement, rest) bind(c, name='sqlite3_prepare_v2')
+         import :: c_char, c_int, c_ptr
+         type(c_ptr), value :: handle, rest
+         character(kind=c_char), intent(in) :: sql(*)
+         integer(c_int), value :: bytes
+         type(c_ptr), intent(out) :: statement
+      end function c_prepare
+      integer(c_int) function c_bind_text(statement, i, text, bytes, destructor) bind(c, name='sqlite3_bind_text')
+         import :: c_char, c_int, c_intptr_t, c_ptr
+         type(c_ptr), value :: statement
+         character(kind=c_char), intent(in) :: text(*)
+         integer(c_int), value :: i, bytes
+         integer(c_intptr_t), value :: destructor
+      end function c_bind_text
+      integer(c_int) function c_bind_int64(statement, i, number) bind(c, name='sqlite3_bind_int64')
+         import :: c_int, c_int64_t, c_ptr
+         type(c_ptr), value :: statement
+         integer(c_int), value :: i
+         integer(c_int64_t), value :: number
+      end function c_bind_int64
+      integer(c_int) function c_bind_double(statement, i, number) bind(c, name='sqlite3_bind_double')
+         import :: c_double, c_int, c_ptr
+         type(c_ptr), value :: statement
+         integer(c_int), value :: i
+         real(c_double), value :: number
+      end function c_bind_double
+      integer(c_int64_t) function c_column_int64(statement, i) bind(c, name='sqlite3_column_int64')
+         import :: c_int, c_int64_t, c_ptr
+         type(c_ptr), value :: statement
+         integer(c_int), value :: i
+      end function c_column_int64
+      real(c_double) function c_column_double(statement, i) bind(c, name='sqlite3_column_double')
+         import :: c_double, c_int, c_ptr
+         type(c_ptr), value :: statement
+         integer(c_int), value :: i
+      end function c_column_double
+      type(c_ptr) function c_column_text(statement, i) bind(c, name='sqlite3_column_text')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: statement
+         integer(c_int), value :: i
+      end function c_column_text
+      integer(c_size_t) function c_length(text) bind(c, name='strlen')
+         import :: c_ptr, c_size_t
+         type(c_ptr), value :: text
+      end function c_length
+   end interface
 
    !> Marks the file as ours ('bayi'), and the version of its layout.
    character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
@@ -47,6 +168,183 @@ module campaign_file
       & 'PRAGMA application_id = '//application_id//'; PRAGMA user_version = '//layout_version
 
 contains
+
+   !> Open a file, which is made at the first statement that writes.
+   subroutine open_database(self, path, error)
+      class(database_type), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      integer(c_int) :: code
+
+      code = c_open(path//c_null_char, self%handle, read_write_create, c_null_ptr)
+      if (code == ok) code = c_busy_timeout(self%handle, patience)
+      call self%fail(code, error)
+   end subroutine open_database
+
+   !> Close the file; what was not committed is not done.
+   subroutine close_database(self)
+      class(database_type), intent(inout) :: self
+      integer(c_int) :: code
+
+      if (c_associated(self%handle)) code = c_close(self%handle)
+      self%handle = c_null_ptr
+   end subroutine close_database
+
+   !> Perform statements, separated by semicolons.
+   subroutine run(self, sql, error)
+      class(database_type), intent(in) :: self
+      !> Statements.
+      character(len=*), intent(in) :: sql
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%fail(c_exec(self%handle, sql//c_null_char, c_null_ptr, c_null_ptr, c_null_ptr), error)
+   end subroutine run
+
+   !> The first cell that a statement gives, as text; '' if it gives none.
+   subroutine value(self, sql, text, error)
+      class(database_type), intent(in) :: self
+      !> One statement.
+      character(len=*), intent(in) :: sql
+      character(len=:), allocatable, intent(out) :: text
+      type(error_type), allocatable, intent(out) :: error
+      type(statement_type) :: statement
+      logical :: found
+
+      text = ''
+      call self%prepare(sql, statement, error)
+      if (.not. allocated(error)) call statement%step(found, error)
+      if (.not. allocated(error)) call statement%text(1, text)
+      call statement%finish()
+   end subroutine value
+
+   !> A statement whose parameters are then bound; `finish` frees it.
+   subroutine prepare(self, sql, statement, error)
+      class(database_type), intent(in) :: self
+      !> One statement.
+      character(len=*), intent(in) :: sql
+      type(statement_type), intent(out) :: statement
+      type(error_type), allocatable, intent(out) :: error
+
+      call self%fail(c_prepare(self%handle, sql//c_null_char, -1_c_int, statement%handle, c_null_ptr), error)
+   end subroutine prepare
+
+   !> The error of a result code in the words of the library, if it is one.
+   subroutine fail(self, code, error)
+      class(database_type), intent(in) :: self
+      integer(c_int), intent(in) :: code
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: reason
+
+      if (any(int(code) == [ok, row_code, done_code])) return
+      reason = 'the database is not open'
+      if (c_associated(self%handle)) call copy_text(c_message(self%handle), reason)
+      if (iand(int(code), 255) == full) reason = 'the disk is full'
+      if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
+      call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
+   end subroutine fail
+
+   !> Bind the parameter with number `i`, from 1, to a `value`.
+   subroutine bind_text(self, i, value)
+      class(statement_type), intent(inout) :: self
+      integer, intent(in) :: i
+      character(len=*), intent(in) :: value
+
+      self%bound = max(self%bound, c_bind_text(self%handle, i, value//c_null_char, len(value, c_int), transient))
+   end subroutine bind_text
+
+   !> Bind the parameter with number `i`, from 1, to a `value`.
+   subroutine bind_integer(self, i, value)
+      class(statement_type), intent(inout) :: self
+      integer, intent(in) :: i
+      integer(i8), intent(in) :: value
+
+      self%bound = max(self%bound, c_bind_int64(self%handle, i, value))
+   end subroutine bind_integer
+
+   !> Bind the parameter with number `i`, from 1, to a `value`.
+   subroutine bind_real(self, i, value)
+      class(statement_type), intent(inout) :: self
+      integer, intent(in) :: i
+      real(wp), intent(in) :: value
+
+      self%bound = max(self%bound, c_bind_double(self%handle, i, value))
+   end subroutine bind_real
+
+   !> Go on to the next row, if one is `found`.
+   subroutine step(self, found, error)
+      class(statement_type), intent(inout) :: self
+      logical, intent(out) :: found
+      type(error_type), allocatable, intent(out) :: error
+      type(database_type) :: database
+      integer(c_int) :: code
+
+      code = self%bound
+      if (code == ok) code = c_step(self%handle)
+      found = code == row_code
+      database%handle = c_database(self%handle)
+      call database%fail(code, error)
+   end subroutine step
+
+   !> Column `i`, from 1, of the present row; NULL is 0.
+   integer(i8) function column_integer(self, i)
+      class(statement_type), intent(in) :: self
+      integer, intent(in) :: i
+
+      column_integer = c_column_int64(self%handle, i - 1)
+   end function column_integer
+
+   !> Column `i`, from 1, of the present row; NULL is 0.
+   real(wp) function column_real(self, i)
+      class(statement_type), intent(in) :: self
+      integer, intent(in) :: i
+
+      column_real = c_column_double(self%handle, i - 1)
+   end function column_real
+
+   !> Column `i`, from 1, of the present row; NULL is ''.
+   subroutine column_text(self, i, text)
+      class(statement_type), intent(in) :: self
+      integer, intent(in) :: i
+      character(len=:), allocatable, intent(out) :: text
+
+      call copy_text(c_column_text(self%handle, i - 1), text)
+   end subroutine column_text
+
+   !> Make ready for other parameters, NULL until they are bound, and leave the file to others.
+   subroutine reset(self)
+      class(statement_type), intent(inout) :: self
+      integer(c_int) :: code
+
+      self%bound = 0
+      if (.not. c_associated(self%handle)) return
+      code = c_reset(self%handle)
+      code = c_clear_bindings(self%handle)
+   end subroutine reset
+
+   subroutine finish(self)
+      class(statement_type), intent(inout) :: self
+      integer(c_int) :: code
+
+      if (c_associated(self%handle)) code = c_finalize(self%handle)
+      self%handle = c_null_ptr
+   end subroutine finish
+
+   !> A text of the library.
+   subroutine copy_text(bytes, text)
+      type(c_ptr), intent(in) :: bytes
+      character(len=:), allocatable, intent(out) :: text
+      character(kind=c_char), pointer :: characters(:)
+      integer(c_size_t) :: n
+      integer :: i
+
+      n = 0
+      if (c_associated(bytes)) n = c_length(bytes)
+      allocate (character(len=n) :: text)
+      call c_f_pointer(bytes, characters, [n])
+      do i = 1, len(text)
+         text(i:i) = characters(i)
+      end do
+   end subroutine copy_text
 
    !> Open a campaign; it is made, with its folders, if it is not there.
    subroutine open_campaign_file(path, file, error)
@@ -153,4 +451,5 @@ contains
          call raise_damaged(path, why, error)
       end if
    end subroutine name_file
+
 end module campaign_file

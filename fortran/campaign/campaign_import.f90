@@ -3,16 +3,14 @@ module campaign_import
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_name, campaign_type, row_type
    use crystal_class, only: crystal_class_type
-   use errors, only: error_type, exit_bad_input, refuse
+   use errors, only: error_type, exit_bad_input, refuse, warning_type
    use json, only: json_type
    use kinds, only: wp
-   use physics_identity, only: identity_text
    use point_tables, only: points_type
    use problem, only: problem_type
-   use simulate, only: outcome_done, outcome_failed
-   use surrogate_lookup, only: places_type
+   use simulate, only: identity_text, outcome_done, outcome_failed
+   use surrogate_model, only: places_type
    use text, only: lower, to_text
-   use warning_lists, only: warning_type
    implicit none
    private
    public :: import_table, import_rows

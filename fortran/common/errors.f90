@@ -2,10 +2,12 @@
 !>
 !> The last argument is `type(error_type), allocatable, intent(out) :: error`; unallocated means success.
 !> The caller returns at once if it is allocated. Nothing in the library stops the process.
+!> What may be meant, but should be known, is a warning: a list of lines.
 module errors
    implicit none
    private
-   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, exit_unusable, machine_failure
+   public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, &
+      & warn
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -21,6 +23,10 @@ module errors
       !> One line: what is wrong, the value, what is allowed.
       character(len=:), allocatable :: message
    end type error_type
+
+   type :: warning_type
+      character(len=:), allocatable :: text
+   end type warning_type
 
 contains
 
@@ -49,4 +55,22 @@ contains
 
       exit_status = merge(exit_bad_input, exit_failure, error%status == exit_bad_input)
    end function exit_status
+
+   !> Add a line.
+   pure subroutine warn(warnings, text)
+      type(warning_type), allocatable, intent(inout) :: warnings(:)
+      character(len=*), intent(in) :: text
+      type(warning_type), allocatable :: longer(:)
+      integer :: n, i
+
+      n = 0
+      if (allocated(warnings)) n = size(warnings)
+      allocate (longer(n + 1))
+      do i = 1, n
+         call move_alloc(warnings(i)%text, longer(i)%text)
+      end do
+      longer(n + 1)%text = text
+      call move_alloc(longer, warnings)
+   end subroutine warn
+
 end module errors

@@ -1,12 +1,13 @@
-!> Whole files in, whole files out, and the paths between them.
+!> Whole files in, whole files out, the paths between them, and the checksum by which a change is seen.
 module files
    use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use kinds, only: i8
    use text, only: to_text
    implicit none
    private
-   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, place_new_file
-   public :: folder_of, full_path, resolve_path, file_exists, is_folder, printable, process_number
+   public :: read_text_file, read_bytes, new_file_type, replace_file, make_folder, name_beside, place_new_file, folder_of, &
+      & full_path, resolve_path, file_exists, is_folder, printable, process_number, checksum, hash_of
 
    !> How the names of files begin that are not whole yet; then come the process that writes, '-', and the name to be.
    character(len=*), parameter, public :: unfinished = '.part-'
@@ -70,9 +71,7 @@ module files
       type(c_ptr) :: handle = c_null_ptr
       character(len=:), allocatable :: path
    contains
-      procedure :: begin
-      procedure :: add
-      procedure :: finish
+      procedure :: begin, add, finish
    end type new_file_type
 
 contains
@@ -285,4 +284,27 @@ contains
       end do
       if (last < len(string)) shown = shown//'...'
    end function printable
+
+   !> Fowler, Noll and Vo's hash of 64 bits (FNV-1a) of some bytes, in hexadecimal digits; products wrap around.
+   pure function checksum(bytes) result(digits)
+      !> Of any number.
+      character(len=*), intent(in) :: bytes
+      character(len=16) :: digits
+
+      write (digits, '(z16.16)') hash_of(bytes)
+   end function checksum
+
+   !> The same as a number.
+   pure integer(i8) function hash_of(bytes) result(hash)
+      !> Of any number.
+      character(len=*), intent(in) :: bytes
+      integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
+      integer :: i
+
+      hash = basis
+      do i = 1, len(bytes)
+         hash = ieor(hash, int(iachar(bytes(i:i)), i8))*prime
+      end do
+   end function hash_of
+
 end module files

@@ -11,9 +11,8 @@
 module json
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use kinds, only: wp
-   use numbers, only: number_text
-   use text, only: append, newline, split_list, to_text
-   use warning_lists, only: warning_type
+   use text, only: append, newline, number_text, split_list, to_text
+   use errors, only: warning_type
    implicit none
    private
    public :: json_type, quoted
@@ -28,23 +27,10 @@ module json
       logical :: begun(0:deepest) = .false.
       character :: bracket(0:deepest) = ' '
    contains
-      procedure :: begin_object
-      procedure :: end_object => close_level
-      procedure :: begin_array
-      procedure :: end_array => close_level
-      procedure :: put_null
-      procedure :: put_if
-      procedure :: put_numbers
+      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_null, put_if, put_numbers
       !> A value that is JSON already.
-      procedure :: put_json
-      procedure :: text => document_text
-      procedure, private :: put_text
-      procedure, private :: put_real
-      procedure, private :: put_integer
-      procedure, private :: put_logical
-      procedure, private :: put_reals
-      procedure, private :: put_matrix
-      procedure, private :: put_lines
+      procedure :: put_json, text => document_text
+      procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
       generic :: put => put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
    end type json_type
 

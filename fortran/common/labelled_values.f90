@@ -8,13 +8,11 @@
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
 !> before it. After the first error nothing more is done. To describe them they are given as named values instead.
 module labelled_values
-   use checksums, only: checksum
    use errors, only: error_type, exit_bad_input, raise
-   use files, only: printable
+   use files, only: checksum, printable
    use kinds, only: i8, wp
    use named_values, only: named_values_type
-   use numbers, only: number_ok, read_integer, read_real
-   use text, only: append, newline, to_text
+   use text, only: append, newline, number_ok, read_integer, read_real, to_text
    implicit none
    private
    public :: labelled_values_type
@@ -36,13 +34,8 @@ module labelled_values
       !> Next byte to read, and the number of its line.
       integer, private :: position = 1, line = 1
    contains
-      procedure :: text => exchange_text
-      procedure :: lines => exchange_lines
-      procedure :: integer => exchange_integer
-      procedure :: real => exchange_real
-      procedure :: reals => exchange_reals
-      procedure :: finish
-      procedure :: fail
+      procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, real => exchange_real, &
+         & reals => exchange_reals, finish, fail
    end type labelled_values_type
 
 contains

@@ -6,9 +6,8 @@
 !> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, warning_type
    use kinds, only: i8, wp
-   use warning_lists, only: warning_type
    implicit none
    private
    public :: named_values_type, named_values_reader_type
@@ -21,15 +20,9 @@ module named_values
       character(kind=c_char, len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
-      procedure, private :: put_text
-      procedure, private :: put_texts
-      procedure, private :: put_words
-      procedure, private :: put_integer
-      procedure, private :: put_logical
-      procedure, private :: put_real
+      procedure, private :: put_text, put_texts, put_words, put_integer, put_logical, put_real
       generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real
-      procedure :: put_array
-      procedure :: put_integers
+      procedure :: put_array, put_integers
    end type named_values_type
 
    !> Values in bytes that somebody else keeps; they are found by their names. What is asked for and is not there is an error, and empty.
@@ -37,15 +30,8 @@ module named_values
       character(kind=c_char), pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
-      procedure :: look_at
-      procedure :: has
-      procedure :: text => text_of
-      procedure :: integer => integer_of
-      procedure :: logical => logical_of
-      procedure :: real => real_of
-      procedure :: reals => reals_of
-      procedure :: columns => columns_of
-      procedure :: matrices => matrices_of
+      procedure :: look_at, has, text => text_of, integer => integer_of, logical => logical_of, real => real_of, &
+         & reals => reals_of, columns => columns_of, matrices => matrices_of
    end type named_values_reader_type
 
 contains

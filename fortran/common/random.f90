@@ -28,9 +28,8 @@ module random
 contains
 
    !> The stream number `stream` of `seed`; different pairs give unrelated streams.
-   pure function new_random_stream(seed, stream) result(self)
+   pure type(random_stream_type) function new_random_stream(seed, stream) result(self)
       integer, intent(in) :: seed, stream
-      type(random_stream_type) :: self
       integer(i8) :: state
       integer :: i
 

@@ -3,15 +3,19 @@
 !> No loop asks whether a signal came. Results are whole at every moment (files are written beside their names, rows are committed),
 !> so that the handler can tell the user and end the process, which nothing can keep from happening. Programs call this and the
 !> library does not: there signals are the user's. One command at a time.
+!>
+!> Ctrl-C while the library works is another thing. A caller's handler of SIGINT, such as Python's, only takes note until compiled code has
+!> returned; so while somebody listens the signal is noted here, too, and then given to that handler. Long loops ask, leave, and their
+!> results are not used. Where SIGINT has no handler, or is that of a running command, nothing is changed.
 module running_command
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_int64_t, c_null_char
    use errors, only: error_type, exit_bad_input, raise
    use files, only: make_folder, unfinished
    use text, only: to_text
    implicit none
    private
-   public :: watch_signals, take_folder, remove_files, end_command
-   public :: show_progress, begin_progress, advance_progress, end_progress
+   public :: watch_signals, take_folder, remove_files, end_command, show_progress, begin_progress, advance_progress, &
+      & end_progress, listen, stop_listening, stop_requested
 
    interface
       !> From now on a signal ends the process, with status 128 + signal and one line.
@@ -48,6 +52,19 @@ module running_command
       !> The loop is at its end.
       subroutine end_progress() bind(c, name='bayesindent_end_progress')
       end subroutine end_progress
+   end interface
+
+   interface
+      !> From now on; threads may do so at the same time.
+      subroutine listen() bind(c, name='bayesindent_listen')
+      end subroutine listen
+      !> As often as `listen`; with the last what was noted is forgotten.
+      subroutine stop_listening() bind(c, name='bayesindent_stop_listening')
+      end subroutine stop_listening
+      !> Whether a signal came; it stays so while somebody listens.
+      logical(c_bool) function stop_requested() bind(c, name='bayesindent_stop_requested')
+         import :: c_bool
+      end function stop_requested
    end interface
 
 contains
@@ -92,4 +109,5 @@ contains
 
       call c_remove_files(path//c_null_char, prefix//c_null_char)
    end subroutine remove_files
+
 end module running_command

@@ -1,13 +1,16 @@
-!> Numbers to text, for messages and result files.
+!> Numbers to text and back, for messages and files; lists.
+!>
+!> Reading is strict: what is read is a whole number or nothing, and never NaN or Infinity.
 !>
 !> The lengths of numbers' texts are expressions: gfortran keeps the length of a deferred-length result in static memory of the
 !> caller, where threads overwrite each other's.
 module text
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
-   use kinds, only: wp, i8
+   use kinds, only: i8, wp
    implicit none
    private
-   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append
+   public :: newline, to_text, fixed, real_text, lower, join, split_list, quoted, append, number_text, short_text, read_integer, &
+      & read_real, number_ok, number_not_finite, number_malformed
 
    !> Ends a line of a text.
    character, parameter :: newline = achar(10)
@@ -16,11 +19,7 @@ module text
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
    interface to_text
-      module procedure integer_to_text
-      module procedure long_to_text
-      module procedure real_to_text
-      module procedure digits_to_text
-      module procedure logical_to_text
+      module procedure integer_to_text, long_to_text, real_to_text, digits_to_text, logical_to_text
    end interface to_text
 
    interface
@@ -31,6 +30,25 @@ module text
          ! allow(C072)
          character(kind=c_char), intent(out) :: text(*)
       end subroutine c_write
+   end interface
+
+   !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
+   integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
+
+   interface
+      pure subroutine c_read_integer(text, length, value, outcome) bind(c, name='bayesindent_read_integer')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: text(*)
+         integer(c_int), value :: length
+         integer(c_int), intent(out) :: value, outcome
+      end subroutine c_read_integer
+      pure subroutine c_read_real(text, length, value, outcome) bind(c, name='bayesindent_read_real')
+         import :: c_char, c_double, c_int
+         character(kind=c_char), intent(in) :: text(*)
+         integer(c_int), value :: length
+         real(c_double), intent(out) :: value
+         integer(c_int), intent(out) :: outcome
+      end subroutine c_read_real
    end interface
 
 contains
@@ -175,4 +193,41 @@ contains
       end do
       quoted = quoted//mark
    end function quoted
+
+   !> A decimal integer with an optional sign that fits the default kind.
+   !> `value` of `string`, if `outcome` is number_ok; else 0.
+   pure subroutine read_integer(string, value, outcome)
+      character(len=*), intent(in) :: string
+      integer, intent(out) :: value
+      integer, intent(out) :: outcome
+
+      call c_read_integer(string, len(string), value, outcome)
+   end subroutine read_integer
+
+   !> A real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0.
+   !> `value` of `string`, if `outcome` is number_ok; else 0.
+   pure subroutine read_real(string, value, outcome)
+      character(len=*), intent(in) :: string
+      real(wp), intent(out) :: value
+      integer, intent(out) :: outcome
+
+      call c_read_real(string, len(string), value, outcome)
+   end subroutine read_real
+
+   !> The fewest digits that bring the number back, written as Python does: 16.0, 1e-05, 0.1.
+   pure function number_text(number) result(string)
+      real(wp), intent(in) :: number
+      character(len=:), allocatable :: string
+
+      string = trim(real_text(number, fewest_digits, 0))
+   end function number_text
+
+   !> A number for people: ten digits at most, nothing where it is not finite.
+   pure function short_text(number) result(string)
+      real(wp), intent(in) :: number
+      character(len=:), allocatable :: string
+
+      string = trim(real_text(number, few_digits, 0))
+   end function short_text
+
 end module text

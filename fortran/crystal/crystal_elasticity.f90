@@ -80,8 +80,7 @@ contains
             bond(i, j) = a(i, j)**2
             bond(i, j + 3) = 2.0_wp*a(i, first(j))*a(i, second(j))
             bond(i + 3, j) = a(first(i), j)*a(second(i), j)
-            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) &
-               & + a(first(i), second(j))*a(second(i), first(j))
+            bond(i + 3, j + 3) = a(first(i), first(j))*a(second(i), second(j)) + a(first(i), second(j))*a(second(i), first(j))
          end do
       end do
    end function bond_matrix
@@ -171,10 +170,9 @@ contains
    end subroutine check_stiffness
 
    !> Voigt and Reuss averages; of an unstable crystal Reuss's are NaN.
-   pure function polycrystal_averages(c) result(averages)
+   pure type(averages_type) function polycrystal_averages(c) result(averages)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      type(averages_type) :: averages
       real(wp) :: s(6, 6)
 
       s = compliance(c)

@@ -35,7 +35,7 @@ end subroutine core_do_long
 !> Give back the memory of an object; a handle that is not known any more does no harm.
 subroutine core_release(handle)
    use, intrinsic :: iso_c_binding, only: c_int64_t
-   use object_registry, only: release_object
+   use exchange, only: release_object
    implicit none
    integer(c_int64_t), intent(in) :: handle
 

@@ -1,17 +1,16 @@
 !> Crystal classes, stiffnesses (GPa), directions, the theory of the half-space, quantities, and kinds of modulus.
 module crystal_operations
-   use abstract_observable, only: observable_type
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, averages_type, log_anisotropy, polycrystal_averages
    use distinct_directions, only: lattice_of_directions, new_region, region_type, representative, spread_of_directions
    use exchange, only: exchange_type
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
    use text, only: split_list
-   use warning_lists, only: warn, warning_type
+   use errors, only: warn, warning_type
    implicit none
    private
    public :: perform_crystal

@@ -1,16 +1,30 @@
 !> What an operation takes and gives: named values, a problem whose handle is among them, and an object that it made.
+!>
+!> The objects that another language holds are each under a number that is never used again, with the kind of object it stands for.
+!>
+!> A number that was freed, was never given, or stands for another kind is an error in words, not a crash. Threads may
+!> register, find and release at the same time; who holds a number keeps its object alive while it is used.
 module exchange
    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_int64_t, c_loc
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: i8, wp
    use named_values, only: named_values_reader_type, named_values_type
-   use object_registry, only: find_object, register_object
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use problem, only: problem_type
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
+   use text, only: to_text
    implicit none
    private
-   public :: exchange_type
+   public :: exchange_type, register_object, find_object, release_object
+
+   type :: entry_type
+      integer(i8) :: handle = 0
+      character(len=:), allocatable :: kind
+      class(*), pointer :: object => null()
+   end type entry_type
+
+   type(entry_type), allocatable :: entries(:)
+   integer(i8) :: last_handle = 0
 
    type :: exchange_type
       type(named_values_reader_type) :: in
@@ -25,16 +39,90 @@ module exchange
       real(wp), allocatable :: values(:, :)
       type(error_type), allocatable :: error
    contains
-      procedure :: open
-      procedure :: give
-      procedure :: close
-      procedure :: places
-      procedure :: threads
-      procedure :: crystals
-      procedure :: refuse
+      procedure :: open, give, close, places, threads, crystals, refuse
    end type exchange_type
 
 contains
+
+   !> Keep an object of the heap; `release_object` frees it.
+   subroutine register_object(object, kind, handle)
+      class(*), pointer, intent(in) :: object
+      !> What it is, for messages: 'surrogate', 'posterior', ..
+      character(len=*), intent(in) :: kind
+      !> Its number, above 0.
+      integer(i8), intent(out) :: handle
+      type(entry_type), allocatable :: larger(:)
+      integer :: i
+
+      !$omp critical (object_registry)
+      if (.not. allocated(entries)) allocate (entries(16))
+      i = place_of(0_i8)
+      if (i == 0) then
+         i = size(entries) + 1
+         allocate (larger(2*size(entries)))
+         larger(:i - 1) = entries
+         call move_alloc(larger, entries)
+      end if
+      last_handle = last_handle + 1
+      handle = last_handle
+      entries(i)%handle = handle
+      entries(i)%kind = kind
+      entries(i)%object => object
+      !$omp end critical (object_registry)
+   end subroutine register_object
+
+   !> Where a handle stands, 0: nowhere.
+   integer function place_of(handle)
+      integer(i8), intent(in) :: handle
+
+      place_of = 0
+      if (allocated(entries)) place_of = findloc(entries%handle, handle, 1)
+   end function place_of
+
+   !> The object of a handle, if it is of this kind.
+   subroutine find_object(handle, kind, object, error)
+      integer(i8), intent(in) :: handle
+      character(len=*), intent(in) :: kind
+      class(*), pointer, intent(out) :: object
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: found
+      integer :: i
+
+      object => null()
+      found = ''
+      i = 0
+      !$omp critical (object_registry)
+      if (handle > 0) i = place_of(handle)
+      if (i > 0) found = entries(i)%kind
+      if (found == kind) object => entries(i)%object
+      !$omp end critical (object_registry)
+      if (associated(object)) return
+      if (len(found) > 0) then
+         call raise(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind, exit_bad_input)
+      else
+         call raise(error, 'the '//kind//' does not exist any more (handle '//to_text(handle)//' was freed, or is of ' &
+            & //'another process)', exit_bad_input)
+      end if
+   end subroutine find_object
+
+   !> Free the object of a handle; one that is not there is no error, so that freeing twice does no harm.
+   subroutine release_object(handle)
+      integer(i8), intent(in) :: handle
+      class(*), pointer :: object
+      integer :: i
+
+      object => null()
+      i = 0
+      !$omp critical (object_registry)
+      if (handle > 0) i = place_of(handle)
+      if (i > 0) then
+         object => entries(i)%object
+         entries(i)%handle = 0
+         entries(i)%object => null()
+      end if
+      !$omp end critical (object_registry)
+      if (associated(object)) deallocate (object)
+   end subroutine release_object
 
    !> Take the values of a `request`, and find the problem among them.
    subroutine open(self, request)
@@ -124,4 +212,5 @@ contains
 
       call raise(self%error, 'no operation is named '//operation, exit_bad_input)
    end subroutine refuse
+
 end module exchange

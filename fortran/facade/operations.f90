@@ -3,34 +3,28 @@
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
-   use choices, only: all_choices
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
-   use exchange, only: exchange_type
+   use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
-   use interruption, only: listen, stop_listening
+   use files, only: checksum, read_bytes
    use namelist_file, only: namelist_file_type, parse_namelist
-   use object_registry, only: find_object, register_object
    use point_tables, only: read_crystals
-   use posterior_file, only: read_posterior
-   use posterior_operations, only: use_posterior
+   use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
-   use problem_input, only: problem_of_text, read_problem
-   use problem_operations, only: list_settings, use_problem
-   use running_command, only: advance_progress, begin_progress, end_command, end_progress, show_progress, take_folder, &
-      & watch_signals
+   use problem_input, only: all_choices, problem_of_text, read_problem
+   use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
+      & stop_listening, take_folder, watch_signals
    use settings_schema, only: settings_type
-   use settings_output, only: put_settings
-   use settings_reader, only: read_settings
-   use simulation_operations, only: held_simulator_type, run_simulator, use_model
+   use settings_reader, only: put_settings, read_settings
+   use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
+      & use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
-   use stage_operations, only: held_stage_type, use_stage
    use surrogate_learner, only: learner_type
-   use surrogate_lookup, only: load_named_surrogate
-   use surrogate_model, only: surrogate_type
-   use surrogate_operations, only: use_basis, use_learner, use_surrogate
+   use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
+   use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
    implicit none
    private
    public :: perform

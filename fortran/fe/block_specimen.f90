@@ -1,9 +1,8 @@
 !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else is stated.
 module block_specimen
-   use abstract_specimen, only: specimen_type
+   use abstract_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, specimen_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use mesh_plan, only: clamped_bottom, layers_of_ratio, mesh_plan_type
    use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
@@ -16,9 +15,7 @@ module block_specimen
       !> Its edges along x and y, and along z, um.
       real(wp) :: width = 0.0_wp, height = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
+      procedure :: set_up, check_sizes, plan
    end type block_specimen_type
 
    !> Half-width of the box of bricks under the contact in contact radii, and cells across it at refine = 1.

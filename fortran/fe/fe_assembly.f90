@@ -5,8 +5,8 @@ module fe_assembly
    use fe_element, only: brick_stiffness, infinite_stiffness
    use fe_mesh, only: mesh_type
    use kinds, only: wp
-   use memory, only: raise_no_memory
-   use sorting, only: sort_order
+   use machine, only: raise_no_memory
+   use statistics, only: sort_order
    use text, only: to_text
    implicit none
    private

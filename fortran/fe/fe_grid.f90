@@ -1,21 +1,28 @@
 !> One mesh with its matrix and contact nodes: the load-depth curve of a crystal on it.
+!>
+!> It is frictionless contact of a rigid indenter with nodes whose normal compliance is known: a linear complementarity problem.
+!>
+!> With nodal pressures forces f ≥ 0 (mN, into the material), compliance F (um/mN) and the indenter's height above the
+!> undeformed surface g - d, the clearance is w = g - d + F f ≥ 0, and f w = 0 node by node.
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
-   use abstract_indenter, only: indenter_type
+   use indenters, only: indenter_type
    use abstract_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
-   use fe_contact, only: contact_residual, solve_contact
-   use fe_mesh, only: mesh_type
+   use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: i8, pi, wp
-   use linear_algebra, only: cholesky_inverse
-   use memory, only: raise_no_memory
-   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, &
-      & retained_factor, solve_factored
+   use linear_algebra, only: cholesky_factor, cholesky_inverse, cholesky_solve
+   use machine, only: raise_no_memory
+   use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, release_factor, retained_factor, &
+      & solve_factored
    use text, only: to_text
    implicit none
    private
-   public :: grid_type, curve_type, new_grid, indent_grid
+   public :: grid_type, curve_type, new_grid, indent_grid, solve_contact, contact_residual
+
+   !> Newton steps on the active set before it is changed one node at a time, and steps in all.
+   integer, parameter :: most_block_steps = 40, most_steps = 2000
 
    !> Read-only once made, so that threads share it.
    type :: grid_type
@@ -41,6 +48,73 @@ module fe_grid
 
 contains
 
+   !> Nodal forces at one depth by the primal-dual active set method, starting from `active`.
+   subroutine solve_contact(compliance, gap, depth, active, force, error)
+      !> Normal displacement of the nodes by their normal forces, um/mN.
+      real(wp), intent(in) :: compliance(:, :)
+      !> Height of the indenter above each node at zero depth, and its depth, um.
+      real(wp), intent(in) :: gap(:), depth
+      !> In: a guess; out: the nodes in contact.
+      logical, intent(inout) :: active(:)
+      !> Into the material, mN.
+      real(wp), intent(out) :: force(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
+      integer, allocatable :: set(:)
+      logical, allocatable :: wrong(:)
+      integer :: n, step, i, j, status
+
+      n = size(gap)
+      allocate (clearance(n), wrong(n))
+      do step = 1, most_steps
+         set = pack([(i, i=1, n)], active)
+         force = 0.0_wp
+         if (size(set) > 0) then
+            allocate (a(size(set), size(set)), b(size(set), 1), stat=status)
+            if (status /= 0) then
+               call raise_no_memory('the contact of '//to_text(size(set))//' nodes', error)
+               return
+            end if
+            do j = 1, size(set)
+               a(:, j) = compliance(set, set(j))
+            end do
+            b(:, 1) = depth - gap(set)
+            call cholesky_factor(a, error)
+            if (allocated(error)) return
+            call cholesky_solve(a, b)
+            force(set) = b(:, 1)
+            deallocate (a, b)
+         end if
+         clearance = gap - depth
+         do j = 1, size(set)
+            clearance = clearance + compliance(:, set(j))*force(set(j))
+         end do
+         wrong = (active .and. force < 0.0_wp) .or. (.not. active .and. clearance < -1.0e-13_wp*depth)
+         if (.not. any(wrong)) return
+         if (step <= most_block_steps) then
+            active = active .neqv. wrong
+         else
+            ! Murty's rule cannot cycle: exchange the last of the wrong nodes only.
+            i = findloc(wrong, .true., dim=1, back=.true.)
+            active(i) = .not. active(i)
+         end if
+      end do
+      call raise(error, 'the contact of '//to_text(n)//' nodes at depth '//to_text(depth)//' um was not found in ' &
+         & //to_text(most_steps)//' steps')
+   end subroutine solve_contact
+
+   !> Largest violation of the contact conditions: tension and complementarity relative to the largest nodal force,
+   !> penetration and complementarity relative to the depth.
+   pure real(wp) function contact_residual(compliance, gap, depth, force) result(residual)
+      !> As in `solve_contact`.
+      real(wp), intent(in) :: compliance(:, :), gap(:), depth, force(:)
+      real(wp), allocatable :: clearance(:), relative(:)
+
+      clearance = (gap - depth + matmul(compliance, force))/depth
+      relative = force/max(maxval(abs(force)), tiny(1.0_wp))
+      residual = max(maxval(-relative), maxval(-clearance), maxval(abs(relative*clearance)), 0.0_wp)
+   end function contact_residual
+
    !> The mesh of a specimen, ready to be indented.
    subroutine new_grid(specimen, indenter, refine, grid, error)
       class(specimen_type), intent(in) :: specimen
@@ -50,7 +124,7 @@ contains
       type(grid_type), intent(out) :: grid
       type(error_type), allocatable, intent(out) :: error
 
-      call specimen%make(refine, grid%mesh, error)
+      call new_mesh(specimen%plan(refine), grid%mesh, error)
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
@@ -170,4 +244,5 @@ contains
       end do
       call expand_displacement(grid%mesh, grid%assembly, x, u)
    end subroutine solve_displacement
+
 end module fe_grid

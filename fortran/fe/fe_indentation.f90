@@ -2,7 +2,7 @@
 !>
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
-   use abstract_indenter, only: indenter_type
+   use indenters, only: indenter_type
    use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, machine_failure, raise
@@ -16,9 +16,8 @@ module fe_indentation
    use text, only: to_text
    implicit none
    private
-   public :: indentation_model_type, indentation_result_type
-   public :: new_indentation_model, new_wider_model, free_indentation_model, simulate_indentation
-   public :: numerics_revision
+   public :: indentation_model_type, indentation_result_type, new_indentation_model, new_wider_model, free_indentation_model, &
+      & simulate_indentation, numerics_revision
 
    !> Counts changes of the numerics that change results; part of the identity of stored results.
    integer, parameter :: numerics_revision = 7

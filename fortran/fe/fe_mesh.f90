@@ -10,9 +10,9 @@
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
-   use memory, only: check_memory
-   use mesh_plan, only: check_plan, clamped_around, closed_by_infinite, count_items, growing, mesh_plan_type, mesh_stage_type, &
-      & surface_facets, to_ball, to_cylinder
+   use machine, only: check_memory
+   use abstract_specimen, only: check_plan, clamped_around, closed_by_infinite, count_items, growing, mesh_plan_type, &
+      & mesh_stage_type, surface_facets, to_ball, to_cylinder
    use text, only: to_text
    implicit none
    private
@@ -279,8 +279,7 @@ contains
       allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
       do f = 1, size(quad, 3)
          self%facet(:, f) = nodes_of(self%at, quad(:, :, f))
-         self%facet_material(f) = plan%far_material(merge(2, 1, &
-            & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
+         self%facet_material(f) = plan%far_material(merge(2, 1, is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
    end subroutine close_mesh
 

@@ -4,11 +4,11 @@
 !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
 !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
 module film_specimen
-   use abstract_specimen, only: require, specimen_type
+   use abstract_specimen, only: clamped_around, core_of_contact, graded_layers, mesh_plan_type, mesh_stage_type, require, &
+      & specimen_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, clamped_around, graded_layers, mesh_plan_type, mesh_stage_type
    use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
@@ -22,11 +22,7 @@ module film_specimen
       !> um.
       real(wp) :: thickness = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
-      procedure :: materials
-      procedure :: contrast_error
+      procedure :: set_up, check_sizes, plan, materials, contrast_error
    end type film_specimen_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.

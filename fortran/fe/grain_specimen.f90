@@ -1,12 +1,11 @@
 !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite elements of
 !> the matrix around it.
 module grain_specimen
-   use abstract_specimen, only: require, specimen_type
+   use abstract_specimen, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
+      & specimen_type, to_ball, to_cylinder
    use crystal_elasticity, only: polycrystal_stiffness
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, &
-      & to_cylinder
    use settings_schema, only: settings_type
    use text, only: to_text
    implicit none
@@ -20,10 +19,7 @@ module grain_specimen
       !> um; depth 0: a hemisphere, else a cylinder.
       real(wp) :: radius = 0.0_wp, depth = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: check_sizes
-      procedure :: plan
-      procedure :: materials
+      procedure :: set_up, check_sizes, plan, materials
    end type grain_specimen_type
 
    !> The boundary is at least so far from the box under the contact, over the box's size.

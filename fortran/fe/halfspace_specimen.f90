@@ -1,9 +1,8 @@
 !> The half-space: bricks under the indenter, layers that grow around them, infinite elements outside. It has no length of its own.
 module halfspace_specimen
-   use abstract_specimen, only: specimen_type
+   use abstract_specimen, only: core_of_contact, layers_of_ratio, mesh_plan_type, specimen_type
    use errors, only: error_type
    use kinds, only: wp
-   use mesh_plan, only: core_of_contact, layers_of_ratio, mesh_plan_type
    use settings_schema, only: settings_type
    implicit none
    private
@@ -15,8 +14,7 @@ module halfspace_specimen
       !> Where the infinite elements begin, in contact radii, and growth of the layers before them at refine = 1.
       real(wp) :: outer = 0.0_wp, growth = 0.0_wp
    contains
-      procedure :: set_up
-      procedure :: plan
+      procedure :: set_up, plan
    end type halfspace_specimen_type
 
 contains

@@ -1,15 +1,41 @@
-!> The rigid indenters there are: their names, and one by its settings.
+!> The rigid indenters: their shapes, and their closed forms on an isotropic half-space.
+!>
+!> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with a the contact radius, whatever the
+!> shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
-   use abstract_indenter, only: indenter_type
    use errors, only: error_type, exit_bad_input, raise
-   use power_indenter, only: cone_name, paraboloid_name, power_indenter_type
+   use kinds, only: degree, pi, wp
    use settings_schema, only: indenter_settings_type
-   use sphere_indenter, only: sphere_indenter_type, sphere_name
+   use text, only: to_text
    implicit none
    private
-   public :: indenter_names, new_indenter
+   public :: indenter_type, indenter_names, new_indenter
 
+   !> A new indenter: its type, which extends `indenter_type`, its name here, and its lines in `new_indenter`.
+   character(len=*), parameter :: paraboloid_name = 'paraboloid', cone_name = 'cone', sphere_name = 'sphere'
    character(len=*), parameter :: indenter_names = paraboloid_name//', '//sphere_name//', '//cone_name
+
+   !> One whose height above its end grows as a power of the distance r from the axis: paraboloid (2) and cone (1).
+   type :: indenter_type
+      !> Names of the variables of &indenter that only some indenters read, separated by ', '.
+      character(len=:), allocatable :: variables
+      !> The last point of the curve: contact radius and depth, um.
+      real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp
+      integer, private :: exponent = 2
+      !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
+      real(wp), private :: steepness = 0.0_wp, sinking = 0.0_wp
+   contains
+      procedure :: set_up, check_length, gap, unit_force, depth_of, contact_radius_of
+   end type indenter_type
+
+   !> A true sphere.
+   type, extends(indenter_type) :: sphere_indenter_type
+      !> um.
+      real(wp) :: radius = 0.0_wp
+   contains
+      procedure :: set_up => sphere_set_up, check_length => sphere_check_length, gap => sphere_gap, &
+         & unit_force => sphere_unit_force, depth_of => sphere_depth_of, contact_radius_of => sphere_contact_radius_of
+   end type sphere_indenter_type
 
 contains
 
@@ -21,7 +47,7 @@ contains
 
       select case (settings%shape)
       case (paraboloid_name, cone_name)
-         allocate (power_indenter_type :: indenter)
+         allocate (indenter)
       case (sphere_name)
          allocate (sphere_indenter_type :: indenter)
       case default
@@ -41,4 +67,155 @@ contains
          indenter%depth = indenter%depth_of(indenter%contact_radius)
       end if
    end subroutine new_indenter
+
+   !> Its shape.
+   subroutine set_up(self, settings)
+      class(indenter_type), intent(inout) :: self
+      type(indenter_settings_type), intent(in) :: settings
+
+      if (settings%shape == cone_name) then
+         self%variables = 'half_angle_deg'
+         self%exponent = 1
+         self%steepness = 1.0_wp/tan(settings%half_angle_deg*degree)
+         self%sinking = 0.5_wp*pi*self%steepness
+      else
+         self%variables = 'radius_um'
+         self%exponent = 2
+         self%steepness = 0.5_wp/settings%radius_um
+         self%sinking = 2.0_wp*self%steepness
+      end if
+   end subroutine set_up
+
+   !> Height above a surface point of the indenter at zero depth, um, at a distance from the axis.
+   elemental real(wp) function gap(self, length)
+      class(indenter_type), intent(in) :: self
+      !> Distance from the axis, um.
+      real(wp), intent(in) :: length
+
+      gap = self%steepness*length**self%exponent
+   end function gap
+
+   !> Force over plane-strain modulus, um2, at a depth.
+   elemental real(wp) function unit_force(self, length)
+      class(indenter_type), intent(in) :: self
+      !> Depth, um.
+      real(wp), intent(in) :: length
+
+      unit_force = 2.0_wp*self%exponent/(self%exponent + 1.0_wp)*self%contact_radius_of(length)*length
+   end function unit_force
+
+   !> Depth, um, of a contact radius.
+   elemental real(wp) function depth_of(self, length)
+      class(indenter_type), intent(in) :: self
+      !> Contact radius, um.
+      real(wp), intent(in) :: length
+
+      depth_of = self%sinking*length**self%exponent
+   end function depth_of
+
+   !> Contact radius, um, of a depth.
+   elemental real(wp) function contact_radius_of(self, length) result(contact_radius)
+      class(indenter_type), intent(in) :: self
+      !> Depth, um.
+      real(wp), intent(in) :: length
+
+      contact_radius = (length/self%sinking)**(1.0_wp/self%exponent)
+   end function contact_radius_of
+
+   !> Refuse a last point that the shape does not reach; by default there is none.
+   subroutine check_length(self, variable, length, error)
+      class(indenter_type), intent(in) :: self
+      !> The name of the variable that states it.
+      character(len=*), intent(in) :: variable
+      !> Its value, um.
+      real(wp), intent(in) :: length
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (unused => self, unused_name => variable, unused_length => length)
+      end associate
+   end subroutine check_length
+
+   subroutine sphere_set_up(self, settings)
+      class(sphere_indenter_type), intent(inout) :: self
+      type(indenter_settings_type), intent(in) :: settings
+
+      self%variables = 'radius_um'
+      self%radius = settings%radius_um
+   end subroutine sphere_set_up
+
+   !> Refuse a last point beyond the lower half.
+   subroutine sphere_check_length(self, variable, length, error)
+      class(sphere_indenter_type), intent(in) :: self
+      character(len=*), intent(in) :: variable
+      real(wp), intent(in) :: length
+      type(error_type), allocatable, intent(out) :: error
+
+      if (.not. length < self%radius) call raise(error, variable//': '//to_text(length) &
+         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um', exit_bad_input)
+   end subroutine sphere_check_length
+
+   !> Very large where the sphere has no surface.
+   elemental real(wp) function sphere_gap(self, length) result(gap)
+      class(sphere_indenter_type), intent(in) :: self
+      !> Distance from the axis, um.
+      real(wp), intent(in) :: length
+      !> In radii.
+      real(wp), parameter :: very_large = 1.0e3_wp
+
+      ! r2/(R + sqrt(R2 - r2)) is R - sqrt(R2 - r2) without its cancellation.
+      gap = very_large*self%radius
+      if (length < self%radius) gap = length**2/(self%radius + sqrt(self%radius**2 - length**2))
+   end function sphere_gap
+
+   !> Force over modulus and R², of t = a/R: (1 + t²) atanh(t) - t.
+   elemental real(wp) function sphere_unit_force(self, length) result(unit_force)
+      class(sphere_indenter_type), intent(in) :: self
+      !> Depth, um.
+      real(wp), intent(in) :: length
+      !> Below this the terms cancel, and the series serves: ten of its terms leave 1e-17.
+      real(wp), parameter :: small = 0.15_wp
+      real(wp) :: t
+      integer :: k
+
+      t = self%contact_radius_of(length)/self%radius
+      if (t < small) then
+         unit_force = t*sum([(4.0_wp*k/(4.0_wp*k**2 - 1.0_wp)*t**(2*k), k=10, 1, -1)])
+      else
+         unit_force = (1.0_wp + t**2)*atanh(t) - t
+      end if
+      unit_force = self%radius**2*unit_force
+   end function sphere_unit_force
+
+   elemental real(wp) function sphere_depth_of(self, length) result(depth_of)
+      class(sphere_indenter_type), intent(in) :: self
+      !> Contact radius, um.
+      real(wp), intent(in) :: length
+
+      depth_of = length*atanh(length/self%radius)
+   end function sphere_depth_of
+
+   !> t = a/R of t atanh(t) = h/R, by Newton's method in u = atanh(t) between bounds that close in on it.
+   elemental real(wp) function sphere_contact_radius_of(self, length) result(contact_radius)
+      class(sphere_indenter_type), intent(in) :: self
+      !> Depth, um.
+      real(wp), intent(in) :: length
+      real(wp) :: depth, low, high, u, step, residual
+      integer :: i
+
+      depth = length/self%radius
+      low = max(sqrt(depth), depth)
+      high = sqrt(depth) + depth
+      u = low
+      do i = 1, 100
+         residual = u*tanh(u) - depth
+         if (residual > 0.0_wp) high = u
+         if (residual <= 0.0_wp) low = u
+         step = -residual/(tanh(u) + u*(1.0_wp - tanh(u)**2))
+         if (.not. (u + step >= low .and. u + step <= high)) step = 0.5_wp*(low + high) - u
+         u = u + step
+         if (abs(step) <= 2.0_wp*epsilon(u)*u) exit
+      end do
+      contact_radius = self%radius*tanh(u)
+   end function sphere_contact_radius_of
+
 end module indenters

@@ -3,7 +3,7 @@
 !> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
 !> largest error grows with its power 3.5, and falls with the square of the fineness. Films add what `contrast_error` says.
 module mesh_resolution
-   use abstract_indenter, only: indenter_type
+   use indenters, only: indenter_type
    use abstract_specimen, only: specimen_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type

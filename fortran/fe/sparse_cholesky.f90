@@ -3,7 +3,7 @@ module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise
    use kinds, only: wp
-   use memory, only: blas_bytes, check_memory, free_memory, memory_text, raise_no_memory
+   use machine, only: blas_bytes, check_memory, free_memory, memory_text, raise_no_memory
    use text, only: to_text
    implicit none
    private

@@ -1,15 +1,13 @@
 !> The specimens there are: their names, and one by its settings.
 module specimens
-   use abstract_indenter, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use abstract_specimen, only: finest_edge, specimen_type
    use block_specimen, only: block_name, block_specimen_type
    use errors, only: error_type, exit_bad_input, raise
    use film_specimen, only: film_name, film_specimen_type
    use grain_specimen, only: grain_name, grain_specimen_type
    use halfspace_specimen, only: halfspace_name, halfspace_specimen_type
-   use indenters, only: new_indenter
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
-   use mesh_plan, only: finest_edge
    use settings_schema, only: settings_type
    implicit none
    private

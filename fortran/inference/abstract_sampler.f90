@@ -1,12 +1,59 @@
-!> What a sampler is: it makes one chain of a target from one random stream.
+!> What a sampler is: it makes one chain of a target from one random stream. And what it needs of a target, a density: its logarithm at
+!> many points in one call.
 module abstract_sampler
-   use interruption, only: stop_requested
+   use running_command, only: stop_requested
    use kinds, only: wp
+   use output_polynomial, only: output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: outside, target_type
    implicit none
    private
-   public :: sampler_type, draw_starts
+   public :: sampler_type, draw_starts, target_type, point_type, outside
+
+   !> The logarithm of a density out of its support.
+   real(wp), parameter :: outside = -huge(1.0_wp)
+
+   !> A point of the support: parameters, coordinates in which the density is smoother, and the logarithms of both densities, up to a
+   !> constant.
+   type :: point_type
+      !> (dimension).
+      real(wp), allocatable :: x(:), w(:)
+      !> Of x, and of w, which has the volume |dx/dw| in it; both `outside` the support.
+      real(wp) :: log_density = outside, log_working = outside
+   end type point_type
+
+   type, abstract :: target_type
+      !> Number of parameters.
+      integer :: dimension = 0
+      !> Number of smooth results of the working coordinates, costly to compute, from which the density follows at little cost; 0 if it
+      !> is not of this kind.
+      integer :: n_outputs = 0
+   contains
+      !> A point that may be in the support, to begin with: widely spread, and in it often enough.
+      procedure(draw_start_interface), deferred :: draw_start
+      !> Logarithm of the density of the parameters, up to a constant.
+      procedure(evaluate_interface), deferred :: evaluate
+      !> Coordinates in which the density is smoother: by default the parameters themselves.
+      procedure :: to_working, evaluate_working, evaluate_outputs
+   end type target_type
+
+   abstract interface
+      subroutine draw_start_interface(self, stream, x)
+         import :: random_stream_type, target_type, wp
+         class(target_type), intent(in) :: self
+         type(random_stream_type), intent(inout) :: stream
+         !> (dimension).
+         real(wp), intent(out) :: x(:)
+      end subroutine draw_start_interface
+      !> Threads call it at the same time.
+      pure subroutine evaluate_interface(self, points, log_density)
+         import :: target_type, wp
+         class(target_type), intent(in) :: self
+         !> (dimension, point).
+         real(wp), intent(in) :: points(:, :)
+         !> (point); `outside` the support.
+         real(wp), intent(out) :: log_density(:)
+      end subroutine evaluate_interface
+   end interface
 
    type, abstract :: sampler_type
       !> Sweeps before the samples that are kept: as many evaluations of the density each as there are parameters.
@@ -32,6 +79,48 @@ module abstract_sampler
    end interface
 
 contains
+
+   !> Working coordinates `w` of the parameters `x` of points of the support.
+   pure subroutine to_working(self, x, w)
+      class(target_type), intent(in) :: self
+      !> (dimension, point).
+      real(wp), intent(in) :: x(:, :)
+      real(wp), intent(out) :: w(:, :)
+
+      w = x(:self%dimension, :)
+   end subroutine to_working
+
+   !> All of points from their working coordinates, which are there; the parameters of those in the support.
+   pure subroutine evaluate_working(self, points, polynomial)
+      class(target_type), intent(in) :: self
+      type(point_type), intent(inout) :: points(:)
+      !> What takes the place of the costly results, if it is there and fitted; this target has none.
+      type(output_polynomial_type), intent(in), optional :: polynomial
+      real(wp) :: log_density(1)
+      integer :: i
+
+      do i = 1, size(points)
+         points(i)%x = points(i)%w
+         call self%evaluate(reshape(points(i)%x, [self%dimension, 1]), log_density)
+         points(i)%log_density = log_density(1)
+         points(i)%log_working = log_density(1)
+      end do
+   end subroutine evaluate_working
+
+   !> The costly results at points and coordinates in which they are smooth; there are none by default.
+   pure subroutine evaluate_outputs(self, w, arguments, outputs, inside)
+      class(target_type), intent(in) :: self
+      !> (dimension, point).
+      real(wp), intent(in) :: w(:, :)
+      !> (dimension, point), (n_outputs, point); of the points in the support.
+      real(wp), intent(out) :: arguments(:, :), outputs(:, :)
+      !> Whether each point is in the support.
+      logical, intent(out) :: inside(:)
+
+      arguments = w
+      outputs = 0.0_wp
+      inside = self%n_outputs > 0
+   end subroutine evaluate_outputs
 
    !> Points of the support from the target's starts, with their log densities; `found` may be fewer than asked for.
    subroutine draw_starts(target, stream, points, density, found)
@@ -62,4 +151,5 @@ contains
          deallocate (x, values)
       end do
    end subroutine draw_starts
+
 end module abstract_sampler

@@ -6,8 +6,7 @@
 module chain_diagnostics
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use kinds, only: i8, pi, wp
-   use sorting, only: sort_order
-   use statistics, only: median, sorted_values
+   use statistics, only: median, sort_order, sorted_values
    implicit none
    private
    public :: diagnostics_type, diagnose_chains, normal_quantile
@@ -30,10 +29,9 @@ module chain_diagnostics
 contains
 
    !> Diagnostics of one parameter; NaN where there are none: of fewer than four samples, R-hat of one chain or of one value.
-   pure function diagnose_chains(draws) result(diagnostics)
+   pure type(diagnostics_type) function diagnose_chains(draws) result(diagnostics)
       !> (sample, chain), finite.
       real(wp), intent(in), contiguous :: draws(:, :)
-      type(diagnostics_type) :: diagnostics
       real(wp), allocatable :: halves(:, :), work(:, :), sorted(:)
       real(wp) :: folded
 

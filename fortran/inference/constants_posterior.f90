@@ -6,18 +6,16 @@
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
 module constants_posterior
    use abstract_basis, only: grain_model_type
-   use abstract_error_model, only: error_model_type
-   use abstract_observable, only: observable_type
    use constants_prior, only: prior_type
-   use error_models, only: new_error_model
+   use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
    use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: outside, point_type, target_type
+   use abstract_sampler, only: outside, point_type, target_type
    use settings_schema, only: measurements_settings_type
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: surrogate_type
@@ -58,22 +56,9 @@ module constants_posterior
       !> Sum of the logarithms of the scales; and GPa, where the coordinates of polynomials for the moduli saturate.
       real(wp), private :: log_scales = 0.0_wp, typical_modulus = 100.0_wp
    contains
-      procedure :: evaluate
-      procedure :: evaluate_parts
-      procedure :: evaluate_working
-      procedure :: evaluate_outputs
-      procedure :: to_working
-      procedure :: draw_start
-      procedure :: set_field_degree
-      procedure :: draw_moduli
-      procedure :: predict_measurements
-      procedure :: infer_shared
-      procedure :: evaluate_grains
-      procedure :: scale_factor
-      procedure :: place_shared
-      procedure :: log_prior
-      procedure :: stiffness
-      procedure :: new_grains
+      procedure :: evaluate, evaluate_parts, evaluate_working, evaluate_outputs, to_working, draw_start, set_field_degree, &
+         & draw_moduli, predict_measurements, infer_shared, evaluate_grains, scale_factor, place_shared, log_prior, stiffness, &
+         & new_grains
    end type posterior_type
 
 contains

@@ -64,13 +64,9 @@ module constants_prior
       !> Of the surrogate: it says which crystals are covered.
       class(basis_type), allocatable :: basis
    contains
-      procedure :: admits
-      procedure :: log_density
-      procedure :: measure
+      procedure :: admits, log_density, measure
       procedure, private :: log_default
-      procedure :: draw_start
-      procedure :: is_stated
-      procedure :: set_knowledge
+      procedure :: draw_start, is_stated, set_knowledge
    end type prior_type
 
    !> Points of the stated domain that are tried to see how much of it the surrogate covers.

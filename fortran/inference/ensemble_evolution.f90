@@ -7,14 +7,12 @@
 !> ones. Where the density follows from costly results of a model, a polynomial fitted to these about the points stands for them, and many
 !> more steps are taken.
 module ensemble_evolution
-   use abstract_sampler, only: draw_starts
-   use interruption, only: stop_requested
-   use running_command, only: advance_progress
+   use abstract_sampler, only: draw_starts, outside, point_type, target_type
+   use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
-   use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
+   use output_polynomial, only: fit_output_polynomial, fit_whitening, is_fitted, output_polynomial_type, polynomial_degree, &
+      & polynomial_terms, whitening_type
    use random, only: random_stream_type
-   use ridge_whitening, only: fit_whitening, whitening_type
-   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
    public :: view_type, evolve_population, place_points, try_step, add_difference

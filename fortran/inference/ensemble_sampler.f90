@@ -8,15 +8,13 @@
 !> polynomial stands for the model, where these steps lead is accepted or not by the exact density (a surrogate transition, Liu, Monte
 !> Carlo Strategies in Scientific Computing, Springer 2001, section 9.4.3), so that the draws are of the exact one.
 module ensemble_sampler
-   use abstract_sampler, only: sampler_type
+   use abstract_sampler, only: outside, point_type, sampler_type, target_type
    use ensemble_evolution, only: add_difference, evolve_population, place_points, try_step, view_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, widen_mixture
-   use interruption, only: stop_requested
-   use running_command, only: advance_progress
+   use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
    use output_polynomial, only: is_fitted
    use random, only: random_stream_type
-   use sampling_target, only: outside, point_type, target_type
    implicit none
    private
    public :: ensemble_sampler_type

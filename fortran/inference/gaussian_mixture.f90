@@ -2,8 +2,8 @@
 module gaussian_mixture
    use kinds, only: pi, wp
    use random, only: random_stream_type
-   use sorting, only: sort_order
-   use vector_math, only: dot, exp_all
+   use statistics, only: sort_order
+   use linear_algebra, only: dot, exp_all
    implicit none
    private
    public :: mixture_type, new_mixture, log_mixture, draw_mixture, fit_mixture, widen_mixture

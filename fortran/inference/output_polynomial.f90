@@ -2,13 +2,18 @@
 !>
 !> Chebyshev polynomials of a total degree in the principal coordinates of the points, each scaled to -1 .. 1, by least squares. It says
 !> nothing of points out of that range.
+!>
+!> And coordinates in which a curved ridge is straight: principal axes, the longest first, then each coordinate less a polynomial of the
+!> earlier ones. That map keeps volumes up to a constant.
 module output_polynomial
    use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, multiply, symmetric_eigen
+   use small_matrices, only: solve_lower, solve_upper
    implicit none
    private
-   public :: output_polynomial_type, is_fitted, fit_output_polynomial, polynomial_degree, polynomial_terms
+   public :: output_polynomial_type, is_fitted, fit_output_polynomial, polynomial_degree, polynomial_terms, whitening_type, &
+      & fit_whitening
 
    integer, parameter :: highest_degree = 8
 
@@ -24,6 +29,25 @@ module output_polynomial
    contains
       procedure :: evaluate
    end type output_polynomial_type
+
+   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
+   integer, parameter :: richest = 5
+   integer, parameter :: axes_with(2:4, 0:richest) = reshape([0, 0, 0, 3, 0, 0, 5, 3, 0, 8, 4, 3, 20, 6, 3, 20, 8, 4], &
+      & [3, richest + 1])
+   !> Points for each term.
+   integer, parameter :: points_a_term = 10
+
+   type :: whitening_type
+      private
+      integer :: n = 0, richness = 0
+      real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
+      !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
+      real(wp), allocatable :: bend(:, :)
+      !> Range of each z in which the polynomial was fitted; beyond it goes on as at the end.
+      real(wp), allocatable :: least(:), greatest(:)
+   contains
+      procedure :: to_white, from_white
+   end type whitening_type
 
 contains
 
@@ -179,4 +203,161 @@ contains
             & + (f(k + 2)*self%coefficients(:, k + 2) + f(k + 3)*self%coefficients(:, k + 3))
       end do
    end subroutine evaluate
+
+   !> Number of features of the first m coordinates.
+   pure integer function feature_count(m, richness)
+      integer, intent(in) :: m
+      !> 0 to `richest`.
+      integer, intent(in) :: richness
+      integer :: n(2:4)
+
+      n = min(m, axes_with(:, richness))
+      feature_count = 1 + m + n(2)*(n(2) + 1)/2 + n(3)*(n(3) + 1)*(n(3) + 2)/6 + n(4)*(n(4) + 1)*(n(4) + 2)*(n(4) + 3)/24
+   end function feature_count
+
+   !> The features that coordinate i brings, those of the earlier ones being there: z(i), and its products with itself and these.
+   pure subroutine add_features(z, i, richness, f)
+      real(wp), intent(in) :: z(:)
+      integer, intent(in) :: i, richness
+      real(wp), intent(inout) :: f(:)
+      integer :: j, k, last
+
+      last = feature_count(i - 1, richness)
+      f(last + 1) = z(i)
+      last = last + 1
+      if (i > axes_with(2, richness)) return
+      f(last + 1:last + i) = z(i)*z(:i)
+      last = last + i
+      if (i > axes_with(3, richness)) return
+      do j = 1, i
+         f(last + 1:last + j) = z(i)*z(j)*z(:j)
+         last = last + j
+      end do
+      if (i > axes_with(4, richness)) return
+      do j = 1, i
+         do k = 1, j
+            f(last + 1:last + k) = z(i)*z(j)*z(k)*z(:k)
+            last = last + k
+         end do
+      end do
+   end subroutine add_features
+
+   !> The features of all coordinates; those of fewer come first.
+   pure subroutine evaluate_features(z, richness, f)
+      real(wp), intent(in) :: z(:)
+      integer, intent(in) :: richness
+      real(wp), intent(out) :: f(:)
+      integer :: i
+
+      f(1) = 1.0_wp
+      do i = 1, size(z)
+         call add_features(z, i, richness, f)
+      end do
+   end subroutine evaluate_features
+
+   !> Fit the whitening to points.
+   subroutine fit_whitening(points, distinct, whitening)
+      !> (dimension, point).
+      real(wp), intent(in) :: points(:, :)
+      !> How many of the points are not copies.
+      integer, intent(in) :: distinct
+      type(whitening_type), intent(out) :: whitening
+      type(error_type), allocatable :: error
+      real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:)
+      real(wp) :: axes(size(points, 1), size(points, 1)), values(size(points, 1))
+      integer :: n, many, i, j, m
+
+      n = size(points, 1)
+      many = size(points, 2)
+      whitening%n = n
+      do while (whitening%richness < richest)
+         if (points_a_term*feature_count(n - 1, whitening%richness + 1) > distinct) exit
+         whitening%richness = whitening%richness + 1
+      end do
+      m = feature_count(n - 1, whitening%richness)
+      allocate (whitening%bend(m, n), source=0.0_wp)
+      allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
+      whitening%centre = sum(points, 2)/many
+      allocate (z(n, many))
+      do i = 1, many
+         z(:, i) = points(:, i) - whitening%centre
+      end do
+      axes = matmul(z, transpose(z))/many
+      call symmetric_eigen(axes, values, error)
+      if (allocated(error)) then
+         values = 1.0_wp
+         axes = reshape([1.0_wp, (spread(0.0_wp, 1, n), 1.0_wp, j=2, n)], [n, n])
+      end if
+      ! The longest axis first, of unit variance.
+      values = sqrt(max(values, 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
+      do j = 1, n
+         whitening%forward(j, :) = axes(:, n + 1 - j)/values(n + 1 - j)
+         whitening%backward(:, j) = axes(:, n + 1 - j)*values(n + 1 - j)
+      end do
+      z = matmul(whitening%forward, z)
+      whitening%least = minval(z, 2)
+      whitening%greatest = maxval(z, 2)
+      allocate (f(m, many), gram(m, m))
+      do i = 1, many
+         call evaluate_features(z(:n - 1, i), whitening%richness, f(:, i))
+      end do
+      gram = 0.0_wp
+      call add_gram(f, 1.0_wp, gram, transposed=.false.)
+      do i = 1, size(gram, 1)
+         gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*many
+      end do
+      ! The features of coordinate j are the first ones, and so is their part of the factor.
+      call cholesky_factor(gram, error)
+      do j = 1, n
+         m = feature_count(j - 1, whitening%richness)
+         if (.not. allocated(error)) then
+            rhs = matmul(f(:m, :), z(j, :))
+            call solve_lower(gram, rhs)
+            call solve_upper(gram, rhs)
+            whitening%bend(:m, j) = rhs
+         end if
+         whitening%width(j) = max(1.0e-8_wp, sqrt(sum((z(j, :) - matmul(whitening%bend(:m, j), f(:m, :)))**2)/many))
+      end do
+   end subroutine fit_whitening
+
+   !> From working coordinates `w` to whitened ones `u`.
+   pure subroutine to_white(self, w, u)
+      class(whitening_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: w(:)
+      real(wp), intent(out) :: u(:)
+      real(wp) :: z(self%n), f(size(self%bend, 1))
+      integer :: j, m
+
+      z = matmul(self%forward, w - self%centre)
+      call evaluate_features(min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), self%richness, f)
+      do j = 1, self%n
+         m = feature_count(j - 1, self%richness)
+         u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
+      end do
+   end subroutine to_white
+
+   !> From whitened coordinates `u` to working ones `w`.
+   pure subroutine from_white(self, u, w)
+      class(whitening_type), intent(in) :: self
+      !> (dimension).
+      real(wp), intent(in) :: u(:)
+      real(wp), intent(out) :: w(:)
+      real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
+      integer :: j, k
+
+      f(1) = 1.0_wp
+      do j = 1, self%n
+         bent = 0.0_wp
+         !$omp simd reduction(+:bent)
+         do k = 1, feature_count(j - 1, self%richness)
+            bent = bent + self%bend(k, j)*f(k)
+         end do
+         z(j) = u(j)*self%width(j) + bent
+         within(j) = min(max(z(j), self%least(j)), self%greatest(j))
+         if (j < self%n) call add_features(within, j, self%richness, f)
+      end do
+      w = self%centre + matmul(self%backward, z)
+   end subroutine from_white
+
 end module output_polynomial

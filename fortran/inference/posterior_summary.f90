@@ -1,6 +1,10 @@
 !> What chains say: of each parameter, of combinations of the constants, and of the moduli of the grains.
+!>
+!> The maximum of the density is found by Nelder and Mead's simplex (Comput. J. 7, 308, 1965), which needs no derivative and does not mind
+!> bounds.
 module posterior_summary
    use abstract_basis, only: grain_model_type
+   use abstract_sampler, only: target_type
    use chain_diagnostics, only: diagnose_chains, diagnostics_type
    use constants_posterior, only: posterior_type
    use constants_prior, only: prior_type
@@ -10,13 +14,12 @@ module posterior_summary
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
-   use simplex_search, only: climb
    use small_matrices, only: solve_lower, solve_upper
-   use statistics, only: covariance_of, flattened, moments, sorted_values
+   use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: parameter_type, combination_type, known_quantity_type, predictions_type
-   public :: summarise_parameters, correlate, find_combinations, compare_quantities, predict_grains, most_probable_point, thinning
+   public :: parameter_type, combination_type, known_quantity_type, predictions_type, summarise_parameters, correlate, &
+      & find_combinations, compare_quantities, predict_grains, most_probable_point, thinning, climb
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
@@ -51,6 +54,10 @@ module posterior_summary
       !> Values of the quantities that were asked for, (quantity, draw, chain).
       real(wp), allocatable :: quantities(:, :, :)
    end type predictions_type
+
+   !> It ends where the corners are this near each other, in parameters and in log density, or after so many evaluations.
+   real(wp), parameter :: near = 1.0e-3_wp, level = 1.0e-4_wp
+   integer, parameter :: most_evaluations = 1000
 
 contains
 
@@ -267,4 +274,71 @@ contains
          end do
       end do
    end subroutine predict_grains
+
+   !> From a point `x` of the support to a maximum of the density nearby.
+   subroutine climb(target, steps, x)
+      class(target_type), intent(in) :: target
+      !> Steps from the first corner of the simplex to the others, (parameter).
+      real(wp), intent(in) :: steps(:)
+      real(wp), intent(inout) :: x(:)
+      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), tried(size(x)), further(size(x))
+      real(wp) :: tried_depth, further_depth
+      integer :: n, j, evaluations, order(size(x) + 1)
+
+      n = size(x)
+      evaluations = 0
+      do j = 1, n + 1
+         corner(:, j) = x
+         if (j > 1) corner(j - 1, j) = x(j - 1) + steps(j - 1)
+         depth(j) = depth_at(corner(:, j))
+      end do
+      do
+         call sort_order(depth, order)
+         depth = depth(order)
+         corner = corner(:, order)
+         if (evaluations >= most_evaluations) exit
+         if (maxval(abs(corner(:, 2:) - spread(corner(:, 1), 2, n))) <= near .and. depth(n + 1) - depth(1) <= level) exit
+         centre = sum(corner(:, :n), 2)/n
+         tried = 2.0_wp*centre - corner(:, n + 1)
+         tried_depth = depth_at(tried)
+         if (tried_depth < depth(1)) then
+            further = 3.0_wp*centre - 2.0_wp*corner(:, n + 1)
+            further_depth = depth_at(further)
+            if (further_depth < tried_depth) then
+               tried = further
+               tried_depth = further_depth
+            end if
+         else if (tried_depth >= depth(n)) then
+            further = 0.5_wp*(centre + corner(:, n + 1))
+            if (tried_depth < depth(n + 1)) further = 0.5_wp*(centre + tried)
+            further_depth = depth_at(further)
+            if (further_depth < min(tried_depth, depth(n + 1))) then
+               tried = further
+               tried_depth = further_depth
+            else
+               do j = 2, n + 1
+                  corner(:, j) = 0.5_wp*(corner(:, 1) + corner(:, j))
+                  depth(j) = depth_at(corner(:, j))
+               end do
+               cycle
+            end if
+         end if
+         corner(:, n + 1) = tried
+         depth(n + 1) = tried_depth
+      end do
+      x = corner(:, 1)
+
+   contains
+
+      !> Minus the log density; very large outside the support.
+      real(wp) function depth_at(point)
+         real(wp), intent(in) :: point(:)
+         real(wp) :: log_density(1)
+
+         evaluations = evaluations + 1
+         call target%evaluate(reshape(point, [size(point), 1]), log_density)
+         depth_at = min(1.0e300_wp, -log_density(1))
+      end function depth_at
+   end subroutine climb
+
 end module posterior_summary

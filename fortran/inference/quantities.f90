@@ -10,9 +10,8 @@ module quantities
    use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
-   use numbers, only: number_ok, read_real
    use spelling, only: suggestion
-   use text, only: join, lower, split_list, to_text
+   use text, only: join, lower, number_ok, read_real, split_list, to_text
    implicit none
    private
    public :: quantity_type, new_quantity, check_quantity, check_distinct, check_value, reported_quantities, quantity_choices

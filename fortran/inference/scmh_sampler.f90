@@ -1,12 +1,10 @@
 !> The paper's sampler (section 2.2), single-component Metropolis-Hastings: one parameter after another takes a normal step; the sd
 !> of each is tuned towards an acceptance of 0.23 during burn-in only. One sample is one sweep over the parameters.
 module scmh_sampler
-   use interruption, only: stop_requested
-   use running_command, only: advance_progress
+   use running_command, only: advance_progress, stop_requested
    use kinds, only: i8, wp
    use random, only: random_stream_type
-   use abstract_sampler, only: draw_starts, sampler_type
-   use sampling_target, only: outside, target_type
+   use abstract_sampler, only: draw_starts, outside, sampler_type, target_type
    implicit none
    private
    public :: scmh_sampler_type

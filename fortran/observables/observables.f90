@@ -1,19 +1,33 @@
-!> The observables by name.
+!> What is measured in a grain: a type between the crystal and the likelihood.
 module observables
-   use abstract_observable, only: observable_type
+   use abstract_basis, only: grain_model_type
+   use crystal_class, only: crystal_class_type
    use errors, only: error_type, exit_bad_input, raise
-   use indentation_modulus, only: indentation_modulus_type
    use kinds, only: wp
    use settings_schema, only: measurements_settings_type
+   use surrogate_model, only: surrogate_grains => new_grain_model, surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: observable_names, moduli_of_indentation, new_observable
+   public :: observable_type, observable_names, moduli_of_indentation, new_observable
 
    !> What every indentation gives.
    character(len=*), parameter :: moduli_of_indentation = 'indentation_modulus, effective_modulus, sample_modulus'
-   !> A new observable: its file, its name here, and its line in `new_observable`.
+   !> A new observable: its type, which extends `observable_type`, its name here, and its line in `new_observable`.
    character(len=*), parameter :: observable_names = moduli_of_indentation
+
+   !> The kinds of indentation modulus, as functions of the modulus M of the half-space: all are a M/(1 + d M).
+   !>
+   !> M itself; E_eff of the contact with an elastic indenter, 1/E_eff = 1/M + (1-nu_i²)/E_i; E_s = (1-nu_s²) M of a sample whose
+   !> Poisson's ratio is assumed.
+   type :: observable_type
+      !> As `modulus_kind` and, with the unit, a column name it.
+      character(len=:), allocatable :: name
+      !> a; d in 1/GPa.
+      real(wp) :: factor = 1.0_wp, compliance = 0.0_wp
+   contains
+      procedure :: from_simulation, isotropic_modulus, new_grain_model, calibration_slope
+   end type observable_type
 
 contains
 
@@ -32,11 +46,11 @@ contains
          end if
          select case (name)
          case ('indentation_modulus')
-            allocate (observable, source=indentation_modulus_type())
+            allocate (observable)
          case ('effective_modulus')
-            allocate (observable, source=indentation_modulus_type(compliance=(1.0_wp - nu**2)/young))
+            allocate (observable, source=observable_type(compliance=(1.0_wp - nu**2)/young))
          case ('sample_modulus')
-            allocate (observable, source=indentation_modulus_type(factor=1.0_wp - sample_nu**2))
+            allocate (observable, source=observable_type(factor=1.0_wp - sample_nu**2))
          case default
             call raise(error, 'modulus_kind: '''//name//''' is unknown; allowed: '//observable_names, exit_bad_input)
             return
@@ -44,4 +58,54 @@ contains
       end associate
       observable%name = name
    end subroutine new_observable
+
+   !> From what a simulated curve, or the grain model, gives to the values, in place.
+   pure subroutine from_simulation(self, values, slopes)
+      class(observable_type), intent(in) :: self
+      !> Indentation moduli, GPa, and their derivatives with respect to any variable.
+      real(wp), intent(inout) :: values(:), slopes(:)
+
+      if (self%compliance > 0.0_wp) then
+         slopes = slopes/(1.0_wp + self%compliance*values)**2
+         values = values/(1.0_wp + self%compliance*values)
+      end if
+      slopes = slopes*self%factor
+      values = values*self%factor
+   end subroutine from_simulation
+
+   !> Indentation modulus of the isotropic solid with a value, GPa; very large where there is none.
+   pure real(wp) function isotropic_modulus(self, measured)
+      class(observable_type), intent(in) :: self
+      !> In the unit of the observable.
+      real(wp), intent(in) :: measured
+
+      isotropic_modulus = measured/max(self%factor - self%compliance*measured, 1.0e-3_wp)
+   end function isotropic_modulus
+
+   !> What it is for a crystal in the orientations of grains, before `from_simulation`: the indentation moduli of a surrogate.
+   subroutine new_grain_model(self, surrogate, class, euler, with_covariance, model, error)
+      class(observable_type), intent(in) :: self
+      type(surrogate_type), intent(in) :: surrogate
+      !> Of the crystals that will be asked for.
+      type(crystal_class_type), intent(in) :: class
+      !> Bunge-Euler angles (3, n), radians.
+      real(wp), intent(in) :: euler(:, :)
+      !> Whether the surrogate's covariance counts.
+      logical, intent(in) :: with_covariance
+      class(grain_model_type), allocatable, intent(out) :: model
+      type(error_type), allocatable, intent(out) :: error
+
+      call surrogate_grains(surrogate, class, euler, with_covariance, model, error)
+   end subroutine new_grain_model
+
+   !> How measurements of a group are correlated: derivatives with respect to their common error, which is relative.
+   pure function calibration_slope(self, values) result(slope)
+      class(observable_type), intent(in) :: self
+      !> (measurement).
+      real(wp), intent(in) :: values(:)
+      real(wp) :: slope(size(values))
+
+      slope = values
+   end function calibration_slope
+
 end module observables

@@ -13,15 +13,14 @@
 module abstract_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_type, row_type
-   use errors, only: error_type, machine_failure, raise, refuse
+   use errors, only: error_type, machine_failure, raise, refuse, warning_type
    use kinds, only: wp
    use problem, only: problem_type
    use settings_schema, only: settings_type
    use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
    use stage_documents, only: keep_document
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: lower, to_text
-   use warning_lists, only: warning_type
    implicit none
    private
    public :: stage_type, job_type
@@ -61,11 +60,7 @@ module abstract_stage
       !> Of stages that open it.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open
-      procedure, non_overridable :: want
-      procedure, non_overridable :: take
-      procedure, non_overridable :: leave
-      procedure, non_overridable :: close
+      procedure, non_overridable :: open, want, take, leave, close
       !> Look at what is there, refuse what cannot be, and choose the first batch.
       procedure :: begin
       !> Learn from the batch that was simulated, and choose the next; none: all is done.

@@ -1,25 +1,23 @@
 !> What a build would refuse, or warn of, before its first simulation, as far as the namelist tells.
+!> And the truncations that &surrogate `scan` compares: '1, 2, 3 x 8, 10, 12' is each of these degrees with each of these bandlimits.
 module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use errors, only: error_type, exit_bad_input, refuse
+   use errors, only: error_type, exit_bad_input, raise, refuse, warn
    use files, only: printable
    use kinds, only: wp
-   use memory, only: check_memory
+   use machine, only: check_memory
    use namelist_file, only: place
    use problem, only: problem_type
    use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain
-   use surrogate_file, only: check_replaceable
-   use surrogate_lookup, only: check_new_name
-   use text, only: join, to_text
-   use truncation_scan, only: read_scan
-   use warning_lists, only: warn
+   use surrogate_model, only: check_new_name, check_replaceable
+   use text, only: join, number_ok, read_integer, split_list, to_text
    implicit none
    private
-   public :: check_build, question_candidates, basis_of_problem
+   public :: check_build, question_candidates, basis_of_problem, read_scan
 
    !> Crystals are up to so many times stiffer, or more compliant, than the surroundings of the specimen.
    real(wp), parameter :: scale_factor = 3.0_wp
@@ -177,4 +175,47 @@ contains
          end if
       end associate
    end subroutine range_of_scale
+
+   !> `pairs` (2, n) of degree and bandlimit; none of a blank text.
+   pure subroutine read_scan(text, pairs, error)
+      character(len=*), intent(in) :: text
+      integer, allocatable, intent(out) :: pairs(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: degrees(:), bandlimits(:)
+      integer :: i, j, cross
+
+      allocate (pairs(2, 0))
+      if (len_trim(text) == 0) return
+      cross = scan(text, 'xX')
+      if (cross > 0) then
+         call read_list(text(:cross - 1), degrees)
+         call read_list(text(cross + 1:), bandlimits)
+         pairs = reshape([((degrees(i), bandlimits(j), j=1, size(bandlimits)), i=1, size(degrees))], &
+            & [2, size(degrees)*size(bandlimits)])
+      end if
+      if (size(pairs) == 0) call raise(error, ''''//printable(text)//''' is not of the form ''1, 2, 3 x 8, 10, 12'' ' &
+         & //'(degrees x bandlimits)', exit_bad_input)
+   end subroutine read_scan
+
+   !> The integers of a list; none if one of its items is no integer.
+   pure subroutine read_list(text, list)
+      character(len=*), intent(in) :: text
+      integer, allocatable, intent(out) :: list(:)
+      character(len=len(text)), allocatable :: items(:)
+      character(len=len(text)) :: commas
+      integer :: i, outcome
+
+      commas = text
+      do i = 1, len(text)
+         if (text(i:i) == ' ') commas(i:i) = ','
+      end do
+      allocate (items, source=split_list(commas))
+      allocate (list(size(items)))
+      do i = 1, size(items)
+         call read_integer(trim(items(i)), list(i), outcome)
+         if (outcome /= number_ok) exit
+      end do
+      if (i <= size(items)) list = [integer ::]
+   end subroutine read_list
+
 end module build_checks

@@ -8,22 +8,18 @@ module build_loop
    use abstract_stage, only: job_type, stage_type
    use build_checks, only: basis_of_problem, check_build
    use campaign, only: campaign_name, row_type
-   use design_candidates, only: candidates_type, initial_set, new_candidates
-   use errors, only: error_type, raise, refuse
+   use errors, only: error_type, raise, refuse, warn
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
-   use learning, only: batch_end, change_basis, close_batch, learn, learning_type, new_learning, refit_all, why_to_stop
-   use parallelism, only: thread_count
-   use physics_identity, only: identity_text
+   use machine, only: thread_count
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
       & simulations_before, tempered
-   use sequential_design, only: design_type, update_posterior_mean
-   use simulate, only: outcome_done, outcome_failed, outcome_type, outcome_waiting
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, predict_moduli, revert, set_learner_candidates, &
-      & surrogate_of
+   use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, update_posterior_mean
+   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_type, outcome_waiting
+   use surrogate_learner, only: add_simulations, batch_end, change_basis, choose_next, close_batch, exclude_candidates, learn, &
+      & learning_type, new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
    use text, only: to_text
-   use warning_lists, only: warn
    implicit none
    private
    public :: build_type
@@ -54,9 +50,7 @@ module build_loop
       type(outcome_type), allocatable, private :: outcomes(:)
       logical, private :: by_variance = .false.
    contains
-      procedure :: begin
-      procedure :: choose
-      procedure :: look_ahead
+      procedure :: begin, choose, look_ahead
    end type build_type
 
 contains

@@ -4,22 +4,19 @@ module build_stage
    use abstract_basis, only: basis_type
    use build_loop, only: build_type
    use crystal_elasticity, only: logarithmic_mean
-   use errors, only: error_type
+   use errors, only: error_type, warn
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use json, only: json_type
    use kinds, only: degree, wp
-   use learning, only: history_type, left_out, learning_type
-   use physics_identity, only: identity_text
    use posterior_focus, only: accurate_share, accurate_z
-   use settings_output, only: settings_namelist
+   use settings_reader, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
-   use simulate, only: simulation_error, specimen_contact_radius
-   use surrogate_file, only: save_surrogate
-   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, surrogate_of
-   use surrogate_model, only: predict, surrogate_type
+   use simulate, only: identity_text, simulation_error, specimen_contact_radius
+   use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
+      & surrogate_of
+   use surrogate_model, only: predict, save_surrogate, surrogate_type
    use text, only: fixed, to_text
-   use truncation_scan, only: read_scan
-   use warning_lists, only: warn
+   use build_checks, only: read_scan
    implicit none
    private
    public :: build_stage_type

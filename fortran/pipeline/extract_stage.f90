@@ -2,22 +2,18 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type
+   use errors, only: error_type, warning_type
    use extraction, only: extract, extraction_type
-   use extraction_document, only: describe_prior, write_extraction
+   use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
-   use chain_checkpoints, only: chain_prefix
+   use samplers, only: chain_prefix
    use namelist_file, only: place
-   use numbers, only: number_text
-   use posterior_file, only: save_posterior
    use posterior_diagnostics, only: check_extraction, find_reasons
    use problem_posterior, only: new_problem_posterior
    use running_command, only: remove_files
    use stage_documents, only: inputs_of
-   use surrogate_lookup, only: load_named_surrogate
-   use surrogate_model, only: surrogate_type
-   use text, only: join, newline, to_text
-   use warning_lists, only: warning_type
+   use surrogate_model, only: load_named_surrogate, surrogate_type
+   use text, only: join, newline, number_text, to_text
    implicit none
    private
    public :: extract_stage_type
@@ -28,8 +24,7 @@ module extract_stage
       !> The prior that was in effect, in a few lines.
       type(warning_type), allocatable :: prior(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type extract_stage_type
 
 contains

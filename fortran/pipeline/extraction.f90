@@ -4,25 +4,22 @@ module extraction
    use constants_posterior, only: posterior_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
-   use field_degree, only: allowed_error, choose_field_degree, find_field_error
-   use further_knowledge, only: expect_gains, gain_type
+   use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, i8, wp
-   use knowledge_conflict, only: conflict_type, find_conflict, without_knowledge
-   use model_checks, only: check_model, checks_type
-   use model_evidence, only: estimate_evidence, evidence_type
+   use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
       & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning
-   use prior_sensitivity, only: change_type, measure_sensitivity
+   use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
-   use problem_posterior, only: free_run, new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
+   use problem_posterior, only: allowed_error, choose_field_degree, find_field_error, free_run, new_problem_posterior, &
+      & pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use support_limits, only: limit_type, list_limits
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
@@ -80,8 +77,7 @@ module extraction
       !> Of the posterior's chains, wall clock.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: verdict
-      procedure :: least_value
+      procedure :: verdict, least_value
    end type extraction_type
 
 contains

@@ -3,10 +3,10 @@ module known_rows
    use abstract_basis, only: basis_type
    use campaign, only: row_type
    use crystal_class, only: crystal_class_type, new_crystal_class
-   use design_candidates, only: candidates_type
+   use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: wp
-   use point_index, only: new_point_index, point_index_type
+   use statistics, only: new_point_index, point_index_type
    use simulate, only: outcome_done
    implicit none
    private
@@ -26,9 +26,7 @@ module known_rows
       !> Candidates that have a row which is not taken, and may be chosen once more.
       logical, allocatable :: open(:)
    contains
-      procedure :: n => count_left
-      procedure :: divide
-      procedure :: choose
+      procedure :: n => count_left, divide, choose
    end type known_rows_type
 
 contains

@@ -1,18 +1,16 @@
 !> What a person should know of a posterior before using it: reasons for which it cannot be used, and warnings, by consequence.
 module posterior_diagnostics
-   use abstract_indenter, only: indenter_type
    use constants_prior, only: knowledge_type
-   use errors, only: error_type
+   use errors, only: error_type, warn, warning_type
    use extraction, only: extraction_type, unmixed
-   use field_degree, only: allowed_error
+   use problem_posterior, only: allowed_error
    use files, only: printable
-   use indenters, only: new_indenter
+   use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp
    use prior_sensitivity, only: change_type
    use orientation_check, only: readings
    use problem, only: problem_type
    use text, only: fixed, to_text
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: check_extraction, find_reasons, known_text, powers_text

@@ -7,15 +7,15 @@ module posterior_focus
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: logarithmic_mean
-   use design_candidates, only: candidates_type
+   use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: degree, wp
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use problem, only: problem_type
    use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, sample_aside
    use samplers, only: chains_type
    use statistics, only: flattened
-   use support_limits, only: limit_type, list_limits
+   use prior_sensitivity, only: limit_type, list_limits
    use surrogate_domain, only: domain_type
    use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type
@@ -273,12 +273,11 @@ contains
    end function held
 
    !> So many crystals of each posterior, evenly over the draws, in the directions of the grains, which take turns.
-   function candidates_of(problem, domain, first, others) result(found)
+   type(candidates_type) function candidates_of(problem, domain, first, others) result(found)
       type(problem_type), intent(in) :: problem
       type(domain_type), intent(in) :: domain
       !> GPa, (6, 6, n).
       real(wp), intent(in) :: first(:, :, :), others(:, :, :)
-      type(candidates_type) :: found
       integer :: i, n
 
       n = size(first, 3) + size(others, 3)

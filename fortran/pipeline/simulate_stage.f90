@@ -3,18 +3,15 @@ module simulate_stage
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
-   use crystal_tables, only: begin_crystal, put_outcome, write_curves, write_moduli
-   use errors, only: error_type, raise
-   use abstract_indenter, only: indenter_type
-   use indenters, only: new_indenter
+   use stage_documents, only: begin_crystal, put_outcome, write_curves, write_moduli
+   use errors, only: error_type, raise, warn
+   use indenters, only: indenter_type, new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
-   use physics_identity, only: identity_text
-   use point_index, only: number_equal
-   use simulate, only: outcome_done, outcome_failed, outcome_waiting, simulation_error
+   use statistics, only: number_equal
+   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting, simulation_error
    use text, only: to_text
-   use warning_lists, only: warn
    implicit none
    private
    public :: simulate_stage_type
@@ -27,8 +24,7 @@ module simulate_stage
       !> The crystals of the batch.
       integer, allocatable :: chosen(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type simulate_stage_type
 
 contains

@@ -3,18 +3,16 @@
 !> The crystals of &crystals are simulated in specimens of growing size, in the surroundings of &specimen and in softer and stiffer ones.
 module size_stage
    use abstract_stage, only: job_type, stage_type
-   use crystal_elasticity, only: averages_type, polycrystal_averages
-   use crystal_tables, only: begin_crystal
-   use errors, only: error_type, refuse
-   use abstract_indenter, only: indenter_type
-   use indenters, only: new_indenter
+   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
+   use stage_documents, only: begin_crystal
+   use errors, only: error_type, refuse, warn
+   use indenters, only: indenter_type, new_indenter
    use json, only: json_type
    use kinds, only: wp
    use namelist_file, only: place
    use settings_schema, only: specimen_settings_type
    use simulate, only: outcome_done
    use text, only: to_text
-   use warning_lists, only: warn
    implicit none
    private
    public :: size_stage_type
@@ -42,8 +40,7 @@ module size_stage
       real(wp) :: contact_radius = 0.0_wp, sizes(n_sizes) = 0.0_wp
       type(case_type), allocatable :: cases(:)
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type size_stage_type
 
 contains
@@ -109,8 +106,6 @@ contains
       !> Of the crystal, GPa.
       real(wp), intent(in) :: stiffness(6, 6), factor
       real(wp), intent(out) :: young
-      type(averages_type) :: averages
-      real(wp) :: bulk, shear
 
       young = 0.0_wp
       if (specimen%geometry == 'film') then
@@ -121,12 +116,9 @@ contains
       else if (specimen%matrix == 'self') then
          ! As it is stated it stays the average.
          if (.not. abs(factor - 1.0_wp) > 0.0_wp) return
-         averages = polycrystal_averages(stiffness)
-         bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
-         shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)
          specimen%matrix = 'isotropic'
-         specimen%matrix_young_gpa = 9.0_wp*bulk*shear/(3.0_wp*bulk + shear)
-         specimen%matrix_nu = (3.0_wp*bulk - 2.0_wp*shear)/(6.0_wp*bulk + 2.0_wp*shear)
+         call hill_young_poisson(polycrystal_averages(stiffness), young, specimen%matrix_nu)
+         specimen%matrix_young_gpa = young
       end if
       specimen%matrix_young_gpa = factor*specimen%matrix_young_gpa
       young = specimen%matrix_young_gpa

@@ -13,7 +13,7 @@ module stages
    use simulate, only: new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
    use size_stage, only: size_stage_type
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: join
    use theory_stage, only: theory_stage_type
    implicit none

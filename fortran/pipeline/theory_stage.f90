@@ -1,12 +1,12 @@
 !> `theory`: the exact half-space theory of the crystals of &crystals.
 module theory_stage
    use abstract_stage, only: stage_type
-   use crystal_tables, only: begin_crystal, write_moduli
+   use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
-   use parallelism, only: thread_count
+   use machine, only: thread_count
    use text, only: to_text
    implicit none
    private

@@ -3,19 +3,17 @@
 !> Both programs, and the keywords of Python, come here and nowhere else, so that they have the same verdict. A message is one line:
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
-   use crystal_class, only: crystal_class_type, new_crystal_class
-   use crystal_lattice, only: lattice_type, new_lattice
+   use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
-   use settings_checks, only: check_settings
    use settings_schema, only: candidate_sources, settings_type
-   use settings_output, only: settings_namelist
-   use settings_reader, only: read_settings
+   use settings_checks, only: check_settings
+   use settings_reader, only: read_settings, settings_namelist
    use settings_list, only: choice_list_type
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
@@ -23,7 +21,6 @@ module problem
    use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, newline, split_list, to_text
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: problem_type, new_problem
@@ -55,8 +52,7 @@ module problem
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: resolved_text
-      procedure :: set_table
+      procedure :: resolved_text, set_table
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.

@@ -1,23 +1,21 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
    use abstract_stage, only: stage_type
-   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise
+   use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise, warning_type
    use extract_stage, only: extract_stage_type
    use files, only: printable
    use namelist_file, only: place
-   use choices, only: all_choices
    use problem, only: problem_type
-   use problem_input, only: read_problem
+   use problem_input, only: all_choices, read_problem
    use running_command, only: show_progress, take_folder, watch_signals
-   use settings_output, only: schema_markdown
+   use settings_reader, only: schema_markdown
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_simulator, check_stages, groups_of, new_stage
-   use surrogate_lookup, only: places_type
+   use surrogate_model, only: places_type
    use text, only: join, newline
    use system, only: argument, data_folder, end_process, error_stream, say, settle_blas
    use version, only: package_version, shipped_surrogates
-   use warning_lists, only: warning_type
    implicit none
 
    character(len=*), parameter :: usage = 'usage: bayesindent-batch FILE.nml [--stage NAME] [--output DIR] [--check]'

@@ -5,8 +5,7 @@
 module namelist_file
    use errors, only: error_type, exit_bad_input, raise
    use files, only: printable, read_text_file
-   use numbers, only: read_integer
-   use text, only: lower, newline, to_text
+   use text, only: lower, newline, read_integer, to_text
    implicit none
    private
    public :: namelist_file_type, entry_type, value_type, read_namelist_file, replace_entries, parse_namelist, place

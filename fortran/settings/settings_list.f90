@@ -6,8 +6,7 @@
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
-   use numbers, only: number_text, read_integer, read_real
-   use text, only: join, split_list, to_text
+   use text, only: join, number_text, read_integer, read_real, split_list, to_text
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, choice_list_type, is_text, allowed_in_words
@@ -63,21 +62,14 @@ module settings_list
       !> The values of the list go into the settings; else it takes them from there.
       logical :: giving = .false.
    contains
-      procedure :: words
-      procedure :: group
-      procedure :: integer => visit_integer
-      procedure :: logical => visit_logical
-      procedure :: text => visit_text
-      procedure :: names => visit_names
-      procedure :: real => visit_real
-      procedure :: optional_logical => visit_optional_logical
-      procedure :: optional_real => visit_optional_real
-      procedure :: reals => visit_reals
+      procedure :: words, group, integer => visit_integer, logical => visit_logical, text => visit_text, names => visit_names, &
+         & real => visit_real, optional_logical => visit_optional_logical, optional_real => visit_optional_real, &
+         & reals => visit_reals
    end type settings_list_type
 
 contains
 
-   !> The words of a key of `choices`.
+   !> The words of a key of `all_choices`.
    pure function words(self, key) result(list)
       class(settings_list_type), intent(in) :: self
       character(len=*), intent(in) :: key

@@ -136,10 +136,9 @@ module settings_schema
 contains
 
    !> All groups and variables, in order, with the values of `settings`; `choices`: the words that modules above the settings own.
-   function list_settings(settings, choices) result(list)
+   type(settings_list_type) function list_settings(settings, choices) result(list)
       type(settings_type), intent(in) :: settings
       type(choice_list_type), intent(in), optional :: choices(:)
-      type(settings_list_type) :: list
       type(settings_type) :: copy
 
       copy = settings

@@ -39,11 +39,7 @@ module abstract_basis
       procedure(exchange_interface), deferred :: exchange
       procedure(evaluate_many_interface), deferred :: evaluate_many
       procedure(new_grain_model_interface), deferred :: new_grain_model
-      procedure :: term_degrees
-      procedure :: evaluate_terms
-      procedure :: evaluate_crystals
-      procedure :: to_y
-      procedure :: to_modulus
+      procedure :: term_degrees, evaluate_terms, evaluate_crystals, to_y, to_modulus
    end type basis_type
 
    !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what depends on the orientations is
@@ -66,8 +62,7 @@ module abstract_basis
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_independent_interface), deferred :: evaluate_independent
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
-      procedure :: evaluate_moduli
-      procedure :: expand
+      procedure :: evaluate_moduli, expand
    end type grain_model_type
 
    abstract interface

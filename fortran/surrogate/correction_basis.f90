@@ -1,17 +1,23 @@
 !> The exact theory of the half-space, for crystals of every class, times a correction of the specimen: M = M_theory exp(y).
 !>
 !> Theory has the crystal's own anisotropy. y is a polynomial of the logarithm of the Kelvin stiffness in the frame of the indenter, which
-!> does not change when the crystal is turned about the axis (see `axial_polynomials`), nor with its scale unless the domain states a
+!> does not change when the crystal is turned about the axis, nor with its scale unless the domain states a
 !> range of that; its coefficients are the less likely to be large the higher their degree. Terms of the highest degree that the
 !> simulations have not decided are the misfit of the others: a function of the crystal, which grains of like orientation share.
 !>
 !> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion of the surface compliance, see
 !> `compliance_field`.
+!>
+!> The polynomials are those of the coordinates of a stiffness about the indenter's axis that do not change when the crystal is turned about
+!> that axis or mirrored: what a specimen with axial symmetry may depend on.
+!>
+!> Each is the real part of a product of order 0: numbers of order 0, and waves and conjugate waves whose orders cancel. There are 1, 5,
+!> 29, 141 of them up to degree 0, 1, 2, 3, and 1, 6, 35, 176 where the scale of the stiffness is one of the numbers. Each has a factor
+!> such that for two points the sum of the products of those of degree d is the mean of (x x')^d over all turns and mirrors of one of
+!> them: equal coefficients prefer no basis of the coordinates.
 module correction_basis
    use abstract_basis, only: basis_type, grain_model_type, growth_power, spread_of
-   use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
-   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
-   use compliance_field, only: field_moduli, field_type, new_field
+   use compliance_field, only: field_moduli, field_type, modulus_expansion_type, new_field, new_modulus_expansion
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy, rotation_matrix
    use errors, only: error_type, exit_bad_input, raise
@@ -19,13 +25,33 @@ module correction_basis
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: add_gram, cholesky_factor, multiply, symmetric_eigen
-   use logarithmic_coordinates, only: log_coordinates_type, logarithm_of, new_log_coordinates
-   use modulus_expansion, only: modulus_expansion_type, new_modulus_expansion
+   use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, logarithm_of, n_axial, &
+      & n_coordinates, n_waves, new_log_coordinates, wave_orders
+   use statistics, only: sort_order
    use surrogate_domain, only: spread_crystals
    use text, only: to_text
    implicit none
    private
-   public :: correction_basis_type
+   public :: correction_basis_type, axial_polynomials_type, new_axial_polynomials, evaluate_polynomials, greatest_degree
+
+   integer, parameter :: greatest_degree = 4
+   !> Factors, numbered as the coordinates: numbers of order 0, waves, in place of imaginary parts their conjugates, the scale.
+   integer, parameter :: n_factors = n_coordinates
+   integer, parameter :: orders(n_factors) = [[0, 0, 0, 0], wave_orders, -wave_orders, 0]
+
+   type :: axial_polynomials_type
+      integer :: n = 0
+      !> The coordinates that they depend on: all, or all but the last, which is the scale.
+      integer :: n_coordinates = 0
+      !> Degree of each, (n), ascending.
+      integer, allocatable :: degrees(:)
+      !> The factors of each, 0 for the number 1, (greatest_degree, n).
+      integer, allocatable, private :: factors(:, :)
+      !> Coordinates are counted from here.
+      real(wp), private :: centre(n_coordinates) = 0.0_wp
+      !> Before the product, (n).
+      real(wp), allocatable, private :: weights(:)
+   end type axial_polynomials_type
 
    !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
    real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
@@ -40,10 +66,7 @@ module correction_basis
       !> None of the theory alone.
       type(axial_polynomials_type) :: polynomials
    contains
-      procedure :: set_up
-      procedure :: exchange
-      procedure :: evaluate_many
-      procedure :: new_grain_model
+      procedure :: set_up, exchange, evaluate_many, new_grain_model
    end type correction_basis_type
 
    type, extends(grain_model_type) :: correction_grain_model_type
@@ -61,13 +84,117 @@ module correction_basis
       !> Of the polynomials, and F with F Fᵀ their covariance as far as it matters, (n_terms, n_columns).
       real(wp), allocatable :: coefficients(:), factor(:, :)
    contains
-      procedure :: set_grains
-      procedure :: evaluate_independent
-      procedure :: evaluate_columns
-      procedure :: expand
+      procedure :: set_grains, evaluate_independent, evaluate_columns, expand
    end type correction_grain_model_type
 
 contains
+
+   !> All up to a degree.
+   pure type(axial_polynomials_type) function new_axial_polynomials(degree, centre) result(self)
+      !> 0 to `greatest_degree`.
+      integer, intent(in) :: degree
+      !> The value from which the last coordinate, the scale, is counted; without it they do not depend on that.
+      real(wp), intent(in), optional :: centre
+      integer :: chosen(greatest_degree), d, k, last
+
+      self%n_coordinates = n_coordinates - 1
+      last = n_factors - 1
+      if (present(centre)) then
+         self%n_coordinates = n_coordinates
+         last = n_factors
+         self%centre(n_coordinates) = centre
+      end if
+      allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
+      self%degrees = 0
+      self%factors = 0
+      self%weights = 1.0_wp
+      do d = 1, degree
+         ! Every product of d factors in ascending order.
+         chosen = 0
+         chosen(:d) = 1
+         do
+            if (sum(orders(chosen(:d))) == 0) call append_if_first(chosen, d)
+            k = d
+            do while (k > 0)
+               if (chosen(k) < last) exit
+               k = k - 1
+            end do
+            if (k == 0) exit
+            chosen(k:d) = chosen(k) + 1
+         end do
+      end do
+      self%n = size(self%degrees)
+
+   contains
+
+      !> A product and its conjugate have the same real part: the first of the two counts.
+      pure subroutine append_if_first(product, d)
+         integer, intent(in) :: product(greatest_degree), d
+         integer :: conjugate(d), order(d), i, k
+         real(wp) :: square
+
+         conjugate = product(:d)
+         where (is_wave(conjugate)) conjugate = conjugate + merge(n_waves, -n_waves, conjugate <= n_axial + n_waves)
+         call sort_order(real(conjugate, wp), order)
+         conjugate = conjugate(order)
+         i = findloc(conjugate /= product(:d), .true., 1)
+         if (i > 0) then
+            if (conjugate(i) < product(i)) return
+         end if
+         ! d!/(n1! n2! ..) of the factors' powers; half for each wave; twice if the product is not its own conjugate.
+         square = 1.0_wp
+         do k = 1, d
+            square = square*k/count(product(:k) == product(k))
+            if (is_wave(product(k))) square = 0.5_wp*square
+         end do
+         if (i > 0) square = 2.0_wp*square
+         self%weights = [self%weights, sqrt(square)]
+         self%degrees = [self%degrees, d]
+         self%factors = reshape([self%factors, product], [greatest_degree, size(self%degrees)])
+      end subroutine append_if_first
+   end function new_axial_polynomials
+
+   !> Whether a factor is a wave or a conjugate wave.
+   pure elemental logical function is_wave(factor)
+      integer, intent(in) :: factor
+
+      is_wave = orders(factor) /= 0
+   end function is_wave
+
+   !> All at points, which are worked on side by side.
+   pure subroutine evaluate_polynomials(self, x, values)
+      type(axial_polynomials_type), intent(in) :: self
+      !> Coordinates about the axis of each point, (point, self%n_coordinates).
+      real(wp), intent(in), contiguous :: x(:, :)
+      !> (point, n).
+      real(wp), intent(out), contiguous :: values(:, :)
+      real(wp) :: re(size(x, 1)), im(size(x, 1)), old, turn
+      integer :: i, k, p, place
+
+      do k = 1, self%n
+         re = self%weights(k)
+         im = 0.0_wp
+         do i = 1, self%degrees(k)
+            place = self%factors(i, k)
+            if (.not. is_wave(place)) then
+               re = re*(x(:, place) - self%centre(place))
+               im = im*(x(:, place) - self%centre(place))
+            else
+               turn = 1.0_wp
+               if (place > n_axial + n_waves) then
+                  turn = -1.0_wp
+                  place = place - n_waves
+               end if
+               do p = 1, size(re)
+                  old = re(p)
+                  re(p) = old*x(p, place) - im(p)*(turn*x(p, place + n_waves))
+                  im(p) = im(p)*x(p, place) + old*(turn*x(p, place + n_waves))
+               end do
+            end if
+         end do
+         values(:, k) = re
+      end do
+   end subroutine evaluate_polynomials
 
    subroutine set_up(self, error)
       class(correction_basis_type), intent(inout) :: self
@@ -305,4 +432,5 @@ contains
          call self%expand(independent(:, j), columns(:, j))
       end do
    end subroutine evaluate_columns
+
 end module correction_basis

@@ -7,7 +7,7 @@ module evidence_regression
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
-   use sorting, only: sort_order
+   use statistics, only: sort_order
    use text, only: to_text
    implicit none
    private

@@ -42,12 +42,11 @@ contains
    end function count_products
 
    !> All products up to a degree; those of lower total degree first, then the last coordinate fastest.
-   pure function new_legendre_products(n, degree, total) result(self)
+   pure type(legendre_products_type) function new_legendre_products(n, degree, total) result(self)
       !> Coordinates.
       integer, intent(in) :: n, degree
       !> Whether `degree` bounds the sum of the degrees, or each.
       logical, intent(in) :: total
-      type(legendre_products_type) :: self
       integer :: counter(n), sum_of_degrees, q, i, m
 
       self%n_coordinates = n

@@ -15,7 +15,7 @@ module paper_basis
    use surrogate_domain, only: domain_type
    use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, new_harmonics
    use text, only: to_text
-   use vector_math, only: transposed_product
+   use linear_algebra, only: transposed_product
    implicit none
    private
    public :: paper_basis_type, largest_degree, truncation_names
@@ -34,11 +34,7 @@ module paper_basis
       !> P_q.
       type(legendre_products_type) :: polynomials
    contains
-      procedure :: set_up
-      procedure :: exchange
-      procedure :: evaluate_many
-      procedure :: term_degrees
-      procedure :: new_grain_model
+      procedure :: set_up, exchange, evaluate_many, term_degrees, new_grain_model
    end type paper_basis_type
 
    type, extends(grain_model_type) :: paper_grain_model_type
@@ -53,9 +49,7 @@ module paper_basis
       type(legendre_products_type) :: polynomials, squares
       real(wp), allocatable :: covariance(:, :)
    contains
-      procedure :: set_grains
-      procedure :: evaluate_independent
-      procedure :: evaluate_columns
+      procedure :: set_grains, evaluate_independent, evaluate_columns
    end type paper_grain_model_type
 
 contains

@@ -26,11 +26,7 @@ module surrogate_domain
       !> specimen correction depends on it. Bounds of the constants go before it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
    contains
-      procedure :: has_scale
-      procedure :: admits
-      procedure :: is_of_class
-      procedure :: normalised_distance
-      procedure :: coordinates_of
+      procedure :: has_scale, admits, is_of_class, normalised_distance, coordinates_of
    end type domain_type
 
 contains

@@ -1,20 +1,25 @@
 !> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so far, and the candidates for the next.
+!>
+!> And the training, batch by batch: the simulations, the posterior of the coefficients, the history of its errors, and whether that is
+!> enough.
 module surrogate_learner
-   use abstract_acquisition, only: acquisition_type
-   use acquisitions, only: new_acquisition
    use abstract_basis, only: basis_type, spread_of
+   use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, exit_bad_input, raise
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
-      & leave_groups_out, log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
-   use kinds, only: wp
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
+      & log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
+   use kinds, only: degree, wp
+   use statistics, only: number_equal
    use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
+   use settings_schema, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
    public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, revert, fit_learner, &
-      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of
+      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, learning_type, history_type, new_learning, &
+      & batch_end, learn, close_batch, refit_all, change_basis, why_to_stop, left_out
 
    type :: learner_type
       class(basis_type), allocatable :: basis
@@ -27,6 +32,38 @@ module surrogate_learner
       !> ln evidence when it was last maximised.
       real(wp) :: log_evidence = 0.0_wp
    end type learner_type
+
+   !> Points of an informative prior before alpha and beta are first computed from the data.
+   integer, parameter :: fewest_points = 8
+   !> Points over which the error of the next points is averaged.
+   integer, parameter :: window = 20
+   !> The error improved if it fell below this share of the best before.
+   real(wp), parameter :: improvement = 0.98_wp
+
+   !> The state after a maximisation of the evidence.
+   type :: history_type
+      integer :: simulations = 0
+      !> Mean absolute errors, GPa: of each simulation left out, of each with all of its crystal, and of the next points before they were
+      !> data; the last is below 0 if there is none.
+      real(wp) :: loocv = 0.0_wp, leave_crystal_out = 0.0_wp, next = -1.0_wp
+      real(wp) :: alpha = 0.0_wp, beta = 0.0_wp, decay_rate = 0.0_wp, log_evidence = 0.0_wp
+      !> Of the coefficients, and their angle to those of the batch before, degrees.
+      real(wp) :: norm = 0.0_wp, angle_deg = 0.0_wp
+   end type history_type
+
+   type :: learning_type
+      type(learner_type) :: learner
+      type(design_settings_type) :: settings
+      !> As few points as the basis needs, and those before alpha and beta are first computed.
+      integer :: fewest = 0, first = 0
+      !> Simulations when the evidence was last maximised.
+      integer :: last_refit = 0
+      type(history_type), allocatable :: history(:)
+      !> Coefficients at the end of the last batch; errors of each point before it was data, GPa.
+      real(wp), allocatable :: last_mean(:), next_errors(:)
+   contains
+      procedure :: n => count_simulations
+   end type learning_type
 
 contains
 
@@ -271,4 +308,164 @@ contains
       surrogate%simulations = learner%simulations
       surrogate%provenance = provenance
    end subroutine surrogate_of
+
+   !> Without data; `initial` points before the evidence is first maximised, 0: as many as the basis needs.
+   subroutine new_learning(basis, settings, learning, error)
+      class(basis_type), intent(in) :: basis
+      type(design_settings_type), intent(in) :: settings
+      type(learning_type), intent(out) :: learning
+      type(error_type), allocatable, intent(out) :: error
+
+      call new_learner(basis, learning%learner, error)
+      if (allocated(error)) return
+      learning%settings = settings
+      learning%fewest = fewest_points
+      if (.not. allocated(basis%prior_degrees)) learning%fewest = basis%n_terms
+      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), settings%budget)
+      learning%last_mean = coefficient_mean(learning%learner%design%regression)
+      allocate (learning%history(0), learning%next_errors(0))
+   end subroutine new_learning
+
+   !> Simulations so far.
+   pure integer function count_simulations(self)
+      class(learning_type), intent(in) :: self
+
+      count_simulations = size(self%learner%simulations%modulus)
+   end function count_simulations
+
+   !> The number of points at which the batch that is under way ends.
+   pure integer function batch_end(learning)
+      type(learning_type), intent(in) :: learning
+
+      batch_end = learning%first
+      if (learning%n() >= learning%first) batch_end = min(learning%settings%budget, &
+         & learning%first + learning%settings%batch*((learning%n() - learning%first)/learning%settings%batch + 1))
+   end function batch_end
+
+   !> Take observations in; if they were chosen by the design, the covariance has them already.
+   subroutine learn(learning, constants, euler_deg, modulus, chosen, error)
+      type(learning_type), intent(inout) :: learning
+      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
+      logical, intent(in) :: chosen
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: predicted(size(modulus))
+
+      if (size(modulus) == 0) return
+      ! As of the end of the last batch, wherever in a batch a build was interrupted.
+      if (learning%n() >= learning%first) then
+         call predict_moduli(learning%learner, constants, euler_deg, predicted, learning%last_mean)
+         learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
+      end if
+      call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)
+   end subroutine learn
+
+   !> The end of a batch: the posterior, with new alpha and beta when it is time.
+   subroutine close_batch(learning, exactly, error)
+      type(learning_type), intent(inout) :: learning
+      !> Compute everything afresh.
+      logical, intent(in) :: exactly
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (n => learning%n(), before => learning%last_refit)
+         if (n > before .and. n >= learning%first .and. (before < learning%first .or. n - before >= learning%settings%refit &
+            & .or. n >= learning%settings%budget)) then
+            call refit_all(learning, error)
+         else
+            call update_posterior_mean(learning%learner%design, exactly, error)
+         end if
+      end associate
+      learning%last_mean = coefficient_mean(learning%learner%design%regression)
+   end subroutine close_batch
+
+   !> alpha and beta of largest evidence, and an entry of the history; nothing if that was done with these simulations.
+   subroutine refit_all(learning, error)
+      type(learning_type), intent(inout) :: learning
+      type(error_type), allocatable, intent(out) :: error
+      type(history_type) :: entry
+      real(wp), allocatable :: mean(:)
+      real(wp) :: cosine
+      integer :: i
+
+      if (learning%n() == learning%last_refit) return
+      call fit_learner(learning%learner, error)
+      if (allocated(error)) return
+      entry%simulations = learning%n()
+      call left_out(learning%learner, [(i, i=1, learning%n())], entry%loocv, error)
+      if (.not. allocated(error)) call left_out(learning%learner, number_equal(learning%learner%simulations%constants), &
+         & entry%leave_crystal_out, error)
+      if (allocated(error)) return
+      associate (errors => learning%next_errors, regression => learning%learner%design%regression)
+         if (size(errors) > 0) then
+            i = min(window, size(errors))
+            entry%next = sum(errors(size(errors) - i + 1:))/i
+         end if
+         entry%alpha = regression%alpha
+         entry%beta = regression%beta
+         entry%decay_rate = regression%decay_rate
+         mean = coefficient_mean(regression)
+      end associate
+      entry%log_evidence = learning%learner%log_evidence
+      entry%norm = norm2(mean)
+      cosine = dot_product(mean, learning%last_mean)/max(entry%norm*norm2(learning%last_mean), tiny(1.0_wp))
+      entry%angle_deg = acos(min(1.0_wp, max(-1.0_wp, cosine)))/degree
+      learning%history = [learning%history, entry]
+      learning%last_refit = entry%simulations
+   end subroutine refit_all
+
+   !> Train another basis on the same simulations, without candidates.
+   subroutine change_basis(learning, basis, error)
+      type(learning_type), intent(inout) :: learning
+      class(basis_type), intent(in) :: basis
+      type(error_type), allocatable, intent(out) :: error
+      type(learner_type) :: learner
+
+      call new_learner(basis, learner, error)
+      if (allocated(error)) return
+      associate (known => learning%learner%simulations)
+         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, .false., error)
+      end associate
+      if (.not. allocated(error)) call fit_learner(learner, error)
+      if (allocated(error)) return
+      learning%learner = learner
+      learning%last_mean = coefficient_mean(learner%design%regression)
+   end subroutine change_basis
+
+   !> Mean absolute error of each simulation with its whole group left out, GPa.
+   subroutine left_out(learner, groups, error_gpa, error)
+      type(learner_type), intent(inout) :: learner
+      !> Of each simulation, any numbers.
+      integer, intent(in) :: groups(:)
+      !> GPa.
+      real(wp), intent(out) :: error_gpa
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: modulus(size(groups)), z(size(groups))
+
+      error_gpa = 0.0_wp
+      call leave_out(learner, groups, modulus, z, error)
+      if (.not. allocated(error)) error_gpa = sum(abs(modulus - learner%simulations%modulus))/size(groups)
+   end subroutine left_out
+
+   !> Why to stop before the budget, or ''.
+   pure function why_to_stop(learning) result(reason)
+      type(learning_type), intent(in) :: learning
+      character(len=:), allocatable :: reason
+      logical :: early(size(learning%history))
+
+      reason = ''
+      if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) return
+      associate (history => learning%history, last => learning%history(size(learning%history)), &
+         & target_gpa => learning%settings%target_gpa, patience => learning%settings%patience)
+         if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
+            reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3)//' and '//to_text(last%next, 3) &
+               & //' GPa) reached '//to_text(target_gpa)//' GPa'
+            return
+         end if
+         early = history%simulations <= learning%n() - patience
+         if (patience == 0 .or. .not. any(early)) return
+         if (minval(history%leave_crystal_out, .not. early) <= improvement*minval(history%leave_crystal_out, early)) return
+         reason = 'the error did not improve over the last '//to_text(patience)//' simulations'
+      end associate
+   end function why_to_stop
+
 end module surrogate_learner

@@ -1,15 +1,15 @@
 !> The CSV tables that a problem names: crystals with orientations, measurements, candidates. Columns go by name; unknown
 !> ones are carried through.
 module point_tables
-   use checksums, only: hash_of
+   use files, only: hash_of
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, rotation_matrix
    use errors, only: error_type, refuse
    use kinds, only: degree, i8, pi, wp
-   use orientation_columns, only: find_ways, read_directions
-   use point_index, only: number_equal
+   use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, name_columns, nearest_to
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, name_columns, nearest_to, &
+      & read_directions
    use tables, only: read_table, table_type
    use text, only: join, to_text
    implicit none
@@ -46,8 +46,7 @@ module point_tables
       integer, allocatable :: tests(:)
       real(wp), allocatable :: chi_square(:)
    contains
-      procedure :: name
-      procedure :: directions
+      procedure :: name, directions
    end type points_type
 
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']

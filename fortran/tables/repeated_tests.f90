@@ -5,15 +5,13 @@
 module repeated_tests
    use crystal_class, only: crystal_class_type
    use distinct_directions, only: angle_between, new_region, region_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use kinds, only: degree, wp
-   use point_index, only: number_equal
    use point_tables, only: first_rows, points_type
-   use statistics, only: chi_square_above
+   use statistics, only: chi_square_above, number_equal
    use table_columns, only: find_column
    use text, only: fixed, to_text
-   use warning_lists, only: warn, warning_type
    implicit none
    private
    public :: combine_tests, judge_scatter, refuse_copied_rows

@@ -4,11 +4,9 @@
 !> Cells may be in double quotes (RFC 4180); blank lines, rows of empty cells and empty cells beyond the header are skipped; CRLF and a byte
 !> order mark are accepted. A row of units may follow the header.
 module tables
-   use checksums, only: checksum
    use errors, only: error_type, refuse
-   use files, only: new_file_type, printable, read_text_file
-   use numbers, only: number_malformed, number_ok, read_real, short_text
-   use text, only: append, lower, newline, quoted, split_list, to_text
+   use files, only: checksum, new_file_type, printable, read_text_file
+   use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, short_text, split_list, to_text
    use kinds, only: wp
    implicit none
    private
@@ -36,16 +34,7 @@ module tables
       integer, allocatable, private :: bounds(:, :, :)
       logical, private :: decimal_comma = .false.
    contains
-      procedure :: cell
-      procedure :: is_empty
-      procedure :: name
-      procedure :: called
-      procedure :: find
-      procedure :: number
-      procedure :: place
-      procedure :: refuse => refuse_cell
-      procedure :: join
-      procedure :: digest
+      procedure :: cell, is_empty, name, called, find, number, place, refuse => refuse_cell, join, digest
    end type table_type
 
 contains

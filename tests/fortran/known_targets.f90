@@ -3,7 +3,7 @@ module known_targets
    use kinds, only: wp
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
-   use sampling_target, only: outside, point_type, target_type
+   use abstract_sampler, only: outside, point_type, target_type
    implicit none
    private
    public :: banana_type, wavy_type

@@ -6,7 +6,7 @@ program test_campaign
    use errors, only: error_type
    use kinds, only: wp
    use simulate, only: outcome_done, outcome_failed
-   use sqlite, only: database_type
+   use campaign_file, only: database_type
    use testing, only: check, check_refused, check_success, class_of, finish
    use text, only: to_text
    implicit none

@@ -3,11 +3,10 @@ program test_chain_checkpoints
    use abstract_sampler, only: sampler_type
    use errors, only: error_type
    use files, only: file_exists, make_folder, read_bytes, replace_file
-   use chain_checkpoints, only: checkpoint_type, new_checkpoint
    use kinds, only: wp
    use known_targets, only: banana_type
    use running_command, only: remove_files
-   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_success, finish
    use text, only: to_text
    implicit none

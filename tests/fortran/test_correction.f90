@@ -1,21 +1,20 @@
 !> The specimen correction: coordinates and polynomials about the indenter's axis, the basis, its model of grains, and its file.
 program test_correction
    use abstract_basis, only: basis_type, grain_model_type, spread_of
-   use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_axial, n_coordinates, n_waves, wave_orders
-   use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use bases, only: new_basis
-   use correction_basis, only: correction_basis_type
+   use correction_basis, only: axial_polynomials_type, correction_basis_type, evaluate_polynomials, greatest_degree, &
+      & new_axial_polynomials
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: kelvin_form, logarithmic_mean, rotate_stiffness, rotation_matrix
    use errors, only: error_type
    use kinds, only: degree, pi, wp
    use linear_algebra, only: symmetric_eigen
-   use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use logarithmic_coordinates, only: axial_coordinates_of, kelvin_rotation, log_coordinates_type, log_frame_type, n_axial, &
+      & n_coordinates, n_waves, new_log_coordinates, wave_orders
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: new_domain, spread_crystals
-   use surrogate_file, only: load_surrogate, save_surrogate
-   use surrogate_model, only: new_grain_model, predict, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
    implicit none
 

@@ -3,13 +3,13 @@ program test_fe
    use, intrinsic :: iso_c_binding, only: c_ptr
    use errors, only: error_type
    use fe_assembly, only: assemble, assembly_type, new_assembly
-   use fe_contact, only: contact_residual, solve_contact
+   use fe_grid, only: contact_residual, solve_contact
    use fe_element, only: brick_full, brick_incompatible, brick_selective, brick_stiffness, brick_strain, &
       & infinite_stiffness
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
-   use mesh_plan, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
+   use abstract_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
    use random, only: new_random_stream, random_stream_type
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, free_analysis, &
       & release_factor, retained_factor, solve_factored

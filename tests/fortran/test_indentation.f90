@@ -1,21 +1,19 @@
 !> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
 program test_indentation
-   use abstract_indenter, only: indenter_type
    use abstract_specimen, only: specimen_type
-   use choices, only: all_choices
+   use problem_input, only: all_choices
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
-   use fe_mesh, only: mesh_type
-   use indenters, only: indenter_names, new_indenter
+   use fe_mesh, only: mesh_type, new_mesh
+   use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
-   use memory, only: check_memory, free_memory, memory_text
+   use machine, only: check_memory, free_memory, memory_text
    use mesh_resolution, only: largest_mesh_error, resolution_warning
-   use physics_identity, only: identity_text
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
-   use simulate, only: new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
+   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
    use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
    use text, only: split_list, to_text
@@ -54,7 +52,7 @@ contains
          settings%specimen%geometry = trim(names(i))
          call new_specimen(settings, 0.5_wp, specimen, error)
          call check_success('specimen '//names(i), error)
-         call specimen%make(0.6_wp, mesh, error)
+         call new_mesh(specimen%plan(0.6_wp), mesh, error)
          call check_success('mesh '//names(i), error)
          call check('contact nodes, and something that holds the mesh: '//names(i), size(mesh%contact) > 50 &
             & .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
@@ -83,7 +81,7 @@ contains
          call new_specimen(settings, blocks(3, i), specimen, error)
          call check_success('block', error)
          call check('it has a length', specimen%has_length)
-         call specimen%make(1.0_wp, mesh, error)
+         call new_mesh(specimen%plan(1.0_wp), mesh, error)
          call check_success('its mesh', error)
          associate (x => mesh%x, first => mesh%brick(:, 1))
             call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), 1.0e-12_wp*blocks(1, i))

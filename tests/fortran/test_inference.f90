@@ -1,23 +1,21 @@
 !> Step 2: polynomials of the covariance, mixtures, samplers on known targets, error models.
 program test_inference
-   use abstract_error_model, only: error_model_type
-   use abstract_observable, only: observable_type
    use abstract_sampler, only: sampler_type
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
-   use error_models, only: new_error_model
+   use error_models, only: error_model_type, new_error_model
    use errors, only: error_type
    use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type, wavy_type
-   use observables, only: new_observable
+   use observables, only: new_observable, observable_type
    use output_polynomial, only: fit_output_polynomial, is_fitted, output_polynomial_type, polynomial_degree, polynomial_terms
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
    use text, only: to_text
-   use vector_math, only: exp_all, transposed_product
+   use linear_algebra, only: exp_all, transposed_product
    implicit none
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.

@@ -4,14 +4,14 @@ program test_input
    use errors, only: error_type
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, parse_namelist
-   use choices, only: all_choices
-   use settings_checks, only: check_settings
+   use problem_input, only: all_choices
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
+   use settings_checks, only: check_settings
    use settings_reader, only: read_settings
    use settings_list, only: kind_choice, kind_integer, kind_real
-   use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
+   use text, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
    use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
    use testing, only: check, check_refused, check_success, finish

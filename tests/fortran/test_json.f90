@@ -3,7 +3,7 @@ program test_json
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
    use json, only: json_type
    use kinds, only: wp
-   use numbers, only: number_malformed, number_not_finite, number_ok, number_text, read_real
+   use text, only: number_malformed, number_not_finite, number_ok, number_text, read_real
    use testing, only: check, finish
    implicit none
 

@@ -7,10 +7,9 @@ program test_summary
    use known_targets, only: banana_type
    use logarithmic_coordinates, only: log_frame_type, new_log_coordinates
    use next_measurement, only: candidates_type, choose_measurements, expected_gains, suggestions_type
-   use posterior_summary, only: combination_type, correlate, find_combinations, parameter_type, summarise_parameters
+   use posterior_summary, only: climb, combination_type, correlate, find_combinations, parameter_type, summarise_parameters
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type
-   use simplex_search, only: climb
    use statistics, only: flattened
    use testing, only: check, check_close, check_refused, check_success, finish
    implicit none

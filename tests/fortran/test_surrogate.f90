@@ -12,8 +12,7 @@ program test_surrogate
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
-   use surrogate_file, only: load_surrogate, save_surrogate
-   use surrogate_model, only: new_grain_model, predict, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, finish
    implicit none
 

@@ -1,11 +1,10 @@
 !> The half-space theory, in full and read from a field, and the coordinates of Step 2.
 program test_theory
-   use barnett_lothe, only: inverse_barnett, lanes
    use compliance_field, only: field_moduli, field_type, new_field
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: anisotropy_index, is_stable, log_anisotropy, voigt_index
    use errors, only: error_type
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use halfspace_theory, only: halfspace_modulus, halfspace_type, inverse_barnett, lanes
    use kinds, only: pi, wp
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
    use random, only: new_random_stream, random_stream_type

@@ -140,7 +140,7 @@ def arviz_data(groups: dict):
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     """What Step 2 found by the groups of ArviZ' schema: of each the variables (axes, values; coordinates have the name of their axis)
-    and facts. `found`: by the names of fortran/pipeline/posterior_file.f90; fortran/inference/model_checks.f90 says what a likelihood
+    and facts. `found`: by the names of fortran/pipeline/extraction_document.f90; fortran/inference/model_checks.f90 says what a likelihood
     and a prediction are."""
     document = json.loads(found["document"])
     names, units = constant_names(found["symmetry"]), quantity_names(found["symmetry"])

@@ -21,7 +21,7 @@ class Posterior(NativeObject):
     """The density of the constants, and of the logarithm of a factor on the sds where that is inferred, that a problem asks for.
 
     `what`: `DENSITY`; `PRIOR`, which leaves the data out; `EXTRACTION`, all of Step 2: chains of both, `values` by the names of
-    fortran/pipeline/posterior_file.f90 with the axes reversed, and the `document` of `extract`.
+    fortran/pipeline/extraction_document.f90 with the axes reversed, and the `document` of `extract`.
     """
 
     kind = "posterior"

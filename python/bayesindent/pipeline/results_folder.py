@@ -29,7 +29,7 @@ def read_resolved(folder: Path) -> str:
 
 
 def read_posterior(folder: Path) -> dict:
-    """The numbers of Step 2 by their names, see fortran/pipeline/posterior_file.f90; nothing where there are none."""
+    """The numbers of Step 2 by their names, see fortran/pipeline/extraction_document.f90; nothing where there are none."""
     if not (folder / "posterior.bin").exists():
         return {}
     return call("file.read_posterior", folder=folder)

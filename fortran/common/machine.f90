@@ -1,13 +1,15 @@
-!> What the machine has left. Sizes come from users: what cannot be had is refused in words before it is asked for, since the
-!> system would end the process when it is used, not when it is allocated.
-module memory
+!> What the machine has: memory, and processors for threads. Sizes come from users: what cannot be had is refused in words before it is
+!> asked for, since the system would end the process when it is used, not when it is allocated.
+module machine
    use, intrinsic :: iso_c_binding, only: c_double
    use errors, only: error_type, machine_failure, raise
+   use files, only: process_number
    use kinds, only: wp
+   use omp_lib, only: omp_get_num_procs
    use text, only: to_text
    implicit none
    private
-   public :: check_memory, free_memory, memory_text, raise_no_memory
+   public :: check_memory, free_memory, memory_text, raise_no_memory, thread_count
 
    !> Bytes that OpenBLAS takes for each thread; where it cannot, it waits for ever.
    real(wp), parameter, public :: blas_bytes = 1.5e8_wp
@@ -18,6 +20,9 @@ module memory
          import :: c_double
       end function free_memory
    end interface
+
+   !> The process in which threads were first asked for.
+   integer :: first_process = 0
 
 contains
 
@@ -65,4 +70,18 @@ contains
          string = to_text(nint(1.0e-12_wp*min(bytes, 1.0e21_wp)))//' TB'
       end if
    end function in_units
-end module memory
+
+   !> As many as are wanted, 0: one for each processor that this process may use; at most four for each, since more gain nothing. One in a
+   !> process that was forked from one with threads, which it has not inherited though OpenMP waits for them.
+   integer function thread_count(wanted)
+      integer, intent(in) :: wanted
+
+      thread_count = min(wanted, 4*omp_get_num_procs())
+      if (wanted <= 0) thread_count = omp_get_num_procs()
+      !$omp critical (machine)
+      if (first_process == 0) first_process = process_number()
+      if (first_process /= process_number()) thread_count = 1
+      !$omp end critical (machine)
+   end function thread_count
+
+end module machine
