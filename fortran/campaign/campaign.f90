@@ -5,12 +5,11 @@
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use files, only: checksum
-   use campaign_file, only: begin_transaction, database_type, end_transaction, name_file, open_campaign_file, raise_damaged, &
-      & statement_type
+   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, statement_type
    use errors, only: error_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: number_ok, number_text, read_integer, read_real, to_text
+   use text, only: number_ok, number_text, quoted, read_integer, read_real, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -39,7 +38,8 @@ module campaign
       character(len=:), allocatable, private :: identity
       type(database_type), private :: file
       type(statement_type), private :: lookup, insertion
-      integer(i8), private :: physics = 0
+      !> The number of the physics in the file.
+      character(len=:), allocatable, private :: physics
       !> Rows on their way to the disk, and since when the first of them waits.
       type(row_type), allocatable, private :: waiting(:)
       integer, private :: n_waiting = 0
@@ -83,12 +83,13 @@ contains
       self%path = path
       self%identity = identity
       call open_campaign_file(path, self%file, error)
-      if (.not. allocated(error)) call find_physics(self, identity, error)
+      if (.not. allocated(error)) call self%file%run('INSERT OR IGNORE INTO physics (identity) VALUES (' &
+         & //quoted(identity, '''')//')', error)
+      if (.not. allocated(error)) call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
+         & self%physics, error)
       if (.not. allocated(error)) call self%file%prepare(lookup, self%lookup, error)
       if (.not. allocated(error)) call self%file%prepare(insertion, self%insertion, error)
-      if (.not. allocated(error)) return
-      call name_file(self%path, error)
-      call self%close()
+      if (allocated(error)) call self%close()
    end subroutine open_campaign
 
    !> Close the file; a closed campaign may be closed again.
@@ -105,28 +106,6 @@ contains
 
       call self%close()
    end subroutine finalize_campaign
-
-   !> The number of the physics of an identity, which is entered if it is new.
-   subroutine find_physics(self, identity, error)
-      type(campaign_type), intent(inout) :: self
-      character(len=*), intent(in) :: identity
-      type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: statements(2) = [character(len=60) :: &
-         & 'INSERT OR IGNORE INTO physics (identity) VALUES (?)', 'SELECT id FROM physics WHERE identity = ?']
-      type(statement_type) :: statement
-      logical :: found
-      integer :: i
-
-      do i = 1, 2
-         call self%file%prepare(trim(statements(i)), statement, error)
-         if (allocated(error)) return
-         call statement%bind(1, identity)
-         call statement%step(found, error)
-         if (found) self%physics = statement%integer(1)
-         call statement%finish()
-         if (allocated(error)) return
-      end do
-   end subroutine find_physics
 
    !> All rows of this physics, of one symmetry or, of '', of all, in order of choice.
    subroutine rows(self, symmetry, found, error)
@@ -149,7 +128,7 @@ contains
          call statement%step(more, error)
          if (more) then
             deallocate (found)
-            allocate (found(statement%integer(14)))
+            allocate (found(nint(statement%real(14))))
          end if
       end if
       do i = 1, size(found)
@@ -157,7 +136,6 @@ contains
          if (.not. allocated(error)) call statement%step(more, error)
       end do
       call statement%finish()
-      call name_file(self%path, error)
    end subroutine rows
 
    !> The row of a point, if it is there.
@@ -179,7 +157,6 @@ contains
       call self%lookup%step(found, error)
       if (found) call self%read_row(self%lookup, row, error)
       call self%lookup%reset()
-      call name_file(self%path, error)
    end subroutine find
 
    !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
@@ -196,7 +173,7 @@ contains
          message = ''
          if (allocated(outcome%message) .and. .not. is_done) message = outcome%message
          call to%bind(1, self%physics)
-         if (row%position >= 0) call to%bind(2, int(row%position, i8))
+         if (row%position >= 0) call to%bind(2, to_text(row%position))
          words = self%identity
          call bind_word(3, trim(row%symmetry))
          call bind_word(4, list_text(row%constants))
@@ -207,13 +184,12 @@ contains
          call bind_curve(12, outcome%depth)
          call bind_curve(13, outcome%force)
          if (is_done) call to%bind(9, outcome%modulus)
-         if (outcome%elements > 0) call to%bind(10, int(outcome%elements, i8))
+         if (outcome%elements > 0) call to%bind(10, to_text(outcome%elements))
          if (outcome%seconds > 0.0_wp) call to%bind(11, outcome%seconds)
          call to%bind(14, row_checksum(words, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, outcome%seconds))
          call to%step(found, error)
          call to%reset()
       end associate
-      call name_file(self%path, error)
 
    contains
 
@@ -277,18 +253,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call self%file%run(begin_transaction, error)
-      call name_file(self%path, error)
    end subroutine begin_change
 
    !> Keep what was changed, unless there is an error.
    subroutine end_change(self, error)
       class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(inout) :: error
-      logical :: failed
 
-      failed = allocated(error)
       call end_transaction(self%file, error)
-      if (.not. failed) call name_file(self%path, error)
    end subroutine end_change
 
    !> The `position` of a row to come.
@@ -300,10 +272,8 @@ contains
       integer :: outcome
 
       position = 0
-      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//to_text(self%physics), &
-         & found, error)
+      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//self%physics, found, error)
       if (.not. allocated(error)) call read_integer(found, position, outcome)
-      call name_file(self%path, error)
    end subroutine next_position
 
    !> The identities of the other physics in the file that have rows, one a line.
@@ -313,9 +283,8 @@ contains
       character(len=:), allocatable, intent(out) :: identities
       type(error_type), allocatable, intent(out) :: error
 
-      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//to_text(self%physics) &
+      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//self%physics &
          & //' AND id IN (SELECT physics_id FROM simulation)', identities, error)
-      call name_file(self%path, error)
    end subroutine other_physics
 
    !> The row that a statement is at.
@@ -329,7 +298,7 @@ contains
       logical :: good(5)
 
       words = self%identity
-      row%position = int(statement%integer(1))
+      row%position = nint(statement%real(1))
       call read_word(2)
       row%symmetry = word
       call read_list(3, row%constants, good(1))
@@ -341,7 +310,7 @@ contains
       call read_word(7)
       row%outcome%message = word
       row%outcome%modulus = statement%real(8)
-      row%outcome%elements = int(statement%integer(9))
+      row%outcome%elements = nint(statement%real(9))
       row%outcome%seconds = statement%real(10)
       call read_list(11, row%outcome%depth, good(3))
       call read_list(12, row%outcome%force, good(4))

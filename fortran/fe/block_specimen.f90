@@ -1,6 +1,6 @@
 !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else is stated.
 module block_specimen
-   use abstract_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, specimen_type
+   use basic_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, specimen_type
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
    use settings_schema, only: settings_type

@@ -7,7 +7,7 @@
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_mesh, only: mesh_type, new_mesh

@@ -3,7 +3,7 @@
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, exit_bad_input, machine_failure, raise
    use fe_element, only: brick_full, brick_incompatible, brick_selective

@@ -4,7 +4,7 @@
 !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
 !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
 module film_specimen
-   use abstract_specimen, only: clamped_around, core_of_contact, graded_layers, mesh_plan_type, mesh_stage_type, require, &
+   use basic_specimen, only: clamped_around, core_of_contact, graded_layers, mesh_plan_type, mesh_stage_type, require, &
       & specimen_type
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type, exit_bad_input, raise

@@ -1,7 +1,7 @@
 !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite elements of
 !> the matrix around it.
 module grain_specimen
-   use abstract_specimen, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
+   use basic_specimen, only: core_of_contact, graded_layers, layers_of_ratio, mesh_plan_type, mesh_stage_type, require, &
       & specimen_type, to_ball, to_cylinder
    use crystal_elasticity, only: polycrystal_stiffness
    use errors, only: error_type, exit_bad_input, raise

@@ -3,17 +3,13 @@
 !> Measured on the half-space against the exact theory (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
 !> largest error grows with its power 3.5, and falls with the square of the fineness. Films add what `contrast_error` says.
 module mesh_resolution
-   use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use crystal_elasticity, only: log_anisotropy
-   use errors, only: error_type
    use kinds, only: wp
-   use settings_schema, only: settings_type
-   use specimens, only: new_indentation
    use text, only: to_text
    implicit none
    private
-   public :: largest_mesh_error, resolution_warning, wants_extrapolation
+   public :: mesh_error, resolution_warning, wants_extrapolation
 
    !> Largest error at log-anisotropy 1 and the fineness of the study (elements per contact radius), relative.
    real(wp), parameter :: worst_incompatible = 1.0e-3_wp, worst_plain = 1.3e-3_wp, studied_fineness = 9.5_wp
@@ -55,36 +51,6 @@ contains
       wants_extrapolation = specimen%element == 'c3d8i' .and. (specimen%estimator /= 'curve' .or. &
          & mesh_error(specimen, refine, stiffness, .false.) > limit_of_one_mesh)
    end function wants_extrapolation
-
-   !> The error of each crystal as &simulation has it simulated, and which of them are extrapolated without being asked.
-   subroutine largest_mesh_error(settings, stiffness, largest, extended)
-      type(settings_type), intent(in) :: settings
-      !> GPa (6, 6, crystals).
-      real(wp), intent(in) :: stiffness(:, :, :)
-      !> Relative (crystals).
-      real(wp), intent(out) :: largest(:)
-      !> (crystals).
-      logical, intent(out) :: extended(:)
-      type(error_type), allocatable :: error
-      class(indenter_type), allocatable :: indenter
-      class(specimen_type), allocatable :: specimen
-      logical :: asked
-      integer :: i
-
-      largest = 0.0_wp
-      extended = .false.
-      call new_indentation(settings, indenter, specimen, error)
-      if (allocated(error)) return
-      associate (simulation => settings%simulation)
-         asked = .false.
-         if (allocated(simulation%extrapolate)) asked = simulation%extrapolate
-         do i = 1, size(largest)
-            if (.not. allocated(simulation%extrapolate)) extended(i) = &
-               & wants_extrapolation(specimen, simulation%refine, stiffness(:, :, i))
-            largest(i) = mesh_error(specimen, simulation%refine, stiffness(:, :, i), asked .or. extended(i))
-         end do
-      end associate
-   end subroutine largest_mesh_error
 
    !> A warning of crystals whose remaining error is large; '' if there are none. Crystals are counted from 1.
    pure function resolution_warning(largest) result(warning)

@@ -1,11 +1,10 @@
 !> The specimens there are: their names, and one by its settings.
 module specimens
-   use abstract_specimen, only: finest_edge, specimen_type
+   use basic_specimen, only: finest_edge, halfspace_name, specimen_type
    use block_specimen, only: block_name, block_specimen_type
    use errors, only: error_type, exit_bad_input, raise
    use film_specimen, only: film_name, film_specimen_type
    use grain_specimen, only: grain_name, grain_specimen_type
-   use halfspace_specimen, only: halfspace_name, halfspace_specimen_type
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_schema, only: settings_type
@@ -27,7 +26,7 @@ contains
 
       select case (settings%specimen%geometry)
       case (halfspace_name)
-         allocate (halfspace_specimen_type :: specimen)
+         allocate (specimen)
       case (block_name)
          allocate (block_specimen_type :: specimen)
       case (film_name)

@@ -9,14 +9,14 @@
 !> changes here orphans every campaign.
 module simulate
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_failure, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, numerics_revision, &
       & simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
-   use mesh_resolution, only: largest_mesh_error, resolution_warning
+   use mesh_resolution, only: mesh_error, resolution_warning, wants_extrapolation
    use namelist_file, only: place, value_type
    use settings_list, only: is_text, kind_logical, settings_list_type
    use settings_schema, only: list_settings, settings_type
@@ -178,13 +178,24 @@ contains
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
-
-      logical :: extended(size(largest))
+      class(indenter_type), allocatable :: indenter
+      class(specimen_type), allocatable :: specimen
+      type(error_type), allocatable :: error
+      logical :: two_meshes
+      integer :: i
 
       largest = 0.0_wp
       warning = ''
       if (settings%simulation%simulator /= 'fe') return
-      call largest_mesh_error(settings, stiffness, largest, extended)
+      call new_indentation(settings, indenter, specimen, error)
+      if (allocated(error)) return
+      associate (asked => settings%simulation)
+         do i = 1, size(largest)
+            two_meshes = wants_extrapolation(specimen, asked%refine, stiffness(:, :, i))
+            if (allocated(asked%extrapolate)) two_meshes = asked%extrapolate
+            largest(i) = mesh_error(specimen, asked%refine, stiffness(:, :, i), two_meshes)
+         end do
+      end associate
       warning = resolution_warning(largest)
    end subroutine simulation_error
 
