@@ -101,10 +101,13 @@ contains
    subroutine fill_box(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
+      integer, allocatable :: top(:)
       integer :: n, i, j
 
       n = plan%half_cells
       allocate (self%at(0:2*n, 0:2*n, 0:0))
+      ! Those below come first.
+      self%nodes = plan%depth_cells*(2*n + 1)**2
       do j = -n, n
          do i = -n, n
             self%nodes = self%nodes + 1
@@ -118,8 +121,11 @@ contains
       if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
          self%contact_limit = plan%half_width - self%element_size
       end if
-      self%contact = pack([(i, i=1, self%nodes)], norm2(self%x(:2, :self%nodes), dim=1) <= self%contact_limit*(1.0_wp + equal))
+      top = reshape(self%at, [size(self%at)])
+      self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
+      self%nodes = 0
       call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth), self)
+      self%nodes = maxval(top)
    end subroutine fill_box
 
    !> Levels of equal bricks under the bottom of the surface, which is flat and uniform.

@@ -178,17 +178,15 @@ contains
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
-      class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
-      type(error_type), allocatable :: error
       logical :: two_meshes
       integer :: i
 
       largest = 0.0_wp
       warning = ''
       if (settings%simulation%simulator /= 'fe') return
-      call new_indentation(settings, indenter, specimen, error)
-      if (allocated(error)) return
+      call find_specimen(settings, specimen)
+      if (.not. allocated(specimen)) return
       associate (asked => settings%simulation)
          do i = 1, size(largest)
             two_meshes = wants_extrapolation(specimen, asked%refine, stiffness(:, :, i))
