@@ -316,56 +316,53 @@ contains
       file%path = path
       if (len(folder_of(path)) > 0) call make_folder(folder_of(path), error)
       if (allocated(error)) return
-      if (.not. file_exists(path)) call create(path, error)
+      if (.not. file_exists(path)) call create()
       if (.not. allocated(error)) call file%open(path, error)
       if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
-      if (.not. allocated(error)) call verify(path, file, error)
+      if (.not. allocated(error)) call verify()
       if (.not. allocated(error)) call migrate(file, error)
       call name_file(path, error)
+
+   contains
+
+      !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
+      subroutine create()
+         type(database_type) :: part
+
+         part%path = path
+         ! A file of our own, whatever is there of this name.
+         call replace_file(name_beside(path), '', error)
+         if (.not. allocated(error)) call part%open(name_beside(path), error)
+         if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
+         call part%close()
+         call place_new_file(path, whole=.not. allocated(error))
+      end subroutine create
+
+      !> That the file is a whole campaign of a version that is known.
+      subroutine verify()
+         character(len=:), allocatable :: found
+
+         call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
+         if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
+         if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
+         if (allocated(error)) return
+         if (found /= application_id) then
+            call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
+            return
+         end if
+         call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
+         if (allocated(error)) return
+         if (len(found) > 0) then
+            call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
+            return
+         end if
+         call file%value('PRAGMA integrity_check(1)', found, error)
+         ! The first line of a complaint is a heading.
+         if (found == 'ok' .or. allocated(error)) return
+         found = found(index(found, newline, back=.true.) + 1:)
+         call raise_damaged(path, found, error)
+      end subroutine verify
    end subroutine open_campaign_file
-
-   !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
-   subroutine create(path, error)
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      type(database_type) :: file
-
-      file%path = path
-      ! A file of our own, whatever is there of this name.
-      call replace_file(name_beside(path), '', error)
-      if (.not. allocated(error)) call file%open(name_beside(path), error)
-      if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
-      call file%close()
-      call place_new_file(path, whole=.not. allocated(error))
-   end subroutine create
-
-   !> That the file is a whole campaign of a version that is known.
-   subroutine verify(path, file, error)
-      character(len=*), intent(in) :: path
-      type(database_type), intent(in) :: file
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
-
-      call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
-      if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
-      if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
-      if (allocated(error)) return
-      if (found /= application_id) then
-         call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
-         return
-      end if
-      call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
-      if (allocated(error)) return
-      if (len(found) > 0) then
-         call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
-         return
-      end if
-      call file%value('PRAGMA integrity_check(1)', found, error)
-      ! The first line of a complaint is a heading.
-      if (found == 'ok' .or. allocated(error)) return
-      found = found(index(found, newline, back=.true.) + 1:)
-      call raise_damaged(path, found, error)
-   end subroutine verify
 
    !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
    subroutine migrate(file, error)

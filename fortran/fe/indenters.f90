@@ -3,7 +3,7 @@
 !> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with a the contact radius, whatever the
 !> shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use settings_schema, only: indenter_settings_type
    use text, only: to_text
@@ -52,7 +52,7 @@ contains
       case (sphere_name)
          allocate (sphere_indenter_type :: indenter)
       case default
-         call raise(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names, exit_bad_input)
+         call refuse(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names)
          return
       end select
       call indenter%set_up(settings)
@@ -132,8 +132,8 @@ contains
       real(wp), intent(in) :: length
       type(error_type), allocatable, intent(out) :: error
 
-      if (.not. length < self%radius) call raise(error, variable//': '//to_text(length) &
-         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um', exit_bad_input)
+      if (.not. length < self%radius) call refuse(error, variable//': '//to_text(length) &
+         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um')
    end subroutine check_length
 
    subroutine sphere_set_up(self, settings)

@@ -16,7 +16,6 @@ module simulate
       & simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
-   use mesh_resolution, only: mesh_error, resolution_warning, wants_extrapolation
    use namelist_file, only: place, value_type
    use settings_list, only: is_text, kind_logical, settings_list_type
    use settings_schema, only: list_settings, settings_type
@@ -189,13 +188,50 @@ contains
       if (.not. allocated(specimen)) return
       associate (asked => settings%simulation)
          do i = 1, size(largest)
-            two_meshes = wants_extrapolation(specimen, asked%refine, stiffness(:, :, i))
+            two_meshes = specimen%wants_extrapolation(asked%refine, stiffness(:, :, i))
             if (allocated(asked%extrapolate)) two_meshes = asked%extrapolate
-            largest(i) = mesh_error(specimen, asked%refine, stiffness(:, :, i), two_meshes)
+            largest(i) = specimen%mesh_error(asked%refine, stiffness(:, :, i), two_meshes)
          end do
       end associate
       warning = resolution_warning(largest)
    end subroutine simulation_error
+
+   !> A warning of crystals whose remaining error is large; '' if there are none. Crystals are counted from 1.
+   pure function resolution_warning(largest) result(warning)
+      !> The error that remains for each crystal, relative (crystals).
+      real(wp), intent(in) :: largest(:)
+      character(len=:), allocatable :: warning
+      !> From this error on a result is warned of.
+      real(wp), parameter :: limit = 0.01_wp
+      integer :: percent(2)
+
+      warning = ''
+      if (.not. any(largest > limit)) return
+      percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
+      warning = 'the crystal is'
+      if (size(largest) > 1) warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
+      warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
+      if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
+      warning = warning//' %: refine, extrapolate, or compare with the theory'//rows_of(largest > limit)
+   end function resolution_warning
+
+   !> The numbers of those that are chosen from several, in brackets.
+   pure function rows_of(chosen) result(words)
+      logical, intent(in) :: chosen(:)
+      character(len=:), allocatable :: words
+      integer, parameter :: most_listed = 10
+      integer, allocatable :: number(:)
+      integer :: i
+
+      words = ''
+      if (size(chosen) == 1) return
+      number = pack([(i, i=1, size(chosen))], chosen)
+      do i = 1, min(size(number), most_listed)
+         words = words//', '//to_text(number(i))
+      end do
+      if (size(number) > most_listed) words = words//', ..'
+      words = ' (rows '//words(3:)//')'
+   end function rows_of
 
    !> The identity of the physics of a problem.
    function identity_text(settings) result(identity)

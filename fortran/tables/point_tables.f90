@@ -87,11 +87,8 @@ contains
       integer, intent(in) :: i
       character(len=:), allocatable :: name
 
-      if (self%named_by > 0) then
-         name = self%table%cell(self%named_by, self%row(i))
-      else
-         name = to_text(i)
-      end if
+      name = to_text(i)
+      if (self%named_by > 0) name = self%table%cell(self%named_by, self%row(i))
    end function name
 
    !> The indented direction of each point in crystal axes, (3, n).
@@ -280,6 +277,7 @@ contains
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
+      !> The class whose constants are all entries.
       type(crystal_class_type) :: general
       real(wp), allocatable :: values(:)
       integer, allocatable :: own(:, :)
@@ -312,9 +310,46 @@ contains
          end associate
       end do
       do i = 1, points%n
-         call take_constants(points, i, general, own(:, points%class(i)), column, error)
+         call take_constants(own(:, points%class(i)))
          if (allocated(error)) return
       end do
+
+   contains
+
+      !> Of the entries of row i the constants of its class, and the stiffness.
+      subroutine take_constants(own)
+         !> Which entries are the constants of the row's class.
+         integer, intent(in) :: own(21)
+         real(wp) :: entries(21), implied(21)
+         integer :: k
+
+         entries = points%constants(:, i)
+         points%constants(:, i) = nan
+         associate (class => points%classes(points%class(i)), table => points%table)
+            do k = 1, class%n_constants
+               j = own(k)
+               if (column(j) == 0) then
+                  call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
+                     & //join(class%constants, ', '))
+               else if (.not. abs(entries(j)) <= stiffness_most) then
+                  call table%number(column(j), i, entries(j), error)
+               end if
+               if (allocated(error)) return
+               points%constants(k, i) = entries(j)
+            end do
+            points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
+            ! A constant that does not apply is empty, or what the symmetry makes it.
+            implied = general%constants_of(points%stiffness(:, :, i))
+            do j = 1, 21
+               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+                  & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
+               return
+            end do
+         end associate
+         call check_stiffness(points%stiffness(:, :, i), error)
+         if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+      end subroutine take_constants
    end subroutine read_constants
 
    !> The class of each row, which may say it.
@@ -351,46 +386,6 @@ contains
          points%class(i) = j
       end do
    end subroutine read_classes
-
-   !> Of the entries of row i the constants of its class, and the stiffness.
-   subroutine take_constants(points, i, general, own, column, error)
-      type(points_type), intent(inout) :: points
-      integer, intent(in) :: i
-      !> The class whose constants are all entries.
-      type(crystal_class_type), intent(in) :: general
-      !> Which entries are the constants of the row's class; the columns of all, or 0.
-      integer, intent(in) :: own(21), column(21)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: entries(21), implied(21)
-      integer :: j, k
-
-      entries = points%constants(:, i)
-      points%constants(:, i) = nan
-      associate (class => points%classes(points%class(i)), table => points%table)
-         do k = 1, class%n_constants
-            j = own(k)
-            if (column(j) == 0) then
-               call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
-                  & //join(class%constants, ', '))
-            else if (.not. abs(entries(j)) <= stiffness_most) then
-               call table%number(column(j), i, entries(j), error)
-            end if
-            if (allocated(error)) return
-            points%constants(k, i) = entries(j)
-         end do
-         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-         ! A constant that does not apply is empty, or what the symmetry makes it.
-         implied = general%constants_of(points%stiffness(:, :, i))
-         do j = 1, 21
-            if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
-            call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
-               & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
-            return
-         end do
-      end associate
-      call check_stiffness(points%stiffness(:, :, i), error)
-      if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
-   end subroutine take_constants
 
    !> A column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
    subroutine read_optional(table, name, allowed, unit, values, error)

@@ -9,7 +9,6 @@ program test_indentation
    use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
    use machine, only: check_memory, free_memory, memory_text
-   use mesh_resolution, only: resolution_warning
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
@@ -270,8 +269,9 @@ contains
          & to_text(coarse(1))//' '//to_text(coarse(2)))
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
          & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
-      call check('no warning for copper', resolution_warning(coarse(:1)) == '')
-      warning = resolution_warning(coarse)
+      call simulation_error(settings, pair(:, :, :1), block(:1), warning)
+      call check('no warning for copper', warning == '')
+      call simulation_error(settings, pair, block, warning)
       call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
          & .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution
