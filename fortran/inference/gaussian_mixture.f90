@@ -1,7 +1,7 @@
 !> Mixtures of normal densities: evaluate, draw, and fit to weighted points by expectation-maximisation.
 module gaussian_mixture
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, exp_all
+   use linear_algebra, only: exp_all, multiply
    use random, only: random_stream_type
    use small_matrices, only: factor_definite, solve_lower
    use statistics, only: sort_order
@@ -37,7 +37,7 @@ contains
       do i = 1, many
          responsibility(1 + (i - 1)*components/many, order(i)) = 1.0_wp
       end do
-      call maximise(points, responsibility, mixture)
+      call maximise(products_of(points), responsibility, mixture)
    end subroutine new_mixture
 
    pure subroutine allocate_mixture(mixture, n, components)
@@ -115,10 +115,11 @@ contains
       real(wp), intent(in), contiguous :: points(:, :), weights(:)
       integer, intent(in) :: steps
       type(mixture_type), intent(inout) :: mixture
-      real(wp), allocatable :: responsibility(:, :)
+      real(wp), allocatable :: responsibility(:, :), products(:, :)
       real(wp) :: terms(mixture%components)
       integer :: step, p
 
+      products = products_of(points)
       allocate (responsibility(mixture%components, size(weights)))
       do step = 1, steps
          do p = 1, size(weights)
@@ -127,44 +128,51 @@ contains
             call exp_all(terms, responsibility(:, p))
             responsibility(:, p) = weights(p)/sum(responsibility(:, p))*responsibility(:, p)
          end do
-         call maximise(points, responsibility, mixture)
+         call maximise(products, responsibility, mixture)
       end do
    end subroutine fit_mixture
 
-   !> Weights, means and covariances from weighted responsibilities; a component that has lost its points is left out for good.
-   subroutine maximise(points, responsibility, mixture)
-      !> (n, many), (component, many).
-      real(wp), intent(in), contiguous :: points(:, :), responsibility(:, :)
-      type(mixture_type), intent(inout) :: mixture
-      real(wp), parameter :: floor_variance = 1.0e-6_wp
-      real(wp) :: totals(mixture%components), mean(mixture%components, mixture%n), covariance(mixture%n, mixture%n)
-      real(wp), allocatable :: deviations(:, :)
-      integer :: m, j, p
+   !> 1, the coordinates and their products, of each point, (point, product): weights, means and covariances follow from their sums.
+   pure function products_of(points) result(products)
+      !> (n, many).
+      real(wp), intent(in) :: points(:, :)
+      real(wp), allocatable :: products(:, :)
+      integer :: i, j, n
 
-      totals = 0.0_wp
-      mean = 0.0_wp
-      do p = 1, size(points, 2)
-         totals = totals + responsibility(:, p)
-         do j = 1, mixture%n
-            mean(:, j) = mean(:, j) + points(j, p)*responsibility(:, p)
+      n = size(points, 1)
+      allocate (products(size(points, 2), (n + 1)*(n + 2)/2))
+      products(:, 1) = 1.0_wp
+      products(:, 2:n + 1) = transpose(points)
+      do j = 1, n
+         do i = 1, j
+            products(:, 1 + n + (j - 1)*j/2 + i) = products(:, 1 + i)*products(:, 1 + j)
          end do
       end do
-      mixture%weight = totals/sum(totals)
-      allocate (deviations, mold=points)
+   end function products_of
+
+   !> Weights, means and covariances from weighted responsibilities; a component that has lost its points is left out for good.
+   subroutine maximise(products, responsibility, mixture)
+      !> (many, product), (component, many).
+      real(wp), intent(in), contiguous :: products(:, :), responsibility(:, :)
+      type(mixture_type), intent(inout) :: mixture
+      real(wp), parameter :: floor_variance = 1.0e-6_wp
+      real(wp) :: sums(mixture%components, size(products, 2)), covariance(mixture%n, mixture%n)
+      integer :: m, j, last
+
+      call multiply(responsibility, products, sums)
+      mixture%weight = sums(:, 1)/sum(sums(:, 1))
       do m = 1, mixture%components
          if (mixture%weight(m) < 1.0e-3_wp) then
             mixture%weight(m) = 0.0_wp
             mixture%log_norm(m) = -1.0e30_wp
             cycle
          end if
-         mixture%mean(m, :) = mean(m, :)/totals(m)
-         do p = 1, size(points, 2)
-            deviations(:, p) = sqrt(responsibility(m, p))*(points(:, p) - mixture%mean(m, :))
-         end do
-         covariance = 0.0_wp
-         call add_gram(deviations, 1.0_wp/totals(m), covariance, transposed=.false.)
+         sums(m, 2:) = sums(m, 2:)/sums(m, 1)
+         mixture%mean(m, :) = sums(m, 2:mixture%n + 1)
          do j = 1, mixture%n
-            covariance(j, j) = covariance(j, j)*(1.0_wp + 1.0e-6_wp) + floor_variance
+            last = 1 + mixture%n + (j - 1)*j/2
+            covariance(j, :j) = sums(m, last + 1:last + j) - mixture%mean(m, j)*mixture%mean(m, :j)
+            covariance(j, j) = max(0.0_wp, covariance(j, j))*(1.0_wp + 1.0e-6_wp) + floor_variance
          end do
          call set_factor(mixture, m, factor_of(covariance))
       end do
