@@ -17,7 +17,7 @@ module surrogate_model
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
    use settings_schema, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, exchange_domain, new_wide_domain
+   use surrogate_domain, only: domain_type, complete_domain, exchange_domain
    use text, only: to_text
    implicit none
    private
@@ -74,7 +74,8 @@ contains
       type(surrogate_settings_type) :: settings
 
       settings%model = 'halfspace'
-      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], domain, error)
+      domain%poisson = [-0.999_wp, 0.499_wp]
+      call complete_domain(general_class, domain, error)
       if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
       allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), surrogate%simulations%constants(21, 0), &
          & surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
