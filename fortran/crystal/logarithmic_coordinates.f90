@@ -195,7 +195,7 @@ contains
          do k = 1, size(row)
             i = 0
             do j = 1, 6
-               associate (p => vectors(row(k), :), q => vectors(column(k), :))
+               associate (p => vectors(column(k), :), q => vectors(row(k), :))
                   pairs(i + 1:i + j) = p(:j)*q(j)
                   if (row(k) /= column(k)) pairs(i + 1:i + j) = pairs(i + 1:i + j) + q(:j)*p(j)
                end associate

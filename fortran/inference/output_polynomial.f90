@@ -17,31 +17,20 @@ module output_polynomial
 
    integer, parameter :: highest_degree = 8
 
-   !> Products of functions of coordinates, one of each: 1, then those of the first coordinate alone, and so on.
-   type :: products_type
-      private
-      !> Product k is the earlier one `parent(k)` times function `power(k)` of its last coordinate.
-      integer, allocatable :: parent(:), power(:)
-      !> How many there are of the first coordinates, (0:n).
-      integer, allocatable :: count(:)
-   contains
-      procedure :: extend
-   end type products_type
-
    type :: output_polynomial_type
       private
       !> Numbers of coordinates and of terms; no terms, no polynomial.
       integer :: n = 0, n_terms = 0
       real(wp), allocatable :: centre(:), forward(:, :)
-      !> Of Chebyshev polynomials.
-      type(products_type) :: products
+      !> Term k is the earlier term `parent(k)` times the Chebyshev polynomial of degree `power(k)` of coordinate `axis(k)`.
+      integer, allocatable :: parent(:), axis(:), power(:)
       !> (output, term).
       real(wp), allocatable :: coefficients(:, :)
    contains
       procedure :: evaluate
    end type output_polynomial_type
 
-   !> Of features, by their richness: how many of the longest axes have products of two, of three, of four. All have linear ones.
+   !> Of a polynomial, by its richness: how many of the longest axes have products of two, of three, of four. All have linear terms.
    integer, parameter :: richest = 5
    integer, parameter :: axes_with(2:4, 0:richest) = reshape([0, 0, 0, 3, 0, 0, 5, 3, 0, 8, 4, 3, 20, 6, 3, 20, 8, 4], &
       & [3, richest + 1])
@@ -50,9 +39,7 @@ module output_polynomial
 
    type :: whitening_type
       private
-      integer :: n = 0
-      !> Of powers of coordinates z(1) .. z(n-1): features, by which the later ones bend.
-      type(products_type) :: products
+      integer :: n = 0, richness = 0
       real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable :: bend(:, :)
@@ -107,13 +94,13 @@ contains
       type(error_type), allocatable :: error
       real(wp) :: axes(size(points, 1), size(points, 1)), widths(size(points, 1))
       real(wp), allocatable :: z(:, :), f(:, :), gram(:, :), rhs(:, :), turned(:, :)
-      integer :: n, many, i, m
+      integer :: n, many, i
       logical :: inside
 
       n = size(points, 1)
       many = size(points, 2)
       polynomial%n = n
-      polynomial%products = list_products(spread(degree, 1, n))
+      call list_terms(n, degree, polynomial)
       polynomial%centre = sum(points, 2)/many
       z = points - spread(polynomial%centre, 2, many)
       axes = matmul(z, transpose(z))/many
@@ -125,8 +112,8 @@ contains
       if (.not. all(widths > 0.0_wp)) return
       polynomial%centre = polynomial%centre + matmul(axes, 0.5_wp*(maxval(z, 2) + minval(z, 2)))
       polynomial%forward = transpose(axes)/spread(widths, 2, n)
-      m = polynomial%products%count(n)
-      allocate (f(m, many), gram(m, m), rhs(m, size(outputs, 1)))
+      allocate (f(size(polynomial%parent), many), gram(size(polynomial%parent), size(polynomial%parent)), &
+         & rhs(size(polynomial%parent), size(outputs, 1)))
       do i = 1, many
          call evaluate_terms(polynomial, points(:, i), f(:, i), inside, huge(1.0_wp))
       end do
@@ -142,45 +129,30 @@ contains
       turned = transpose(outputs)
       call multiply(f, turned, rhs)
       call cholesky_solve(gram, rhs)
-      allocate (polynomial%coefficients(size(rhs, 2), m))
+      allocate (polynomial%coefficients(size(rhs, 2), size(rhs, 1)))
       polynomial%coefficients = transpose(rhs)
-      polynomial%n_terms = m
+      polynomial%n_terms = size(gram, 1)
    end subroutine fit_output_polynomial
 
-   !> All products up to a total degree, those in which a coordinate is the last one up to another.
-   pure type(products_type) function list_products(most) result(self)
-      !> Degree by the last coordinate, (n), not ascending.
-      integer, intent(in) :: most(:)
+   !> All products of a total degree, the constant first.
+   pure subroutine list_terms(n, degree, polynomial)
+      integer, intent(in) :: n, degree
+      type(output_polynomial_type), intent(inout) :: polynomial
       integer, allocatable :: total(:)
       integer :: k, axis, power
 
-      allocate (self%parent(1), self%power(1), total(1), source=0)
-      allocate (self%count(0:size(most)), source=1)
-      do axis = 1, size(most)
+      allocate (polynomial%parent(1), polynomial%axis(1), polynomial%power(1), total(1), source=0)
+      do axis = 1, n
          do k = 1, size(total)
-            do power = 1, most(axis) - total(k)
-               self%parent = [self%parent, k]
-               self%power = [self%power, power]
+            do power = 1, degree - total(k)
+               polynomial%parent = [polynomial%parent, k]
+               polynomial%axis = [polynomial%axis, axis]
+               polynomial%power = [polynomial%power, power]
                total = [total, total(k) + power]
             end do
          end do
-         self%count(axis) = size(total)
       end do
-   end function list_products
-
-   !> The products in which a coordinate is the last one, those of the earlier ones being there.
-   pure subroutine extend(self, axis, functions, f)
-      class(products_type), intent(in) :: self
-      integer, intent(in) :: axis
-      !> Of this coordinate, from power 1 on.
-      real(wp), intent(in) :: functions(:)
-      real(wp), intent(inout) :: f(:)
-      integer :: k
-
-      do k = self%count(axis - 1) + 1, self%count(axis)
-         f(k) = f(self%parent(k))*functions(self%power(k))
-      end do
-   end subroutine extend
+   end subroutine list_terms
 
    pure subroutine evaluate_terms(self, w, f, inside, range)
       class(output_polynomial_type), intent(in) :: self
@@ -189,20 +161,20 @@ contains
       !> Whether no coordinate is further out than that; the terms only if so.
       logical, intent(out) :: inside
       real(wp), intent(in) :: range
-      real(wp) :: z(self%n), chebyshev(0:highest_degree)
-      integer :: i, k
+      real(wp) :: z(self%n), chebyshev(0:highest_degree, self%n)
+      integer :: k
 
       z = matmul(self%forward, w - self%centre)
       inside = all(abs(z) <= range)
       if (.not. inside) return
+      chebyshev(0, :) = 1.0_wp
+      chebyshev(1, :) = z
+      do k = 2, highest_degree
+         chebyshev(k, :) = 2.0_wp*z*chebyshev(k - 1, :) - chebyshev(k - 2, :)
+      end do
       f(1) = 1.0_wp
-      chebyshev(0) = 1.0_wp
-      do i = 1, self%n
-         chebyshev(1) = z(i)
-         do k = 2, highest_degree
-            chebyshev(k) = 2.0_wp*z(i)*chebyshev(k - 1) - chebyshev(k - 2)
-         end do
-         call self%products%extend(i, chebyshev(1:), f)
+      do k = 2, size(f)
+         f(k) = f(self%parent(k))*chebyshev(self%power(k), self%axis(k))
       end do
    end subroutine evaluate_terms
 
@@ -232,29 +204,54 @@ contains
       end do
    end subroutine evaluate
 
-   !> The features that coordinate i brings, those of the earlier ones being there.
-   pure subroutine add_features(self, i, z, f)
-      type(whitening_type), intent(in) :: self
-      integer, intent(in) :: i
-      !> Coordinate i.
-      real(wp), intent(in) :: z
-      real(wp), intent(inout) :: f(:)
-      real(wp) :: within
+   !> Number of features of the first m coordinates.
+   pure integer function feature_count(m, richness)
+      integer, intent(in) :: m
+      !> 0 to `richest`.
+      integer, intent(in) :: richness
+      integer :: n(2:4)
 
-      within = min(max(z, self%least(i)), self%greatest(i))
-      call self%products%extend(i, [within, within**2, within**3, within**4], f)
+      n = min(m, axes_with(:, richness))
+      feature_count = 1 + m + n(2)*(n(2) + 1)/2 + n(3)*(n(3) + 1)*(n(3) + 2)/6 + n(4)*(n(4) + 1)*(n(4) + 2)*(n(4) + 3)/24
+   end function feature_count
+
+   !> The features that coordinate i brings, those of the earlier ones being there: z(i), and its products with itself and these.
+   pure subroutine add_features(z, i, richness, f)
+      real(wp), intent(in) :: z(:)
+      integer, intent(in) :: i, richness
+      real(wp), intent(inout) :: f(:)
+      integer :: j, k, last
+
+      last = feature_count(i - 1, richness)
+      f(last + 1) = z(i)
+      last = last + 1
+      if (i > axes_with(2, richness)) return
+      f(last + 1:last + i) = z(i)*z(:i)
+      last = last + i
+      if (i > axes_with(3, richness)) return
+      do j = 1, i
+         f(last + 1:last + j) = z(i)*z(j)*z(:j)
+         last = last + j
+      end do
+      if (i > axes_with(4, richness)) return
+      do j = 1, i
+         do k = 1, j
+            f(last + 1:last + k) = z(i)*z(j)*z(k)*z(:k)
+            last = last + k
+         end do
+      end do
    end subroutine add_features
 
-   !> The features of all coordinates.
-   pure subroutine evaluate_features(self, z, f)
-      type(whitening_type), intent(in) :: self
+   !> The features of all coordinates; those of fewer come first.
+   pure subroutine evaluate_features(z, richness, f)
       real(wp), intent(in) :: z(:)
+      integer, intent(in) :: richness
       real(wp), intent(out) :: f(:)
       integer :: i
 
       f(1) = 1.0_wp
-      do i = 1, self%n - 1
-         call add_features(self, i, z(i), f)
+      do i = 1, size(z)
+         call add_features(z, i, richness, f)
       end do
    end subroutine evaluate_features
 
@@ -273,11 +270,11 @@ contains
       n = size(points, 1)
       many = size(points, 2)
       whitening%n = n
-      do i = richest, 0, -1
-         whitening%products = list_products([(1 + count(axes_with(:, i) >= j), j=1, n - 1)])
-         m = whitening%products%count(n - 1)
-         if (points_a_term*m <= distinct) exit
+      do while (whitening%richness < richest)
+         if (points_a_term*feature_count(n - 1, whitening%richness + 1) > distinct) exit
+         whitening%richness = whitening%richness + 1
       end do
+      m = feature_count(n - 1, whitening%richness)
       allocate (whitening%bend(m, n), source=0.0_wp)
       allocate (whitening%forward(n, n), whitening%backward(n, n), whitening%width(n))
       whitening%centre = sum(points, 2)/many
@@ -302,7 +299,7 @@ contains
       whitening%greatest = maxval(z, 2)
       allocate (f(m, many), gram(m, m))
       do i = 1, many
-         call evaluate_features(whitening, z(:, i), f(:, i))
+         call evaluate_features(z(:n - 1, i), whitening%richness, f(:, i))
       end do
       gram = 0.0_wp
       call add_gram(f, 1.0_wp, gram, transposed=.false.)
@@ -312,7 +309,7 @@ contains
       ! The features of coordinate j are the first ones, and so is their part of the factor.
       call cholesky_factor(gram, error)
       do j = 1, n
-         m = whitening%products%count(j - 1)
+         m = feature_count(j - 1, whitening%richness)
          if (.not. allocated(error)) then
             rhs = matmul(f(:m, :), z(j, :))
             call solve_lower(gram, rhs)
@@ -333,9 +330,9 @@ contains
       integer :: j, m
 
       z = matmul(self%forward, w - self%centre)
-      call evaluate_features(self, z, f)
+      call evaluate_features(min(max(z(:self%n - 1), self%least(:self%n - 1)), self%greatest(:self%n - 1)), self%richness, f)
       do j = 1, self%n
-         m = self%products%count(j - 1)
+         m = feature_count(j - 1, self%richness)
          u(j) = (z(j) - sum(self%bend(:m, j)*f(:m)))/self%width(j)
       end do
    end subroutine to_white
@@ -346,18 +343,19 @@ contains
       !> (dimension).
       real(wp), intent(in) :: u(:)
       real(wp), intent(out) :: w(:)
-      real(wp) :: z(self%n), f(size(self%bend, 1)), bent
+      real(wp) :: z(self%n), within(self%n), f(size(self%bend, 1)), bent
       integer :: j, k
 
       f(1) = 1.0_wp
       do j = 1, self%n
          bent = 0.0_wp
          !$omp simd reduction(+:bent)
-         do k = 1, self%products%count(j - 1)
+         do k = 1, feature_count(j - 1, self%richness)
             bent = bent + self%bend(k, j)*f(k)
          end do
          z(j) = u(j)*self%width(j) + bent
-         if (j < self%n) call add_features(self, j, z(j), f)
+         within(j) = min(max(z(j), self%least(j)), self%greatest(j))
+         if (j < self%n) call add_features(within, j, self%richness, f)
       end do
       w = self%centre + matmul(self%backward, z)
    end subroutine from_white
