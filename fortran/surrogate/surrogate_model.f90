@@ -306,17 +306,15 @@ contains
       type(surrogate_type), intent(inout) :: surrogate
       type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: packed(:)
-      integer :: n, j, first
+      logical, allocatable :: lower(:, :)
+      integer :: n, i, j
 
       n = surrogate%basis%n_terms
-      if (.not. file%reading) then
-         allocate (packed(n*(n + 1)/2))
-         first = 1
-         do j = 1, n
-            packed(first:first + n - j) = surrogate%covariance(j:, j)
-            first = first + n - j + 1
-         end do
-      end if
+      allocate (lower(n, n))
+      do j = 1, n
+         lower(:, j) = [(i >= j, i=1, n)]
+      end do
+      if (.not. file%reading) packed = pack(surrogate%covariance, lower)
       call file%reals('covariance', packed)
       if (allocated(file%error) .or. .not. file%reading) return
       if (size(packed) /= n*(n + 1)/2 .or. size(surrogate%coefficients) /= n) then
@@ -324,12 +322,9 @@ contains
             & //' covariances; '//to_text(n)//' and '//to_text(n*(n + 1)/2)//' are needed')
          return
       end if
-      allocate (surrogate%covariance(n, n))
-      first = 1
-      do j = 1, n
-         surrogate%covariance(j:, j) = packed(first:first + n - j)
-         surrogate%covariance(j, j:) = packed(first:first + n - j)
-         first = first + n - j + 1
+      surrogate%covariance = unpack(packed, lower, 0.0_wp)
+      do j = 2, n
+         surrogate%covariance(:j - 1, j) = surrogate%covariance(j, :j - 1)
       end do
    end subroutine exchange_covariance
 
