@@ -399,19 +399,8 @@ contains
       real(wp), intent(in) :: of_directions(:)
       !> (grain).
       real(wp), intent(out), contiguous :: moduli(:)
-      !> Grains at a time.
-      integer, parameter :: block = 256
-      real(wp) :: coefficients(size(self%fit, 1))
-      integer :: first, last, h
 
-      coefficients = matmul(self%fit, of_directions)
-      do first = 1, size(moduli), block
-         last = min(first + block - 1, size(moduli))
-         moduli(first:last) = 0.0_wp
-         do h = 1, size(coefficients)
-            moduli(first:last) = moduli(first:last) + coefficients(h)*self%reading(first:last, h)
-         end do
-      end do
+      moduli = matmul(self%reading, matmul(self%fit, of_directions))
    end subroutine expand
 
 end module compliance_field
