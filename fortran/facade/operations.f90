@@ -3,6 +3,7 @@
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
+   use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
@@ -14,12 +15,12 @@ module operations
    use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
-   use problem_input, only: all_choices, problem_of_text, read_problem
+   use problem_input, only: problem_of_text, read_problem
    use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
       & stop_listening, take_folder, watch_signals
    use settings_schema, only: settings_type
    use settings_reader, only: put_settings, read_settings
-   use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
+   use simulation_operations, only: held_simulator_type, list_settings, run_simulator, use_model, use_problem, &
       & use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use surrogate_learner, only: learner_type
@@ -86,8 +87,8 @@ contains
          call use_surrogate(verb, object, x)
       type is (learner_type)
          call use_learner(verb, object, x)
-      type is (held_stage_type)
-         call use_stage(verb, object%stage, x)
+      class is (stage_type)
+         call use_stage(verb, object, x)
       type is (posterior_type)
          call use_posterior(verb, object, x)
       end select
@@ -112,7 +113,7 @@ contains
       case ('settings.values')
          ! Of a namelist's text, without the tables that it names.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)
-         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', all_choices(), settings, x%error)
+         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
       case ('settings.problem')
          allocate (problem)

@@ -6,9 +6,9 @@ program batch
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
-   use problem_input, only: all_choices, read_problem
+   use problem_input, only: read_problem
    use running_command, only: show_progress, take_folder, watch_signals
-   use settings_reader, only: schema_markdown
+   use settings_schema, only: schema_page
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_simulator, check_stages, groups_of, new_stage
@@ -50,7 +50,7 @@ contains
             call say('bayesindent-batch '//package_version)
             call end_process(0)
          case ('--schema')
-            word = schema_markdown(all_choices())
+            word = schema_page()
             call say(word(:len(word) - 1))
             call end_process(0)
          case ('--check')

@@ -15,7 +15,7 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages", "typed"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,12 @@ class Variable:
     default: str
     allowed: str
     meaning: str
+
+    def value_of(self, texts: list[str]):
+        """The value that these texts of a namelist stand for."""
+        kind = {"logical": ".true.".__eq__, "integer": int, "real": float}.get(self.kind, str)
+        values = [kind(text) for text in texts]
+        return values[0] if self.shape == "one" else np.array(values) if self.kind == "real" else values
 
 
 @dataclass(frozen=True)
@@ -56,16 +62,16 @@ class Points:
     def __init__(self, problem: "Problem", table: str, facts: dict):
         self.problem, self._table = problem, table
         self._classes, self._n = facts[f"{table}.classes"], facts[f"{table}.n"]
-        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("modulus_kind", "names"))
+        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("kind", "names"))
 
     def __len__(self) -> int:
         return self._n
 
-    def _numbers(self, name: str) -> np.ndarray:
-        return self.problem._call("column", table=self._table, column=name)["values"]
+    def _columns(self, name: str) -> dict:
+        return self.problem._call("column", table=self._table, column=name)
 
     def _given(self, name: str) -> np.ndarray | None:
-        values = self._numbers(name)
+        values = self._numbers.get(name, np.nan)
         return None if np.isnan(values).all() else values
 
     @cached_property
@@ -73,7 +79,7 @@ class Points:
         """The crystal class of each row."""
         if not self._classes:
             return self._n * [None]
-        return [self._classes[number - 1] for number in self._numbers("class").tolist()]
+        return [self._classes[number - 1] for number in self._numbers["class"].tolist()]
 
     @cached_property
     def constants(self) -> list[dict]:
@@ -81,15 +87,16 @@ class Points:
         if not self._classes:
             return self._n * [{}]
         names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
-        rows = zip(self.symmetry, self._numbers("constants").tolist(), strict=True)
+        rows = zip(self.symmetry, self._numbers["constants"].tolist(), strict=True)
         return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
 
     # Others see the class.
-    stiffness = cached_property(lambda self: self._numbers("stiffness") if self._classes else None)
-    euler_deg = cached_property(lambda self: self._numbers("euler_deg"))
-    modulus_gpa = cached_property(lambda self: self._given("modulus_gpa"))
-    sd_gpa = cached_property(lambda self: self._given("sd_gpa"))
-    _cells = cached_property(lambda self: _rows(self.problem._call("column", table=self._table, column="cells"), "cells"))
+    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"] if self._classes else None)
+    _numbers = cached_property(lambda self: self._columns("numbers"))
+    euler_deg = property(lambda self: self._numbers["euler_deg"])
+    modulus_gpa = property(lambda self: self._given("modulus_gpa"))
+    sd_gpa = property(lambda self: self._given("sd_gpa"))
+    _cells = cached_property(lambda self: _rows(self._columns("cells"), "cells"))
     columns = property(lambda self: self._cells[0])
     rows = property(lambda self: self._cells[1:])
 
@@ -147,11 +154,11 @@ class Problem(NativeObject):
             self._set_table("stiffness", stiffness_page)
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
-        facts = self._call("describe")
+        facts = self._facts()
         if "spreadsheet" in facts:
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
             self._set_table("measurements", spreadsheet_page(place, Path(facts["spreadsheet"]), facts["measurements.sheet"]))
-            facts = self._call("describe")
+            facts = self._facts()
         if "indents_um" in facts:
             # Not above: it needs scipy, which is slow to import.
             from .orientation_maps import page_of as page_of_map
@@ -162,18 +169,17 @@ class Problem(NativeObject):
             self._set_table("ebsd", page)
             if told:
                 self._set_table("warning", told)
-            facts = self._call("describe")
+            facts = self._facts()
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
         self.settings = _settings(facts)
-        #: Pairs of degree and bandlimit of &surrogate scan.
-        self.scan = [tuple(pair) for pair in facts["scan"].tolist()]
-        #: Identity of the physics, under which a campaign keeps simulations: JSON.
-        self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
         self.stiffness = _rows(facts, "stiffness") if "stiffness" in facts else None
         self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
         self._frozen = True
+
+    def _facts(self) -> dict:
+        return typed(self._call("describe"))
 
     def _set_table(self, table: str, page: str) -> None:
         self._call("set_table", table=table, page=page)
@@ -260,6 +266,12 @@ def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
     rows = batched(_listed()["stages"], len(fields(Stage)))
     return tuple(Stage(name, tuple(groups.split()), *more) for name, groups, *more in rows)
+
+
+def typed(found: dict) -> dict:
+    """Named values of the core, with those of settings, which are texts there, in their own types."""
+    names = {f"{variable.group}.{variable.name}": variable for variable in schema()}
+    return {name: names[name].value_of(value) if name in names else value for name, value in found.items()}
 
 
 def batched(values: list, n: int) -> Iterator[list]:
