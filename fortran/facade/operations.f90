@@ -9,7 +9,6 @@ module operations
    use crystal_operations, only: perform_crystal
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
-   use files, only: checksum, read_bytes
    use namelist_file, only: namelist_file_type, parse_namelist
    use point_tables, only: read_crystals
    use extraction_document, only: read_posterior
@@ -24,7 +23,7 @@ module operations
       & use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use surrogate_learner, only: learner_type
-   use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
+   use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
    implicit none
    private
@@ -122,11 +121,7 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         if (x%in%has('changes')) then
-            call read_problem(path, x%in%text('command'), problem, x%error, x%in%text('changes'))
-         else
-            call read_problem(path, x%in%text('command'), problem, x%error)
-         end if
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error)
       case ('file.crystals')
          ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
          allocate (problem)

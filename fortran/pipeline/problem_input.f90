@@ -15,20 +15,18 @@ module problem_input
 contains
 
    !> Read the file `path` for a stage or for 'run'.
-   subroutine read_problem(path, command, self, error, changes)
-      !> A file; a stage, or 'run'.
-      character(len=*), intent(in) :: path, command
+   subroutine read_problem(path, command, changes, self, error)
+      !> A file; a stage, or 'run'; a namelist whose variables take the place of the file's, or ''.
+      character(len=*), intent(in) :: path, command, changes
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      !> A namelist whose variables take the place of the file's.
-      character(len=*), intent(in), optional :: changes
       type(namelist_file_type) :: namelist, stated
       character(len=:), allocatable :: groups
       character(len=8), allocatable :: names(:)
 
       call check_memory(blas_bytes, 'linear algebra', error)
       if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
-      if (present(changes) .and. .not. allocated(error)) then
+      if (len(changes) > 0 .and. .not. allocated(error)) then
          call parse_namelist(path, changes, stated, error)
          if (.not. allocated(error)) call replace_entries(namelist, stated)
       end if

@@ -137,7 +137,7 @@ contains
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, s%next%candidates, error)
-         if (allocated(error) .or. any(s%design%candidates == ['latin    ', 'factorial'])) return
+         if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables

@@ -120,7 +120,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run", changes: str = ""):
         self._made_of: tuple = (type(self), (path, command, changes))
-        self._fill(call("file.problem", path=path, command=command, changes=changes or None), Path(path))
+        self._fill(call("file.problem", path=path, command=command, changes=changes), Path(path))
 
     @classmethod
     def from_keywords(
