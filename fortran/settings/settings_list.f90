@@ -1,15 +1,14 @@
 !> The variables of the settings with their values as a namelist has them: read, listed, written and compared in this one form.
 !>
 !> `settings_schema`, which is made of docs/namelists.md, adds each group and variable, with what variable_type says of `kind`, `shape`,
-!> `default`, `allowed`, `unit` and `meaning`; then it calls one of the typed procedures for the component (`value`) of each variable in
-!> turn: they turn it into texts, or, of a list that is `giving`, the texts into it.
+!> `default`, `allowed`, `unit` and `meaning`, and turns components into texts and back.
 module settings_list
    use kinds, only: wp
    use namelist_file, only: value_type
-   use text, only: number_text, read_integer, read_real, to_text
+   use text, only: number_text, read_real
    implicit none
    private
-   public :: settings_list_type, group_type, variable_type, is_text
+   public :: settings_list_type, group_type, variable_type, is_text, text_value, text_values, real_values, real_of, name_of
    public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source, kind_names
    public :: shape_one, shape_constants, shape_list, longest_item
 
@@ -49,14 +48,10 @@ module settings_list
       !> In order.
       type(group_type), allocatable :: groups(:)
       type(variable_type), allocatable :: variables(:)
-      !> Of groups and variables, how many were added, or visited.
+      !> How many were added.
       integer :: n_groups = 0, n_variables = 0
-      !> The values of the list go into the settings; else it takes them from there.
-      logical :: giving = .false.
    contains
-      procedure :: add_group, add, group, integer => visit_integer, logical => visit_logical, text => visit_text, &
-         & texts => visit_texts, real => visit_real, optional_logical => visit_optional_logical, &
-         & optional_real => visit_optional_real, reals => visit_reals
+      procedure :: add_group, add
    end type settings_list_type
 
 contains
@@ -90,145 +85,50 @@ contains
       end associate
    end subroutine add
 
-   !> Whether the next group is `given`.
-   subroutine group(self, given)
-      class(settings_list_type), intent(inout) :: self
-      logical, intent(inout) :: given
+   !> One text as the values of a variable.
+   pure function text_value(text) result(values)
+      character(len=*), intent(in) :: text
+      type(value_type) :: values(1)
 
-      self%n_groups = self%n_groups + 1
-      if (self%giving) given = self%groups(self%n_groups)%given
-      self%groups(self%n_groups)%given = given
-   end subroutine group
+      values(1)%text = text
+   end function text_value
 
-   subroutine visit_integer(self, value)
-      class(settings_list_type), intent(inout) :: self
-      integer, intent(inout) :: value
-      character(len=:), allocatable :: text
-      integer :: outcome
-
-      text = to_text(value)
-      call self%text(text)
-      if (allocated(text)) call read_integer(text, value, outcome)
-   end subroutine visit_integer
-
-   subroutine visit_logical(self, value)
-      class(settings_list_type), intent(inout) :: self
-      logical, intent(inout) :: value
-      character(len=:), allocatable :: text
-
-      text = to_text(value)
-      call self%text(text)
-      if (allocated(text)) value = text == '.true.'
-   end subroutine visit_logical
-
-   !> Unallocated: unset.
-   subroutine visit_optional_logical(self, value)
-      class(settings_list_type), intent(inout) :: self
-      logical, allocatable, intent(inout) :: value
-      character(len=:), allocatable :: text
-
-      if (allocated(value)) then
-         text = to_text(value)
-         deallocate (value)
-      end if
-      call self%text(text)
-      if (allocated(text)) value = text == '.true.'
-   end subroutine visit_optional_logical
-
-   !> The text of a namelist; unallocated: unset.
-   subroutine visit_text(self, value)
-      class(settings_list_type), intent(inout) :: self
-      character(len=:), allocatable, intent(inout) :: value
-      type(value_type), allocatable :: values(:)
-
-      if (allocated(value)) then
-         allocate (values(1))
-         call move_alloc(value, values(1)%text)
-      end if
-      call visit(self, values)
-      if (allocated(values)) value = values(1)%text
-   end subroutine visit_text
-
-   !> A list of texts.
-   subroutine visit_texts(self, value)
-      class(settings_list_type), intent(inout) :: self
-      character(len=longest_item), allocatable, intent(inout) :: value(:)
-      type(value_type), allocatable :: values(:)
+   !> The same of several `names`.
+   pure function text_values(names) result(values)
+      character(len=*), intent(in) :: names(:)
+      type(value_type) :: values(size(names))
       integer :: i
 
-      if (allocated(value)) then
-         allocate (values(size(value)))
-         do i = 1, size(value)
-            values(i)%text = trim(value(i))
-         end do
-         deallocate (value)
-      end if
-      call visit(self, values)
-      if (.not. allocated(values)) return
-      allocate (value(size(values)))
-      do i = 1, size(values)
-         value(i) = values(i)%text
+      do i = 1, size(names)
+         values(i)%text = trim(names(i))
       end do
-   end subroutine visit_texts
+   end function text_values
 
-   subroutine visit_real(self, value)
-      class(settings_list_type), intent(inout) :: self
-      real(wp), intent(inout) :: value
-      real(wp), allocatable :: values(:)
+   !> The same of `numbers`.
+   pure function real_values(numbers) result(values)
+      real(wp), intent(in) :: numbers(:)
+      type(value_type) :: values(size(numbers))
+      integer :: i
 
-      values = [value]
-      call self%reals(values)
-      if (allocated(values)) value = values(1)
-   end subroutine visit_real
-
-   !> A real that may be unset, and is by default.
-   subroutine visit_optional_real(self, value)
-      class(settings_list_type), intent(inout) :: self
-      real(wp), allocatable, intent(inout) :: value
-      real(wp), allocatable :: values(:)
-
-      if (allocated(value)) then
-         values = [value]
-         deallocate (value)
-      end if
-      call self%reals(values)
-      if (allocated(values)) value = values(1)
-   end subroutine visit_optional_real
-
-   !> Reals; unallocated: unset.
-   subroutine visit_reals(self, value)
-      class(settings_list_type), intent(inout) :: self
-      real(wp), allocatable, intent(inout) :: value(:)
-      type(value_type), allocatable :: values(:)
-      integer :: i, outcome
-
-      if (allocated(value)) then
-         allocate (values(size(value)))
-         do i = 1, size(value)
-            values(i)%text = number_text(value(i))
-         end do
-         deallocate (value)
-      end if
-      call visit(self, values)
-      if (.not. allocated(values)) return
-      allocate (value(size(values)))
-      do i = 1, size(values)
-         call read_real(values(i)%text, value(i), outcome)
+      do i = 1, size(numbers)
+         values(i)%text = number_text(numbers(i))
       end do
-   end subroutine visit_reals
+   end function real_values
 
-   !> Take the values of the variable that comes next, or give them.
-   subroutine visit(self, values)
-      class(settings_list_type), intent(inout) :: self
-      type(value_type), allocatable, intent(inout) :: values(:)
+   !> The number of a value.
+   elemental real(wp) function real_of(value)
+      type(value_type), intent(in) :: value
+      integer :: outcome
 
-      self%n_variables = self%n_variables + 1
-      associate (v => self%variables(self%n_variables))
-         if (self%giving .and. allocated(values)) deallocate (values)
-         if (self%giving .and. allocated(v%values)) values = v%values
-         if (.not. self%giving .and. allocated(values)) v%values = values
-      end associate
-   end subroutine visit
+      call read_real(value%text, real_of, outcome)
+   end function real_of
+
+   !> The text of a value of a list.
+   elemental character(len=longest_item) function name_of(value)
+      type(value_type), intent(in) :: value
+
+      name_of = value%text
+   end function name_of
 
    pure logical function is_text(v)
       type(variable_type), intent(in) :: v

@@ -7,27 +7,36 @@ that is not allocated is unset.
 import sys
 from pathlib import Path
 
-#: By the second column of the page: kind and number of values in `settings_list`, the procedure that takes the value, its Fortran type.
 TEXT, TEXTS, REAL, REALS = "character(len=:), allocatable", "character(len=longest_item), allocatable", "real(wp)", "real(wp), allocatable"
-TYPES = {
-    "integer": ("kind_integer, shape_one", "integer", "integer"),
-    "logical": ("kind_logical, shape_one", "logical", "logical"),
-    "real": ("kind_real, shape_one", "real", REAL),
-    "real for each constant": ("kind_real, shape_constants", "reals", REALS),
-    "list of reals": ("kind_real, shape_list", "reals", REALS),
-    "list of texts": ("kind_text, shape_list", "texts", TEXTS),
-    "text": ("kind_text, shape_one", "text", TEXT),
-    "choice": ("kind_choice, shape_one", "text", TEXT),
-    "file": ("kind_file, shape_one", "text", TEXT),
-    "choice or file": ("kind_source, shape_one", "text", TEXT),
+#: What a component of each Fortran type is until it is read; its values as texts; and it from these.
+COMPONENTS = {
+    "integer": (" = 0", "text_value(to_text({}))", "nint(real_of({}(1)))"),
+    "logical": (" = .false.", "text_value(to_text({}))", "{}(1)%text == '.true.'"),
+    REAL: (" = 0.0_wp", "real_values([{}])", "real_of({}(1))"),
+    REALS: ("(:)", "real_values({})", "real_of({})"),
+    TEXTS: ("(:)", "text_values({})", "name_of({})"),
+    TEXT: ("", "text_value({})", "{}(1)%text"),
 }
-ZERO = {"integer": "0", "logical": ".false.", REAL: "0.0_wp"}
+#: By the second column of the page: kind and number of values in `settings_list`, and the Fortran type.
+TYPES = {
+    "integer": ("kind_integer, shape_one", "integer"),
+    "logical": ("kind_logical, shape_one", "logical"),
+    "real": ("kind_real, shape_one", REAL),
+    "real for each constant": ("kind_real, shape_constants", REALS),
+    "list of reals": ("kind_real, shape_list", REALS),
+    "list of texts": ("kind_text, shape_list", TEXTS),
+    "text": ("kind_text, shape_one", TEXT),
+    "choice": ("kind_choice, shape_one", TEXT),
+    "file": ("kind_file, shape_one", TEXT),
+    "choice or file": ("kind_source, shape_one", TEXT),
+}
 
 MODULE = """\
 !> Made of docs/namelists.md by settings_schema.py.
 module settings_schema
    use kinds, only: wp
    use settings_list
+   use text, only: to_text
    implicit none
    private
    public :: list_settings, set_settings, schema_page
@@ -38,31 +47,23 @@ contains
    !> All groups and variables, in order, with the values of `settings`.
    type(settings_list_type) function list_settings(settings) result(list)
       type(settings_type), intent(in) :: settings
-      type(settings_type) :: copy
 
       allocate (list%groups({n_groups}), list%variables({n_variables}))
 {table}
-      copy = settings
-      call visit_settings(list, copy)
+      associate (s => settings, g => list%groups, v => list%variables)
+{taken}
+      end associate
    end function list_settings
 
-   !> Let settings have the values of a list.
+   !> Let settings that are new have the values of a list.
    subroutine set_settings(list, settings)
-      type(settings_list_type), intent(inout) :: list
+      type(settings_list_type), intent(in) :: list
       type(settings_type), intent(inout) :: settings
 
-      list%giving = .true.
-      call visit_settings(list, settings)
+      associate (s => settings, g => list%groups, v => list%variables)
+{given}
+      end associate
    end subroutine set_settings
-
-   subroutine visit_settings(v, s)
-      type(settings_list_type), intent(inout) :: v
-      type(settings_type), intent(inout) :: s
-
-      v%n_groups = 0
-      v%n_variables = 0
-{visits}
-   end subroutine visit_settings
 
    !> The page itself.
    function schema_page() result(page)
@@ -83,24 +84,29 @@ def text(words: str) -> str:
 
 def module(page: str) -> str:
     """The module of a page: groups in its headings, variables in its tables."""
-    types, table, visits, group = [], [], [], ""
+    types, table, taken, given, group, n = [], [], [], [], "", 0
     lines = page.splitlines()
     for number, line in enumerate(lines):
         if line.startswith("## `&"):
             group = line[5:-1]
             types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
             table += [f"      call list%add_group({text(group)}, {text(lines[number + 2])})"]
-            visits += [f"      call v%group(s%{group}%given)"]
+            place = len(table) - n
+            taken += [f"         g({place})%given = s%{group}%given"]
+            given += [f"         s%{group}%given = g({place})%given"]
         elif line.startswith("| `"):
             name, kind, unit, default, allowed, meaning = line[2:-2].split(" | ")
-            kind_and_shape, procedure, declared = TYPES[kind]
-            name = name.strip("`")
-            optional = default == "unset" and declared in ZERO
-            start = "" if optional or declared not in ZERO else f" = {ZERO[declared]}"
-            types += [f"      {declared}{', allocatable' * optional} :: {name}{'(:)' * procedure.endswith('s')}{start}"]
+            n, name, (kind_and_shape, declared) = n + 1, name.strip("`"), TYPES[kind]
+            start, texts, value = COMPONENTS[declared]
+            if default == "unset" and start.startswith(" ="):
+                declared, start = f"{declared}, allocatable", ""
+            types += [f"      {declared} :: {name}{start}"]
             words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
             table += [f"      call list%add({text(name)}, {kind_and_shape}, &\n         & {words})"]
-            visits += [f"      call v%{'optional_' * optional}{procedure}(s%{group}%{name})"]
+            component, values = f"s%{group}%{name}", f"v({n})%values"
+            known = f"if (allocated({component})) " if "allocatable" in declared else ""
+            taken += [f"         {known}{values} = {texts.format(component)}"]
+            given += [f"         if (allocated({values})) {component} = {value.format(values)}"]
             if not lines[number + 1]:
                 types += [f"   end type {group}_settings_type", ""]
     groups = [line[5:-1] for line in lines if line.startswith("## `&")]
@@ -108,9 +114,10 @@ def module(page: str) -> str:
     return MODULE.format(
         types="\n".join(types),
         n_groups=len(groups),
-        n_variables=len(table) - len(groups),
+        n_variables=n,
         table="\n".join(table),
-        visits="\n".join(visits),
+        taken="\n".join(taken),
+        given="\n".join(given),
         page="\n".join(f"      page = page//{text(line)}//achar(10)" for line in lines[:-1]),
     )
 

@@ -122,8 +122,7 @@ def test_nothing_but_the_table_names_a_crystal_class():
         f"{relative(path)}:{number}: '{text}'"
         for path in NOT_TABLE
         for number, text in texts(path)
-        if {item.strip().lower() for item in text.split(",")} & names
-        and not (text in SURROUNDINGS and path.name == "size_stage.f90")
+        if {item.strip().lower() for item in text.split(",")} & names and not (text in SURROUNDINGS and path.name == "size_stage.f90")
     ]
     assert not found, "\n".join(found)
 

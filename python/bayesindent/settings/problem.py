@@ -1,7 +1,7 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
@@ -15,7 +15,11 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages", "typed"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
+
+
+#: From texts of a namelist.
+CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,7 @@ class Variable:
 
     def value_of(self, texts: list[str]):
         """The value that these texts of a namelist stand for."""
-        kind = {"logical": ".true.".__eq__, "integer": int, "real": float}.get(self.kind, str)
-        values = [kind(text) for text in texts]
+        values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
         return values[0] if self.shape == "one" else np.array(values) if self.kind == "real" else values
 
 
@@ -242,12 +245,6 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     holder = Problem.__new__(Problem)
     holder._hold(call("file.crystals", path=path, symmetry=symmetry)["handle"])
     return Points(holder, "crystals", holder._call("describe"))
-
-
-def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points:
-    """A CSV of orientations and moduli of grains of a `symmetry`, read as `&measurements` with the variables `asked` reads it."""
-    asked = {"file": Path(path).absolute()} | asked
-    return Problem.from_keywords(os.fspath(path), problem={"symmetry": symmetry}, measurements=asked).measurements
 
 
 @cache
