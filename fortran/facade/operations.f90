@@ -17,11 +17,11 @@ module operations
    use problem_input, only: problem_of_text, read_problem
    use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
       & stop_listening, take_folder, watch_signals
-   use settings_schema, only: settings_type
+   use settings_schema, only: schema_page, settings_type
    use settings_reader, only: put_settings, read_settings
-   use simulation_operations, only: held_simulator_type, list_settings, run_simulator, use_model, use_problem, &
-      & use_stage
+   use simulation_operations, only: held_simulator_type, run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
+   use stages, only: all_stages, run_command, stage_row_type
    use surrogate_learner, only: learner_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
@@ -103,12 +103,17 @@ contains
       type(crystal_class_type) :: class
       type(namelist_file_type) :: namelist
       type(settings_type) :: settings
+      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
       character(len=:), allocatable :: path
+      integer :: i
 
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
-         call list_settings(x%out)
+         ! The page of all variables; of each stage name, groups, file of its document, summary, description.
+         call x%out%put('page', schema_page())
+         call x%out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
+            & rows(i)%summary, rows(i)%description, i=1, size(rows))])
       case ('settings.values')
          ! Of a namelist's text, without the tables that it names.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)

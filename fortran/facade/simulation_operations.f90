@@ -1,4 +1,4 @@
-!> Problems: namelists, their settings and tables; what there is to be set; their simulators, finite element model, and stages. Stiffnesses
+!> Problems: namelists, their settings and tables; their simulators, finite element model, and stages. Stiffnesses
 !> in crystal axes, GPa; angles in degrees.
 !>
 !> Of a stage, see `abstract_stage`, what is to be simulated goes out, and what became of it comes in.
@@ -19,18 +19,16 @@ module simulation_operations
    use namelist_file, only: place
    use point_tables, only: points_type
    use problem, only: problem_type
-   use settings_list, only: kind_names, settings_list_type
    use settings_reader, only: put_settings, settings_namelist
-   use settings_schema, only: listed_settings => list_settings, settings_type
    use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of
-   use stages, only: all_stages, check_simulator, check_stages, new_stage, run_command, stage_row_type
+   use stages, only: check_simulator, check_stages, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
    implicit none
    private
-   public :: held_simulator_type, run_simulator, use_model, use_stage, list_settings, use_problem
+   public :: held_simulator_type, run_simulator, use_model, use_stage, use_problem
 
    type :: held_simulator_type
       type(simulator_type), allocatable :: simulator
@@ -405,36 +403,5 @@ contains
       call out%put(name, cells)
       call out%put(name//'.columns', table%columns)
    end subroutine put_cells
-
-   !> `schema`, the variables: group, its meaning, name, type, number of values, unit, default, allowed, meaning of each; `stages`: name,
-   !> groups, file of its document, summary, description of each.
-   subroutine list_settings(out)
-      type(named_values_type), intent(inout) :: out
-      character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
-      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
-      type(settings_list_type) :: schema
-      type(settings_type) :: unset
-      type(warning_type), allocatable :: list(:)
-      integer :: i
-
-      schema = listed_settings(unset)
-      allocate (list(9*size(schema%variables)))
-      do i = 1, size(schema%variables)
-         associate (v => schema%variables(i), row => list(9*i - 8:9*i))
-            row(1)%text = v%group
-            row(2)%text = schema%groups(v%group_number)%meaning
-            row(3)%text = v%name
-            row(4)%text = trim(kind_names(v%kind))
-            row(5)%text = trim(shapes(v%shape))
-            row(6)%text = v%unit
-            row(7)%text = v%default
-            row(8)%text = v%allowed
-            row(9)%text = v%meaning
-         end associate
-      end do
-      call out%put('schema', list)
-      call out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
-         & rows(i)%summary, rows(i)%description, i=1, size(rows))])
-   end subroutine list_settings
 
 end module simulation_operations

@@ -9,7 +9,7 @@ module settings_list
    implicit none
    private
    public :: settings_list_type, group_type, variable_type, is_text, text_value, text_values, real_values, real_of, name_of
-   public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source, kind_names
+   public :: kind_integer, kind_real, kind_logical, kind_text, kind_choice, kind_file, kind_source
    public :: shape_one, shape_constants, shape_list, longest_item
 
    !> Bytes of a text in a list: the name of a quantity, or of a column with its header.
@@ -18,14 +18,12 @@ module settings_list
    !> A whole number; a real; .true. or .false.; any text; one of some words; a CSV that must exist; a word or a CSV.
    integer, parameter :: kind_integer = 1, kind_real = 2, kind_logical = 3, kind_text = 4, kind_choice = 5, &
       & kind_file = 6, kind_source = 7
-   character(len=*), parameter :: kind_names(7) = [character(len=7) :: &
-      & 'integer', 'real', 'logical', 'text', 'choice', 'file', 'source']
 
    !> One value; one for each constant of the crystal class; any number of them.
    integer, parameter :: shape_one = 1, shape_constants = 2, shape_list = 3
 
    type :: group_type
-      character(len=:), allocatable :: name, meaning
+      character(len=:), allocatable :: name
       !> The file has it.
       logical :: given = .false.
    end type group_type
@@ -57,13 +55,12 @@ module settings_list
 contains
 
    !> The variables that are added next are of this group.
-   subroutine add_group(self, name, meaning)
+   subroutine add_group(self, name)
       class(settings_list_type), intent(inout) :: self
-      character(len=*), intent(in) :: name, meaning
+      character(len=*), intent(in) :: name
 
       self%n_groups = self%n_groups + 1
       self%groups(self%n_groups)%name = name
-      self%groups(self%n_groups)%meaning = meaning
    end subroutine add_group
 
    subroutine add(self, name, kind, shape, default, allowed, unit, meaning)

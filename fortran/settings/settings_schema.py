@@ -90,7 +90,7 @@ def module(page: str) -> str:
         if line.startswith("## `&"):
             group = line[5:-1]
             types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
-            table += [f"      call list%add_group({text(group)}, {text(lines[number + 2])})"]
+            table += [f"      call list%add_group({text(group)})"]
             place = len(table) - n
             taken += [f"         g({place})%given = s%{group}%given"]
             given += [f"         s%{group}%given = g({place})%given"]

@@ -1,11 +1,11 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
-from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -255,7 +255,14 @@ def _listed() -> dict:
 @cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
-    return tuple(starmap(Variable, batched(_listed()["schema"], len(fields(Variable)))))
+    found = []
+    for section in _listed()["page"].split("## `&")[1:]:
+        heading, _, meaning, *lines = section.splitlines()
+        for name, words, *more in (line[3:-2].split(" | ") for line in lines if line.startswith("| `")):
+            shape = "constants" if words.endswith(" constant") else "list" if words.startswith("list") else "one"
+            kind = re.sub("list of | for each constant|s$", "", words)
+            found.append(Variable(heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
+    return tuple(found)
 
 
 @cache
