@@ -11,16 +11,15 @@ module problem
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
-   use settings_schema, only: candidate_sources, settings_type
+   use settings_schema, only: settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
-   use settings_list, only: choice_list_type
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, name_columns
    use tables, only: parse_table, read_table, table_type
-   use text, only: lower, newline, split_list, to_text
+   use text, only: lower, newline, to_text
    implicit none
    private
    public :: problem_type, new_problem
@@ -64,14 +63,12 @@ module problem
 contains
 
    !> The settings of a parsed namelist, with the tables that they name.
-   subroutine new_problem(path, namelist, command, needed, choices, self, error)
+   subroutine new_problem(path, namelist, command, needed, self, error)
       !> A file, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(namelist_file_type), intent(in) :: namelist
       !> See `problem_type`.
       character(len=*), intent(in) :: command, needed
-      !> Words that modules above the settings own.
-      type(choice_list_type), intent(in) :: choices(:)
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
@@ -87,7 +84,7 @@ contains
          self%groups = self%groups//namelist%groups(i)%text//' '
       end do
       allocate (self%warnings(0))
-      call read_settings(path, namelist, command, needed, choices, self%settings, error)
+      call read_settings(path, namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
@@ -140,7 +137,7 @@ contains
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, s%next%candidates, error)
-         if (allocated(error) .or. any(split_list(candidate_sources) == s%design%candidates)) return
+         if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables

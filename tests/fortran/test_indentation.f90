@@ -1,7 +1,6 @@
 !> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
 program test_indentation
    use basic_specimen, only: specimen_type
-   use problem_input, only: all_choices
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
@@ -367,7 +366,7 @@ contains
             identities = identities//identity_text(settings)
          end do
       end do
-      schema = list_settings(settings, all_choices())
+      schema = list_settings(settings)
       do i = 1, size(schema%variables)
          associate (group => schema%variables(i)%group, name => schema%variables(i)%name)
             if (all(['specimen  ', 'indenter  ', 'simulation'] /= group)) cycle
