@@ -142,8 +142,13 @@ contains
             content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
          case ('crystals')
             call add_table(problem%crystals)
+         case ('curves')
+            if (allocated(problem%curves)) content = content//problem%curves%digest//problem%curves%tests%digest()
+         case ('references')
+            call add_table(problem%references)
          case ('measurements')
             call add_table(problem%measurements)
+            if (allocated(problem%shared_digest)) content = content//problem%shared_digest
          case ('design')
             call add_table(problem%candidates)
          case ('next')

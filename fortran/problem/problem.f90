@@ -4,6 +4,7 @@
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, new_crystal_class
+   use curve_tables, only: curve_set_type, read_curves
    use crystal_lattice, only: lattice_type, new_lattice
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse
@@ -20,7 +21,7 @@ module problem
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use table_columns, only: column_hint, name_columns
+   use table_columns, only: column_hint, find_column, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, newline, split_list, to_text
    use warning_lists, only: warn, warning_type
@@ -50,6 +51,12 @@ module problem
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map
       real(wp), allocatable :: positions(:, :)
+      !> Of &curves, and the crystals of &references.
+      type(curve_set_type), allocatable :: curves
+      type(points_type), allocatable :: references
+      !> Relative errors that measurements share: columns of sd 1, (row of the table, error); unallocated: none.
+      real(wp), allocatable :: shared_errors(:, :)
+      character(len=:), allocatable :: shared_digest
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
@@ -57,6 +64,7 @@ module problem
    contains
       procedure :: resolved_text
       procedure :: set_table
+      procedure :: take_curve_results
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -128,6 +136,21 @@ contains
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) call warn(self%warnings, prefix//like_radians)
          end if
+         if (allocated(s%curves%file)) then
+            allocate (self%curves)
+            call read_curves(resolve_path(self%folder, s%curves%file), resolve_path(self%folder, s%curves%tests), place(self%path, &
+               & 'curves', 'file')//printable(s%curves%file)//': ', place(self%path, 'curves', 'tests')//printable(s%curves%tests) &
+               & //': ', self%curves, error)
+            if (allocated(error)) return
+         end if
+         if (allocated(s%references%crystals)) then
+            allocate (self%references)
+            call read_crystals(resolve_path(self%folder, s%references%crystals), place(self%path, 'references', 'crystals') &
+               & //printable(s%references%crystals)//': ', self%class, self%references, error)
+            if (.not. allocated(error)) call find_column(self%references%table, 'reference', self%references%named_by, error, &
+               & .true.)
+            if (allocated(error)) return
+         end if
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
             file = resolve_path(self%folder, s%measurements%file)
@@ -138,6 +161,8 @@ contains
                call take_measurements(self, table, error)
             end if
          end if
+         if (.not. allocated(error) .and. allocated(s%measurements%shared_errors)) call read_shared_errors(self, &
+            & resolve_path(self%folder, s%measurements%shared_errors), error)
          if (.not. allocated(error) .and. allocated(s%knowledge%stiffness_file)) then
             call read_table(resolve_path(self%folder, s%knowledge%stiffness_file), table, error)
             call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
@@ -148,6 +173,51 @@ contains
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables
+
+   !> The measurements that curves gave in a `folder` of results, unless the file names others.
+   subroutine take_curve_results(self, folder, error)
+      class(problem_type), intent(inout) :: self
+      character(len=*), intent(in) :: folder
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+
+      associate (asked => self%settings%measurements, curves => self%settings%curves)
+         if (.not. curves%given .or. allocated(asked%file) .or. allocated(self%measurements)) return
+         asked%indenter_modulus_gpa = curves%indenter_modulus_gpa
+         asked%indenter_nu = curves%indenter_nu
+      end associate
+      call read_table(folder//'/measurements.csv', table, error)
+      call take_measurements(self, table, error)
+      if (.not. allocated(error)) call read_shared_errors(self, folder//'/shared_errors.csv', error)
+   end subroutine take_curve_results
+
+   !> Columns of relative errors, beside perhaps one of names, with the rows of the measurements.
+   subroutine read_shared_errors(self, path, error)
+      type(problem_type), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+      integer, allocatable :: columns(:)
+      integer :: grain, i, j
+
+      call read_table(path, table, error)
+      if (.not. allocated(error)) call find_column(table, 'grain', grain, error)
+      if (.not. allocated(error) .and. allocated(self%measurements)) then
+         if (table%rows /= self%measurements%table%rows) call refuse(error, to_text(table%rows)//' rows for '// &
+            & to_text(self%measurements%table%rows)//' of the measurements; each row has the errors of one measurement')
+      end if
+      if (.not. allocated(error)) then
+         self%shared_digest = table%digest()
+         columns = pack([(j, j=1, table%columns)], [(j, j=1, table%columns)] /= grain)
+         allocate (self%shared_errors(table%rows, size(columns)))
+         do j = 1, size(columns)
+            do i = 1, table%rows
+               if (.not. allocated(error)) call table%number(columns(j), i, self%shared_errors(i, j), error)
+            end do
+         end do
+      end if
+      if (allocated(error)) error%message = place(self%path, 'measurements', 'shared_errors')//printable(path)//': '//error%message
+   end subroutine read_shared_errors
 
    !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
    !> 'warning' what is to be told of a table.
