@@ -35,6 +35,8 @@ module elastic_window
 
    type :: test_type
       type(segment_type) :: curve
+      !> The numbers of its material and its session.
+      integer :: material = 0, session = 0
       !> Whether it counts, and why not.
       logical :: used = .true.
       character(len=:), allocatable :: reason
@@ -149,7 +151,7 @@ contains
       test%noise = test%sigma(chosen)
       call sum_windows(test, s, residual, columns, variances, first, weight)
       off = test%curve%depth(1) - test%fit(1)
-      if (abs(off) > farthest*depth(maxloc(test%elastic, 1))) then
+      if (abs(off) > farthest*maxval(depth, test%elastic >= 0.5_wp*maxval(test%elastic))) then
          test%used = .false.
          test%reason = 'no elastic part: the contact begins '//fixed(abs(off), &
             & 1)//' nm away from the elastic curve through loads of ' &

@@ -32,6 +32,13 @@ module shared_posterior
       real(wp) :: repeat_sd(2) = 0.0_wp
    end type shared_type
 
+   !> All given the sds of the tests' factors: log evidence; change of the shared unknowns, and its covariance; of the materials about
+   !> their prior means the mean, its derivatives by the shared unknowns, (shared, material), and the variance given these.
+   type :: conditional_type
+      real(wp) :: density = 0.0_wp
+      real(wp), allocatable :: s(:), covariance(:, :), mean(:), slope(:, :), variance(:)
+   end type conditional_type
+
    !> Sd of a test's factor: about one per cent, a factor of e for one sd; that of grains and of references agree within a factor 1.6.
    real(wp), parameter :: usual_repeat = 0.01_wp, repeat_spread = 1.0_wp, repeat_ratio = 0.5_wp, least = 0.002_wp, greatest = 0.2_wp
    integer, parameter :: n_grid = 16
@@ -39,18 +46,16 @@ module shared_posterior
 contains
 
    !> Posterior about the present `shared%mean` and `test%ln_modulus`; both move to it.
-   subroutine infer_shared(tests, material, session, materials, shared, error)
+   subroutine infer_shared(tests, materials, shared, error)
       type(test_type), intent(inout) :: tests(:)
-      !> Of each test, (test).
-      integer, intent(in) :: material(:), session(:)
       type(material_type), intent(inout) :: materials(:)
       type(shared_type), intent(inout) :: shared
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: sd(2), density(n_grid, n_grid), share, before(n_shared)
-      real(wp), dimension(size(shared%mean)) :: s, total
-      real(wp), dimension(size(shared%mean), size(shared%mean)) :: covariance, squares
-      real(wp), dimension(size(shared%mean), size(materials)) :: slope, crossed
-      real(wp), dimension(size(materials)) :: mean, variance, all_means, all_squares
+      type(conditional_type) :: given
+      real(wp) :: sd(2), density(n_grid, n_grid), before(n_shared), total(size(shared%mean))
+      real(wp), dimension(size(shared%mean), size(shared%mean)) :: squares, precision
+      real(wp), dimension(size(shared%mean), size(materials)) :: crossed
+      real(wp), dimension(size(materials)) :: mean, all_means, all_squares
       integer :: i, j, k, pass
 
       total = 0.0_wp
@@ -62,120 +67,111 @@ contains
       do pass = 1, 2
          do j = 1, n_grid
             do i = 1, n_grid
-               share = density(i, j)
-               if (pass == 2 .and. share < 1.0e-6_wp) cycle
+               if (pass == 2 .and. density(i, j) < 1.0e-6_wp) cycle
                sd = least*(greatest/least)**(real([i, j] - 1, wp)/(n_grid - 1))
-               call solve_given(tests, material, session, materials, shared, sd, density(i, j), s, covariance, mean, slope, &
-                  & variance, &
-                  & error)
+               call solve_given(tests, materials, shared, sd, given, error)
                if (allocated(error)) return
-               density(i, j) = density(i, j) - 0.5_wp*(log(sd(1)/usual_repeat)/repeat_spread)**2 &
-                  & - 0.5_wp*(log(sd(2)/sd(1))/repeat_ratio)**2
-               if (pass == 1) cycle
-               density(i, j) = share
-               total = total + share*s
-               mean = mean + matmul(s, slope)
-               all_means = all_means + share*mean
-               all_squares = all_squares + share*(mean**2 + variance)
-               shared%repeat_sd = shared%repeat_sd + share*sd**2
-               do k = 1, size(s)
-                  squares(:, k) = squares(:, k) + share*(covariance(:, k) + s*s(k))
-               end do
-               crossed = crossed + share*(matmul(covariance, slope) + spread(s, 2, size(mean))*spread(mean, 1, size(s)))
-               do k = 1, size(mean)
-                  all_squares(k) = all_squares(k) + share*sum(slope(:, k)*matmul(covariance, slope(:, k)))
-               end do
+               if (pass == 1) then
+                  density(i, j) = given%density - 0.5_wp*(log(sd(1)/usual_repeat)/repeat_spread)**2 &
+                     & - 0.5_wp*(log(sd(2)/sd(1))/repeat_ratio)**2
+                  cycle
+               end if
+               associate (share => density(i, j), s => given%s)
+                  mean = given%mean + matmul(s, given%slope)
+                  total = total + share*s
+                  squares = squares + share*(given%covariance + outer(s, s))
+                  crossed = crossed + share*(matmul(given%covariance, given%slope) + outer(s, mean))
+                  all_means = all_means + share*mean
+                  all_squares = all_squares + share*(mean**2 + given%variance &
+                     & + sum(given%slope*matmul(given%covariance, given%slope), 1))
+                  shared%repeat_sd = shared%repeat_sd + share*sd**2
+               end associate
             end do
          end do
          if (pass == 1) density = exp(density - maxval(density))/sum(exp(density - maxval(density)))
       end do
       shared%repeat_sd = sqrt(shared%repeat_sd)
-      before = shared%mean(:n_shared)
-      shared%covariance = squares - spread(total, 2, size(s))*spread(total, 1, size(s))
-      covariance = shared%covariance
-      call cholesky_factor(covariance, error)
+      shared%covariance = squares - outer(total, total)
+      crossed = crossed - outer(total, all_means)
+      precision = shared%covariance
+      call cholesky_factor(precision, error)
       if (allocated(error)) return
-      call cholesky_inverse(covariance)
+      call cholesky_inverse(precision)
       do k = 1, size(materials)
          associate (m => materials(k))
             m%ln_modulus = m%prior_mean + all_means(k)
             m%sd = sqrt(all_squares(k) - all_means(k)**2)
-            m%by_shared = matmul(covariance, crossed(:, k) - total*all_means(k))
-            m%own_sd = sqrt(max(1.0e-8_wp, m%sd**2 - sum(m%by_shared*(crossed(:, k) - total*all_means(k)))))
+            m%by_shared = matmul(precision, crossed(:, k))
+            m%own_sd = sqrt(max(1.0e-8_wp, m%sd**2 - sum(m%by_shared*crossed(:, k))))
          end associate
       end do
+      before = shared%mean(:n_shared)
       shared%mean = shared%mean + total
       do i = 1, size(tests)
          tests(i)%ln_modulus = tests(i)%ln_modulus + tests(i)%shift + sum(tests(i)%slope*(shared%mean(:n_shared) - before))
       end do
    end subroutine infer_shared
 
-   !> All given the sds of the tests' factors. The mean of a material is `mean` + `slope` . s, s the change of the shared unknowns.
-   subroutine solve_given(tests, material, session, materials, shared, sd, density, s, covariance, mean, slope, variance, error)
+   pure function outer(a, b)
+      real(wp), intent(in) :: a(:), b(:)
+      real(wp) :: outer(size(a), size(b))
+
+      outer = spread(a, 2, size(b))*spread(b, 1, size(a))
+   end function outer
+
+   !> All given the sds of the tests' factors.
+   subroutine solve_given(tests, materials, shared, sd, given, error)
       type(test_type), intent(in) :: tests(:)
-      integer, intent(in) :: material(:), session(:)
       type(material_type), intent(in) :: materials(:)
       type(shared_type), intent(in) :: shared
       !> Of references and of grains.
       real(wp), intent(in) :: sd(2)
-      !> Logarithm of the evidence.
-      real(wp), intent(out) :: density, s(:), covariance(:, :)
-      !> About the prior mean, (material); (shared, material); (material).
-      real(wp), intent(out) :: mean(:), slope(:, :), variance(:)
+      type(conditional_type), intent(out) :: given
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: precision, x(size(s)), z, right(size(s))
-      integer :: i, k
+      real(wp) :: precision, z
+      real(wp), dimension(size(shared%mean)) :: x, right
+      integer :: i, k, n
 
-      density = 0.0_wp
-      mean = 0.0_wp
-      slope = 0.0_wp
-      covariance = 0.0_wp
-      do k = 1, size(s)
-         covariance(k, k) = 1.0_wp/shared%prior_sd(k)**2
+      n = size(x)
+      allocate (given%covariance(n, n), given%slope(n, size(materials)), given%mean(size(materials)), source=0.0_wp)
+      do k = 1, n
+         given%covariance(k, k) = 1.0_wp/shared%prior_sd(k)**2
       end do
       right = (shared%prior_mean - shared%mean)/shared%prior_sd**2
-      variance = 1.0_wp/materials%prior_sd**2
+      given%variance = 1.0_wp/materials%prior_sd**2
       do i = 1, size(tests)
          if (.not. tests(i)%used) cycle
-         k = material(i)
-         precision = 1.0_wp/(tests(i)%variance + sd(merge(1, 2, materials(k)%reference))**2)
-         x = 0.0_wp
-         x(:n_shared) = -tests(i)%slope
-         x(n_shared + session(i)) = 1.0_wp
-         z = tests(i)%ln_modulus + tests(i)%shift - materials(k)%prior_mean - shared%mean(n_shared + session(i))
-         density = density + 0.5_wp*(log(precision) - precision*z**2)
-         mean(k) = mean(k) + precision*z
-         slope(:, k) = slope(:, k) - precision*x
-         variance(k) = variance(k) + precision
+         associate (k => tests(i)%material, session => n_shared + tests(i)%session)
+            precision = 1.0_wp/(tests(i)%variance + sd(merge(1, 2, materials(k)%reference))**2)
+            x = 0.0_wp
+            x(:n_shared) = -tests(i)%slope
+            x(session) = 1.0_wp
+            z = tests(i)%ln_modulus + tests(i)%shift - materials(k)%prior_mean - shared%mean(session)
+            given%mean(k) = given%mean(k) + precision*z
+            given%slope(:, k) = given%slope(:, k) - precision*x
+            given%variance(k) = given%variance(k) + precision
+         end associate
+         given%density = given%density + 0.5_wp*(log(precision) - precision*z**2)
          right = right + precision*z*x
-         call add_product(precision, x)
+         given%covariance = given%covariance + precision*outer(x, x)
       end do
       do k = 1, size(materials)
-         density = density + 0.5_wp*(mean(k)**2/variance(k) - log(variance(k)*materials(k)%prior_sd**2))
-         right = right + mean(k)*slope(:, k)/variance(k)
-         call add_product(-1.0_wp/variance(k), slope(:, k))
+         associate (mean => given%mean(k), slope => given%slope(:, k), variance => given%variance(k))
+            given%density = given%density + 0.5_wp*(mean**2/variance - log(variance*materials(k)%prior_sd**2))
+            right = right + mean*slope/variance
+            given%covariance = given%covariance - outer(slope, slope)/variance
+            mean = mean/variance
+            slope = slope/variance
+            variance = 1.0_wp/variance
+         end associate
       end do
-      call cholesky_factor(covariance, error)
+      call cholesky_factor(given%covariance, error)
       if (allocated(error)) return
-      do k = 1, size(s)
-         density = density - log(covariance(k, k))
+      do k = 1, n
+         given%density = given%density - log(given%covariance(k, k))
       end do
-      call cholesky_inverse(covariance)
-      s = matmul(covariance, right)
-      density = density + 0.5_wp*sum(s*right)
-      mean = mean/variance
-      slope = slope/spread(variance, 1, size(s))
-      variance = 1.0_wp/variance
-
-   contains
-
-      subroutine add_product(factor, x)
-         real(wp), intent(in) :: factor, x(:)
-         integer :: j
-
-         do j = 1, size(x)
-            covariance(:, j) = covariance(:, j) + factor*x(j)*x
-         end do
-      end subroutine add_product
+      call cholesky_inverse(given%covariance)
+      given%s = matmul(given%covariance, right)
+      given%density = given%density + 0.5_wp*sum(given%s*right)
    end subroutine solve_given
 end module shared_posterior

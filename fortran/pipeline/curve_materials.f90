@@ -1,6 +1,6 @@
 !> What the tests of a problem were made on: references, whose moduli are known, and grains; and the sessions of the tests.
 module curve_materials
-   use curve_tables, only: curve_set_type
+   use elastic_window, only: test_type
    use errors, only: error_type, refuse
    use files, only: printable
    use halfspace_theory, only: halfspace_moduli
@@ -18,23 +18,22 @@ module curve_materials
 contains
 
    !> The materials of a problem's curves, in the order of their first tests.
-   subroutine find_materials(problem, materials, material, session, sessions, error)
+   subroutine find_materials(problem, tests, materials, sessions, error)
       type(problem_type), intent(in) :: problem
+      type(test_type), intent(inout) :: tests(:)
       type(material_type), allocatable, intent(out) :: materials(:)
-      !> Of each test the number of its material and of its session, (test); the names of these.
-      integer, allocatable, intent(out) :: material(:), session(:)
+      !> Their names.
       type(warning_type), allocatable, intent(out) :: sessions(:)
       type(error_type), allocatable, intent(out) :: error
       integer :: i, k
 
       allocate (materials(0), sessions(0))
-      allocate (material(size(problem%curves%curves)), session(size(problem%curves%curves)))
-      do i = 1, size(material)
+      do i = 1, size(tests)
          associate (c => problem%curves%curves(i))
             do k = 1, size(materials)
                if (materials(k)%name == c%material .and. (materials(k)%reference .eqv. c%reference)) exit
             end do
-            material(i) = k
+            tests(i)%material = k
             if (k > size(materials)) then
                ! A constructor would empty the name.
                materials = [materials, material_type()]
@@ -46,7 +45,7 @@ contains
             do k = 1, size(sessions)
                if (sessions(k)%text == c%session) exit
             end do
-            session(i) = k
+            tests(i)%session = k
             if (k > size(sessions)) call warn(sessions, c%session)
          end associate
       end do

@@ -27,12 +27,10 @@ module curves_document
 contains
 
    !> measurements.csv, shared_errors.csv and fits.csv.
-   subroutine write_curve_files(set, tests, materials, material, shared, output, error)
+   subroutine write_curve_files(set, tests, materials, shared, output, error)
       type(curve_set_type), intent(in) :: set
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
-      !> Of each test.
-      integer, intent(in) :: material(:)
       type(shared_type), intent(in) :: shared
       !> Folder.
       character(len=*), intent(in) :: output
@@ -43,7 +41,7 @@ contains
       character(len=:), allocatable :: line
       integer :: i, j, k, first
 
-      grains = grains_of(tests, materials, material)
+      grains = grains_of(tests, materials)
       call find_carried(set, columns, error)
       if (allocated(error)) return
       loadings = loadings_of(materials(grains), shared)
@@ -61,7 +59,7 @@ contains
       call errors%add(line//newline)
       do i = 1, size(grains)
          k = grains(i)
-         first = findloc(material, k, 1)
+         first = findloc(tests%material, k, 1)
          line = csv_cell(materials(k)%name)
          do j = 1, size(columns)
             line = line//','//csv_cell(set%tests%cell(columns(j), set%curves(first)%row))
@@ -92,14 +90,13 @@ contains
    end subroutine write_curve_files
 
    !> The grains that a test was used of.
-   function grains_of(tests, materials, material) result(grains)
+   function grains_of(tests, materials) result(grains)
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
-      integer, intent(in) :: material(:)
       integer, allocatable :: grains(:)
       integer :: k
 
-      grains = pack([(k, k=1, size(materials))], .not. materials%reference .and. [(any(material == k .and. tests%used), k=1, &
+      grains = pack([(k, k=1, size(materials))], .not. materials%reference .and. [(any(tests%material == k .and. tests%used), k=1, &
          & size(materials))])
    end function grains_of
 
@@ -143,11 +140,10 @@ contains
    end function loadings_of
 
    !> The document: JSON.
-   function write_document(set, tests, materials, material, shared, sessions, warnings) result(document)
+   function write_document(set, tests, materials, shared, sessions, warnings) result(document)
       type(curve_set_type), intent(in) :: set
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
-      integer, intent(in) :: material(:)
       type(shared_type), intent(in) :: shared
       !> Their names.
       type(warning_type), intent(in) :: sessions(:), warnings(:)
@@ -172,9 +168,9 @@ contains
       end do
       call page%end_array()
       call page%put_numbers('references, grains', shared%repeat_sd, 'repeat_sd')
-      call put_repeats(page, tests, materials, material, shared)
+      call put_repeats(page, tests, materials, shared)
       call put_tests(page, set, tests)
-      call put_grains(page, tests, materials, material, shared)
+      call put_grains(page, tests, materials, shared)
       call page%put('warnings', warnings)
       call page%end_object()
       document = page%text()
@@ -201,11 +197,10 @@ contains
    end function write_document
 
    !> How tests of one grain agree: their chi-square about its mean.
-   subroutine put_repeats(page, tests, materials, material, shared)
+   subroutine put_repeats(page, tests, materials, shared)
       type(json_type), intent(inout) :: page
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
-      integer, intent(in) :: material(:)
       type(shared_type), intent(in) :: shared
       real(wp) :: chi_square, weight(size(tests)), mean
       logical :: own(size(tests))
@@ -215,7 +210,7 @@ contains
       freedom = 0
       weight = 1.0_wp/(tests%variance + shared%repeat_sd(2)**2)
       do k = 1, size(materials)
-         own = material == k .and. tests%used
+         own = tests%material == k .and. tests%used
          if (materials(k)%reference .or. count(own) < 2) cycle
          mean = sum(weight*tests%ln_modulus, own)/sum(weight, own)
          chi_square = chi_square + sum(weight*(tests%ln_modulus - mean)**2, own)
@@ -259,11 +254,10 @@ contains
    end subroutine put_tests
 
    !> Moduli of the grains, how they depend on what they share, and where their errors come from.
-   subroutine put_grains(page, tests, materials, material, shared)
+   subroutine put_grains(page, tests, materials, shared)
       type(json_type), intent(inout) :: page
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
-      integer, intent(in) :: material(:)
       type(shared_type), intent(in) :: shared
       character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
       real(wp), allocatable :: budget(:, :), slopes(:, :), drift(:)
@@ -271,12 +265,12 @@ contains
       real(wp) :: sd(size(shared%mean))
       integer :: i, j
 
-      grains = grains_of(tests, materials, material)
+      grains = grains_of(tests, materials)
       allocate (budget(6, size(grains)), slopes(size(grains), size(sd)))
       sd = [(sqrt(shared%covariance(j, j)), j=1, size(sd))]
       call page%begin_array('grains')
       do i = 1, size(grains)
-         associate (m => materials(grains(i)), own => material == grains(i) .and. tests%used)
+         associate (m => materials(grains(i)), own => tests%material == grains(i) .and. tests%used)
             slopes(i, :) = m%by_shared
             drift = pack(tests%variance*tests%drift_share, own)
             budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)

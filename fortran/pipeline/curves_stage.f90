@@ -21,7 +21,6 @@ module curves_stage
       type(test_type), allocatable :: tests(:)
       type(material_type), allocatable :: materials(:)
       type(shared_type) :: shared
-      integer, allocatable :: material(:), session(:)
       type(warning_type), allocatable :: sessions(:)
    contains
       procedure :: begin
@@ -40,10 +39,10 @@ contains
       real(wp) :: sd
       integer :: i
 
-      call find_materials(self%problem, self%materials, self%material, self%session, self%sessions, error)
+      allocate (self%tests(size(self%problem%curves%curves)))
+      call find_materials(self%problem, self%tests, self%materials, self%sessions, error)
       if (allocated(error)) return
       associate (set => self%problem%curves, asked => self%problem%settings%curves)
-         allocate (self%tests(size(set%curves)))
          do i = 1, size(self%tests)
             associate (c => set%curves(i), test => self%tests(i))
                call take_loading(c%time, c%depth - merge(0.0_wp, c%drift, asked%drift_removed)*(c%time - c%time(1)), c%load, &
@@ -82,10 +81,10 @@ contains
             & //self%tests(i)%reason)
       end do
       call question_shared(self, error)
-      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%tests, self%materials, self%material, &
+      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%tests, self%materials, &
          & self%shared, self%output, error)
       if (allocated(error)) return
-      document = write_document(self%problem%curves, self%tests, self%materials, self%material, self%shared, self%sessions, &
+      document = write_document(self%problem%curves, self%tests, self%materials, self%shared, self%sessions, &
          & self%warnings)
       self%done = to_text(count(self%tests%used))//' of '//to_text(size(self%tests))//' tests: '//self%output//'/measurements.csv'
    end subroutine finish
@@ -113,7 +112,7 @@ contains
             end do
             if (step > 1) then
                do k = 1, size(self%materials)
-                  associate (chosen => self%material == k .and. tests%used)
+                  associate (chosen => tests%material == k .and. tests%used)
                      if (count(chosen) < 3) cycle
                      middle = median(count(chosen), pack(tests%ln_modulus + tests%shift, chosen))
                      do i = 1, size(tests)
@@ -130,14 +129,14 @@ contains
                return
             end if
             do k = 1, size(self%materials)
-               associate (chosen => self%material == k .and. tests%used)
+               associate (chosen => tests%material == k .and. tests%used)
                   if (.not. self%materials(k)%reference &
                      & .and. any(chosen)) self%materials(k)%prior_mean = sum(pack(tests%ln_modulus, &
                      & chosen))/count(chosen)
                end associate
             end do
             before = s%mean(:n_shared)
-            call infer_shared(tests, self%material, self%session, self%materials, s, error)
+            call infer_shared(tests, self%materials, s, error)
             if (allocated(error)) return
             if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) < [(settled*sqrt(s%covariance(i, i)), i=1, &
                & n_shared)])) exit
@@ -161,7 +160,7 @@ contains
       integer :: i
 
       associate (s => self%shared, radius => self%problem%settings%curves%radius_um)
-         if (.not. any([(self%materials(self%material(i))%reference .and. self%tests(i)%used, i=1, size(self%tests))])) then
+         if (.not. any([(self%materials(self%tests(i)%material)%reference .and. self%tests(i)%used, i=1, size(self%tests))])) then
             call warn(self%warnings, &
                & 'no test is of a reference: only ratios of the moduli are known. All moduli share the relative ' &
                & //'sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and radius_sd_um; ' &

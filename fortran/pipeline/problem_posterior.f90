@@ -130,14 +130,7 @@ contains
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
-         if (allocated(problem%shared_errors)) then
-            if (size(problem%shared_errors, 1) /= table%table%rows) then
-               call refuse(error, place(problem%path, 'measurements', 'shared_errors')//to_text(size(problem%shared_errors, 1)) &
-                  & //' rows for '//to_text(table%table%rows)//' measurements; each row has the errors of one measurement')
-               return
-            end if
-            measured%shared = problem%shared_errors(table%row, :)
-         end if
+         if (allocated(problem%shared_errors)) measured%shared = problem%shared_errors(table%row, :)
       end associate
       call new_problem_prior(problem, surrogate, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
       if (allocated(error)) return

@@ -191,33 +191,51 @@ contains
       if (.not. allocated(error)) call read_shared_errors(self, folder//'/shared_errors.csv', error)
    end subroutine take_curve_results
 
-   !> Columns of relative errors, beside perhaps one of names, with the rows of the measurements.
+   !> Relative errors that measurements share: the columns of a file with a row for each, that of the grains' names apart.
    subroutine read_shared_errors(self, path, error)
       type(problem_type), intent(inout) :: self
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
-      integer, allocatable :: columns(:)
-      integer :: grain, i, j
 
       call read_table(path, table, error)
-      if (.not. allocated(error)) call find_column(table, 'grain', grain, error)
-      if (.not. allocated(error) .and. allocated(self%measurements)) then
-         if (table%rows /= self%measurements%table%rows) call refuse(error, to_text(table%rows)//' rows for '// &
-            & to_text(self%measurements%table%rows)//' of the measurements; each row has the errors of one measurement')
-      end if
-      if (.not. allocated(error)) then
-         self%shared_digest = table%digest()
-         columns = pack([(j, j=1, table%columns)], [(j, j=1, table%columns)] /= grain)
-         allocate (self%shared_errors(table%rows, size(columns)))
-         do j = 1, size(columns)
-            do i = 1, table%rows
-               if (.not. allocated(error)) call table%number(columns(j), i, self%shared_errors(i, j), error)
-            end do
-         end do
-      end if
+      if (.not. allocated(error)) call take_shared_errors(self, table, '', error)
+      if (.not. allocated(error)) call check_shared_rows(self, error)
       if (allocated(error)) error%message = place(self%path, 'measurements', 'shared_errors')//printable(path)//': '//error%message
    end subroutine read_shared_errors
+
+   subroutine check_shared_rows(self, error)
+      type(problem_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      if (.not. (allocated(self%shared_errors) .and. allocated(self%measurements))) return
+      if (size(self%shared_errors, 1) /= self%measurements%table%rows) call refuse(error, 'shared_errors has ' &
+         & //to_text(size(self%shared_errors, 1))//' rows for '//to_text(self%measurements%table%rows)//' of the measurements; ' &
+         & //'each row has the errors of one of them')
+   end subroutine check_shared_rows
+
+   !> Those of the columns of a table whose names begin with `prefix`.
+   subroutine take_shared_errors(self, table, prefix, error)
+      type(problem_type), intent(inout) :: self
+      type(table_type), intent(in) :: table
+      character(len=*), intent(in) :: prefix
+      type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: columns(:)
+      integer :: i, j
+
+      columns = pack([(j, j=1, table%columns)], [(index(table%name(j), prefix) == 1 .and. table%name(j) /= 'grain', j=1, &
+         & table%columns)])
+      if (size(columns) == 0) return
+      if (allocated(self%shared_errors)) deallocate (self%shared_errors)
+      allocate (self%shared_errors(table%rows, size(columns)))
+      do j = 1, size(columns)
+         do i = 1, table%rows
+            call table%number(columns(j), i, self%shared_errors(i, j), error)
+            if (allocated(error)) return
+         end do
+      end do
+      self%shared_digest = table%digest()
+   end subroutine take_shared_errors
 
    !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
    !> 'warning' what is to be told of a table.
@@ -291,11 +309,13 @@ contains
             & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler angles: ' &
             & //'directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
       end if
+      if (.not. allocated(error)) call take_shared_errors(self, measurements%table, 'shared_', error)
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
-         call question_measurements(self, error)
+         call check_shared_rows(self, error)
+         if (.not. allocated(error)) call question_measurements(self, error)
       end if
    end subroutine set_measurements
 

@@ -176,14 +176,15 @@ contains
    contains
 
       !> A number, huge where an instrument says that there is none.
-      real(wp) function number_of(column, row)
+      function number_of(column, row) result(value)
          integer, intent(in) :: column, row
+         real(wp) :: value
 
-         call table%number(column, row, number_of, error)
+         call table%number(column, row, value, error)
          if (.not. allocated(error)) return
          if (index(lower(table%cell(column, row)), '1.797') == 0) return
          deallocate (error)
-         number_of = huge(1.0_wp)
+         value = huge(1.0_wp)
       end function number_of
    end subroutine take_points
 

@@ -16,7 +16,13 @@ def warnings_of(surrogate="halfspace", moduli=MODULI, yield_gpa=None, **columns)
     """The warnings of a short Step 2."""
     table = {"phi1_deg": ANGLES[:, 0], "Phi_deg": ANGLES[:, 1], "phi2_deg": ANGLES[:, 2], "modulus_gpa": moduli, "sd_gpa": np.full(N, 2.0)}
     posterior = bi.extract(
-        table | columns, symmetry="cubic", modulus_kind="indentation_modulus", surrogate=surrogate, samples=500, chains=2, yield_gpa=yield_gpa
+        table | columns,
+        symmetry="cubic",
+        modulus_kind="indentation_modulus",
+        surrogate=surrogate,
+        samples=500,
+        chains=2,
+        yield_gpa=yield_gpa,
     )
     return bi.summary(posterior)["warnings"]
 

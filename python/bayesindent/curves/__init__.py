@@ -1,0 +1,1 @@
+"""Step 0: from measured curves to moduli."""
