@@ -73,7 +73,7 @@ contains
          n = size(c%load)
          x = c%load**(2.0_wp/3.0_wp)
          low = c%load < 0.3_wp*c%load(n) .and. c%load > 0.02_wp*c%load(n)
-         if (count(low) < 4) low = spread_true(n)
+         if (count(low) < 4) low = c%load > 0.0_wp
          associate (u => pack(x, low), y => pack(c%depth, low))
             slope = sum((u - sum(u)/size(u))*y)/sum((u - sum(u)/size(u))**2)
          end associate
@@ -88,14 +88,6 @@ contains
       end if
       test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
 
-   contains
-
-      pure function spread_true(n) result(all_true)
-         integer, intent(in) :: n
-         logical :: all_true(n)
-
-         all_true = .true.
-      end function spread_true
    end subroutine begin_test
 
    !> The test about shared unknowns `s` with prior sds `sds`.

@@ -1,5 +1,6 @@
 !> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and the document.
 module curves_document
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use curve_tables, only: curve_set_type
    use elastic_window, only: n_shared, test_type
    use errors, only: error_type
@@ -10,7 +11,6 @@ module curves_document
    use shared_posterior, only: material_type, shared_type
    use small_matrices, only: factor_semidefinite
    use statistics, only: chi_square_above, median
-   use table_columns, only: find_column
    use tables, only: csv_cell
    use text, only: newline, split_list, to_text
    use warning_lists, only: warning_type
@@ -19,8 +19,8 @@ module curves_document
    public :: write_curve_files, write_document
 
    !> Columns of the table of tests that are those of the measurements too.
-   character(len=*), parameter :: carried = 'phi1_deg, Phi_deg, phi2_deg, q0, q1, q2, q3, u, v, w, h, k, l, orientation_sd_deg, ' &
-      & //'grain_radius_um'
+   character(len=*), parameter :: carried = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, q1, q2, q3, u, v, w, h, k, l, ' &
+      & //'orientation_sd_deg, grain_radius_um'
    !> A loading that is smaller than this everywhere is none.
    real(wp), parameter :: negligible = 1.0e-6_wp
 
@@ -38,12 +38,13 @@ contains
       type(new_file_type) :: measurements, errors, fits
       real(wp), allocatable :: loadings(:, :)
       integer, allocatable :: grains(:), columns(:)
-      character(len=:), allocatable :: line
-      integer :: i, j, k, first
+      character(len=:), allocatable :: line, names(:)
+      integer :: i, j, k
 
       grains = grains_of(tests, materials)
-      call find_carried(set, columns, error)
-      if (allocated(error)) return
+      allocate (names, source=split_list(carried))
+      columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
+      columns = pack(columns, columns > 0)
       loadings = loadings_of(materials(grains), shared)
       call measurements%begin(output//'/measurements.csv')
       call errors%begin(output//'/shared_errors.csv')
@@ -59,10 +60,9 @@ contains
       call errors%add(line//newline)
       do i = 1, size(grains)
          k = grains(i)
-         first = findloc(tests%material, k, 1)
          line = csv_cell(materials(k)%name)
          do j = 1, size(columns)
-            line = line//','//csv_cell(set%tests%cell(columns(j), set%curves(first)%row))
+            line = line//','//csv_cell(set%tests%cell(columns(j), findloc(tests%material, k, 1)))
          end do
          call measurements%add(line//','//short_text(exp(materials(k)%ln_modulus))//',' &
             & //short_text(exp(materials(k)%ln_modulus)*materials(k)%own_sd)//newline)
@@ -99,23 +99,6 @@ contains
       grains = pack([(k, k=1, size(materials))], .not. materials%reference .and. [(any(tests%material == k .and. tests%used), k=1, &
          & size(materials))])
    end function grains_of
-
-   subroutine find_carried(set, columns, error)
-      type(curve_set_type), intent(in) :: set
-      integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: names(:)
-      integer :: j, column
-
-      allocate (names, source=split_list(carried))
-      allocate (columns(0))
-      do j = 1, size(names)
-         column = set%tests%find(trim(names(j)))
-         if (j <= 3) call find_column(set%tests, trim(names(j)), column, error)
-         if (allocated(error)) return
-         if (column > 0) columns = [columns, column]
-      end do
-   end subroutine find_carried
 
    !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
    function loadings_of(grains, shared) result(loadings)
@@ -188,9 +171,7 @@ contains
 
          sd = sqrt(shared%covariance(i, i))
          call page%begin_object(name)
-         call page%put('mean', mean)
-         call page%put('sd', sd*unit)
-         call page%put('prior_sd', shared%prior_sd(i)*unit)
+         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, shared%prior_sd(i)*unit])
          call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*shared%prior_sd(i))))
          call page%end_object()
       end subroutine put_unknown
@@ -227,6 +208,7 @@ contains
       type(json_type), intent(inout) :: page
       type(curve_set_type), intent(in) :: set
       type(test_type), intent(in) :: tests(:)
+      real(wp) :: values(9)
       integer :: i
 
       call page%begin_array('tests')
@@ -238,15 +220,12 @@ contains
             call page%put('session', c%session)
             call page%put('used', t%used)
             call page%put('reason', t%reason)
-            call page%put_if(t%used, 'effective_modulus_gpa', exp(t%ln_modulus))
-            call page%put_if(t%used, 'sd_gpa', exp(t%ln_modulus)*sqrt(t%variance))
-            call page%put_if(t%used, 'elastic_from_mn', t%from_load)
-            call page%put_if(t%used, 'elastic_to_mn', t%to_load)
-            call page%put_if(t%used, 'zero_nm', t%zero)
-            call page%put_if(t%used, 'drift_nm_s', t%drift)
-            call page%put_if(t%used, 'drift_sd_nm_s', t%drift_sd)
-            call page%put_if(t%used, 'noise_nm', t%noise)
-            call page%put_if(t%used, 'noise_correlation', t%correlation)
+            values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, t%zero, t%drift, t%drift_sd, t%noise, &
+               & t%correlation]
+            ! What is not finite is null.
+            if (.not. t%used) values = ieee_value(1.0_wp, ieee_quiet_nan)
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, elastic_to_mn, zero_nm, drift_nm_s, ' &
+               & //'drift_sd_nm_s, noise_nm, noise_correlation', values)
             call page%end_object()
          end associate
       end do
@@ -280,9 +259,7 @@ contains
             call page%begin_object()
             call page%put('grain', m%name)
             call page%put('tests', count(own))
-            call page%put('effective_modulus_gpa', exp(m%ln_modulus))
-            call page%put('sd_gpa', exp(m%ln_modulus)*m%sd)
-            call page%put('own_sd_gpa', exp(m%ln_modulus)*m%own_sd)
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
             call page%put_numbers(names, budget(:, i), 'error_budget')
             call page%end_object()
          end associate

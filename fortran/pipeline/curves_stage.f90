@@ -156,22 +156,32 @@ contains
    subroutine question_shared(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: most_sds = 3.0_wp
-      integer :: i
+      !> Sds of the radius, and a relative misfit of a reference, that are none of one tip.
+      real(wp), parameter :: most_sds = 3.0_wp, most_misfit = 0.1_wp
+      real(wp) :: off, found
+      logical :: known
+      integer :: k
 
-      associate (s => self%shared, radius => self%problem%settings%curves%radius_um)
-         if (.not. any([(self%materials(self%tests(i)%material)%reference .and. self%tests(i)%used, i=1, size(self%tests))])) then
-            call warn(self%warnings, &
-               & 'no test is of a reference: only ratios of the moduli are known. All moduli share the relative ' &
-               & //'sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and radius_sd_um; ' &
-               & //'indent a material of known modulus with the same tip')
-         else if (abs(s%mean(1) - s%prior_mean(1)) > most_sds*s%prior_sd(1)) then
-            call refuse(error, place(self%problem%path, 'curves', 'radius_um')//'the references are those of another tip: their ' &
-               & //'curves mean a radius of '//to_text(exp(s%mean(1)), 3)//' um, '//to_text(abs(s%mean(1) &
-               & - s%prior_mean(1))/s%prior_sd(1), &
-               & 2)//' sds from the stated '//to_text(radius)//' um; up to 3 are allowed. Check ' &
-               & //'young_gpa of &references, or state radius_sd_um')
-         end if
+      known = .false.
+      associate (s => self%shared, tests => self%tests)
+         off = (s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
+         do k = 1, size(self%materials)
+            associate (m => self%materials(k), own => tests%material == k .and. tests%used)
+               if (.not. (m%reference .and. any(own)) .or. allocated(error)) cycle
+               known = .true.
+               found = sum(pack(tests%ln_modulus, own))/count(own)
+               if (abs(off) > most_sds .or. abs(found - m%prior_mean) > most_misfit) call refuse(error, place(self%problem%path, &
+                  & 'curves', 'radius_um')//'the curves of the reference '//m%name//' are those of another tip or material: at a ' &
+                  & //'radius of '//to_text(exp(s%mean(1)), 3)//' um, '//to_text(abs(off), &
+                  & 2)//' sds from the stated one, they mean ' &
+                  & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), &
+                  & 3)//' GPa. Check radius_um, radius_sd_um ' &
+                  & //'and &references')
+            end associate
+         end do
+         if (.not. known) call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are known. All moduli ' &
+            & //'share the relative sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
+            & //'radius_sd_um; indent a material of known modulus with the same tip')
       end associate
    end subroutine question_shared
 end module curves_stage

@@ -118,7 +118,7 @@ contains
    end subroutine read_document
 
    !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name": "digest"', separated by ', '.
-   function inputs_of(problem, groups, places) result(inputs)
+   recursive function inputs_of(problem, groups, places) result(inputs)
       type(problem_type), intent(in) :: problem
       !> As in `begin_results`.
       character(len=*), intent(in) :: groups
@@ -147,8 +147,13 @@ contains
          case ('references')
             call add_table(problem%references)
          case ('measurements')
-            call add_table(problem%measurements)
-            if (allocated(problem%shared_digest)) content = content//problem%shared_digest
+            if (problem%settings%curves%given .and. .not. allocated(problem%settings%measurements%file)) then
+               ! They follow from the curves.
+               content = content//inputs_of(problem, 'curves references', places)
+            else
+               call add_table(problem%measurements)
+               if (allocated(problem%shared_digest)) content = content//problem%shared_digest
+            end if
          case ('design')
             call add_table(problem%candidates)
          case ('next')

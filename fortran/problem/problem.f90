@@ -142,6 +142,11 @@ contains
                & 'curves', 'file')//printable(s%curves%file)//': ', place(self%path, 'curves', 'tests')//printable(s%curves%tests) &
                & //': ', self%curves, error)
             if (allocated(error)) return
+            if (.not. allocated(s%measurements%file)) then
+               s%measurements%modulus_kind = 'effective_modulus'
+               s%measurements%indenter_modulus_gpa = s%curves%indenter_modulus_gpa
+               s%measurements%indenter_nu = s%curves%indenter_nu
+            end if
          end if
          if (allocated(s%references%crystals)) then
             allocate (self%references)
@@ -181,11 +186,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
 
-      associate (asked => self%settings%measurements, curves => self%settings%curves)
-         if (.not. curves%given .or. allocated(asked%file) .or. allocated(self%measurements)) return
-         asked%indenter_modulus_gpa = curves%indenter_modulus_gpa
-         asked%indenter_nu = curves%indenter_nu
-      end associate
+      if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) .or. allocated(self%measurements)) return
       call read_table(folder//'/measurements.csv', table, error)
       call take_measurements(self, table, error)
       if (.not. allocated(error)) call read_shared_errors(self, folder//'/shared_errors.csv', error)

@@ -92,16 +92,8 @@ def references_of(references, crystal_sd: float | None) -> dict:
 
 
 def read_columns(path: Path) -> dict[str, list]:
-    """The columns of a CSV of results: numbers where all cells are."""
+    """The columns of a CSV of results: numbers, names apart."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    return {
-        name: numbers(values) if name not in ("grain", "test") else list(values) for name, values in zip(header, zip(*rows, strict=True))
-    }
-
-
-def numbers(cells) -> list:
-    try:
-        return [float(cell) for cell in cells]
-    except ValueError:
-        return list(cells)
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    return {name: list(cells) if name in ("grain", "test") else [float(cell or "nan") for cell in cells] for name, cells in columns.items()}

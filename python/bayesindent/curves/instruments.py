@@ -16,7 +16,7 @@ __all__ = ["as_file", "read_curves", "tdm_settings"]
 HEADER = "test,time_s,depth_nm,load_mn"
 #: Numbers above this are none: instruments write 1.797e308.
 NO_VALUE = 1e300
-UNITS = {"depth": {"nm": 1.0, "µm": 1e3, "um": 1e3}, "load": {"mn": 1.0, "µn": 1e-3, "un": 1e-3}, "time": {"s": 1.0}}
+UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
 
 def read_curves(curves, folder: Path, origin: str) -> str:
@@ -76,41 +76,32 @@ def read_hysitron(file: Path, place: str) -> tuple[np.ndarray, np.ndarray, np.nd
     start = next((i for i, line in enumerate(lines) if line.lower().startswith("depth (")), None)
     if start is None:
         raise InputError(f"{place}no line begins with 'Depth ('; a curve that a Hysitron exported as text is needed")
-    columns = {}
-    for j, name in enumerate(lines[start].split("\t")):
-        found = re.fullmatch(r"(\w+) \((\S+)\)", name.strip())
-        if found and found[1].lower() in UNITS:
-            scale = UNITS[found[1].lower()].get(found[2].lower())
-            if scale is None:
-                raise InputError(
-                    f"{place}line {start + 1}: the unit of {name.strip()!r} is not read; allowed {', '.join(UNITS[found[1].lower()])}"
-                )
-            columns[found[1].lower()] = (j, scale)
-    if set(columns) != set(UNITS):
-        raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed")
+    names = [name.strip().lower() for name in lines[start].split("\t")]
+    try:
+        order = [
+            next((j, UNITS[name]) for j, name in enumerate(names) if name in UNITS and name.startswith(word))
+            for word in ("time", "depth", "load")
+        ]
+    except StopIteration:
+        raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}") from None
     rows = []
-    for number, line in enumerate(lines[start + 1 :], start + 2):
-        cells = line.split("\t")
+    for number, line in enumerate(filter(str.strip, lines[start + 1 :]), start + 2):
         try:
-            if line.strip():
-                rows.append([float(cells[j]) * scale for j, scale in columns.values()])
+            cells = line.split("\t")
+            rows.append([float(cells[j]) * scale for j, scale in order])
         except (ValueError, IndexError):
             raise InputError(f"{place}line {number}: {line[:40]!r} is no row of numbers") from None
     stated = next((int(line.split("=")[1]) for line in lines[:start] if line.startswith("Number of Points =")), len(rows))
     if stated != len(rows):
         raise InputError(f"{place}{len(rows)} points, where the file states {stated}; it is truncated")
-    by_name = dict(zip(columns, np.transpose(rows), strict=True))
-    return by_name["time"], by_name["depth"], by_name["load"]
+    time, depth, load = np.transpose(rows)
+    return time, depth, load
 
 
 def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
     """What a .tdm file says that the instrument removed from its curve: drift_nm_s, compliance_nm_mn, and whether it removed the drift."""
     text = Path(file).read_text(encoding="utf-8", errors="replace")
-    names = {
-        "drift_nm_s": "Current_Drift_Rate__nm___s__",
-        "compliance_nm_mn": "Current_Machine_Compliance__nm___mN__",
-        "drift_removed": "Current_Drift_Correction",
-    }
-    found = {key: re.search(rf'name="{name}">([^<]*)<', text) for key, name in names.items()}
+    names = {"drift_nm_s": "Drift_Rate__nm___s__", "compliance_nm_mn": "Machine_Compliance__nm___mN__", "drift_removed": "Drift_Correction"}
+    found = {key: re.search(rf'name="Current_{name}">([^<]*)<', text) for key, name in names.items()}
     values = {key: float(match[1]) for key, match in found.items() if match and abs(float(match[1])) < NO_VALUE}
-    return values | {"drift_removed": bool(values["drift_removed"])} if "drift_removed" in values else values
+    return {key: bool(value) if key == "drift_removed" else value for key, value in values.items()}

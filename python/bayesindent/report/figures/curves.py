@@ -43,22 +43,22 @@ def curve_fits(results: Results) -> Picture:
 
 def tip_radius(results: Results) -> Picture:
     """The local radius of the tip by depth."""
-    tip = present(results.documents["curves"])["tip"]
-    radius, beta = tip["radius_um"], tip["beta"]
+    document = present(results.documents["curves"])
+    radius, beta = document["tip"]["radius_um"], document["tip"]["beta"]
     figure, axes = panels(3.0)
-    rng = np.random.default_rng(1)
-    # 1/R + 3 beta r^2/(2 R^3) is the curvature at r; at a contact radius of a the depth is a^2/R + beta a^4/(3 R^3).
-    ratio = np.linspace(0, 0.6, 60)
-    draws = radius["mean"] * np.exp(rng.normal(size=400) * radius["sd"] / radius["mean"])[:, None]
-    shape = (beta["mean"] + beta["sd"] * rng.normal(size=400))[:, None]
-    local = draws / np.maximum(0.05, 1 + 1.5 * shape * ratio**2)
+    # At a contact radius of x R the depth is R (x^2 + beta x^4/3), and the curvature of the profile there (1 + 3/2 beta x^2)/R.
+    used = [row["elastic_to_mn"] / row["effective_modulus_gpa"] for row in document["tests"] if row["used"]]
+    ratio = np.linspace(0, (0.75 * max(used) / radius["mean"] ** 2) ** (1 / 3), 60)
+    covariance = np.array(document["shared"]["covariance"])[:2, :2]
+    drawn = np.random.default_rng(1).multivariate_normal([np.log(radius["mean"]), beta["mean"]], covariance, 2000)
+    local = np.exp(drawn[:, :1]) / np.maximum(0.05, 1 + 1.5 * drawn[:, 1:] * ratio**2)
     depth = radius["mean"] * 1e3 * (ratio**2 + beta["mean"] * ratio**4 / 3)
     for low, high, alpha in ((2.5, 97.5, 0.2), (16, 84, 0.3)):
         axes.fill_between(depth, *np.percentile(local, [low, high], axis=0), color=SKY, alpha=alpha, lw=0)
     axes.plot(depth, np.median(local, axis=0), color=BLUE)
     axes.set(xlabel="depth (nm)", ylabel="local radius (µm)")
     text = f"Local radius of curvature of the tip at the edge of the contact by depth; at the apex {radius['mean']:.2f} ± {radius['sd']:.2f} µm."
-    return Picture(figure, text, f"{text} Bands: one and two sds, of radius and shape as if independent.")
+    return Picture(figure, text, f"{text} Bands: one and two sds.")
 
 
 def curve_moduli(results: Results) -> Picture:
