@@ -103,7 +103,7 @@ void end_at_once(int signal) {
   while (ending.exchange(true))
     pause();
   if (log_file[current][0] != '\0') {
-    const int log = open(log_file[current], O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
+    const int log = open(log_file[current], O_WRONLY | O_APPEND | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
     line_buffer line;
     add_time(line);
     line.add(" WARNING ");
@@ -178,6 +178,8 @@ void watch(const std::string &folder, bool resumes) {
   for (watched_signal &one : watched)
     if (!one.taken && sigaction(one.number, nullptr, &one.before) == 0 && one.before.sa_handler != SIG_IGN)
       one.taken = sigaction(one.number, &action, nullptr) == 0;
+  // A file that is larger than the limit is a write that fails, like that on a full disk.
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 void unlock() {
@@ -193,7 +195,7 @@ std::int32_t lock(const std::string &file, std::int32_t milliseconds, std::int32
   constexpr std::int32_t step = 20;
   *holder = 0;
   unlock();
-  const int opened = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  const int opened = open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (opened < 0)
     return 2;
   while (flock(opened, LOCK_EX | LOCK_NB) != 0) {

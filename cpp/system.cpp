@@ -46,6 +46,11 @@ double entry(const char *path, const std::string &key) {
   return std::numeric_limits<double>::infinity();
 }
 
+// Why a file cannot be written.
+const char *reason_of(int error) {
+  return error == ENOSPC ? "the disk is full" : error == EFBIG ? "larger than files may be here" : std::strerror(error);
+}
+
 // Where this program is.
 std::filesystem::path own_folder() {
   std::error_code failed;
@@ -91,8 +96,10 @@ void bayesindent_take_bytes(char *bytes) {
 
 // Begin a file beside the one that it will replace.
 void *bayesindent_begin_file(const char *path, const char *beside) {
-  std::FILE *const file = std::fopen(beside, "wbe");
-  return new new_file{path, beside, file, file == nullptr ? errno : 0};
+  // Never through a link that somebody left there.
+  unlink(beside);
+  const int opened = open(beside, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  return new new_file{path, beside, opened < 0 ? nullptr : fdopen(opened, "wb"), opened < 0 ? errno : 0};
 }
 
 void bayesindent_add_to_file(void *handle, const char *bytes, std::int32_t n) {
@@ -113,10 +120,7 @@ void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
     self->check(std::rename(self->beside.c_str(), self->path.c_str()) == 0);
   if (self->error != 0)
     unlink(self->beside.c_str());
-  std::snprintf(reason, size, "%s",
-                self->error == 0        ? ""
-                : self->error == ENOSPC ? "the disk is full"
-                                        : std::strerror(self->error));
+  std::snprintf(reason, size, "%s", self->error == 0 ? "" : reason_of(self->error));
 }
 
 // Let the file `beside` have the name `path` if it is whole and there is none of that name; else it is removed.
@@ -166,6 +170,14 @@ void bayesindent_data_folder(const char *installed, char *folder, std::int32_t s
     }
   }
   std::snprintf(folder, size, "%s", found.c_str());
+}
+
+// Write a line to standard output (1) or error (2) at once. Output that cannot be written ends the program with status 1.
+void bayesindent_print(std::int32_t to, const char *line) {
+  if (dprintf(to, "%s\n", line) >= 0 || to != 1)
+    return;
+  dprintf(2, "standard output: cannot be written: %s\n", reason_of(errno));
+  std::exit(1);
 }
 
 // Say which vector kernels OpenBLAS shall use and how many threads, which it reads before a program starts: so start this one once

@@ -1,7 +1,7 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 module campaign_file
    use errors, only: error_type, machine_failure, refuse
-   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file
+   use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
    use sqlite, only: database_type
    use text, only: newline
    implicit none
@@ -70,7 +70,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(database_type) :: file
 
-      call file%open(name_beside(path), error)
+      ! A file of our own, whatever is there of this name.
+      call replace_file(name_beside(path), '', error)
+      if (.not. allocated(error)) call file%open(name_beside(path), error)
       if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
       call file%close()
       call place_new_file(path, whole=.not. allocated(error))

@@ -105,8 +105,8 @@ contains
          call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
       else if (wrong > 0) then
          call raise(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
-            & //": '"//printable(content(index(content(:wrong - 1), achar(10), back=.true.) + 1:wrong - 1)) &
-            & //"' is followed by what is not UTF-8 (save the file as UTF-8)", exit_bad_input)
+            & //': byte '//to_text(wrong - index(content(:wrong - 1), achar(10), back=.true.)) &
+            & //' is not UTF-8 (save the file as UTF-8)', exit_bad_input)
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
          if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call raise(error, 'the file is empty', exit_bad_input)

@@ -9,6 +9,9 @@ module memory
    private
    public :: check_memory, free_memory, memory_text, raise_no_memory
 
+   !> Bytes that OpenBLAS takes for each thread; where it cannot, it waits for ever.
+   real(wp), parameter, public :: blas_bytes = 1.5e8_wp
+
    interface
       !> Bytes that this process may still use: of the machine, of its group of processes, and of its address space.
       real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')

@@ -74,7 +74,7 @@ contains
          call raise(error, path//': '//words//' is at work in this folder; wait until it has ended, or choose another with ' &
             & //'--output', exit_bad_input)
       else if (status /= locked) then
-         call raise(error, path//'/.lock: cannot be written; choose a folder of your own with --output')
+         call raise(error, path//'/.lock: is a link, or cannot be written; choose a folder of your own with --output')
       end if
    end subroutine take_folder
 

@@ -55,11 +55,11 @@ contains
       fields = split_list(class%cell)
       names = split_list(lattice_parameters(class))
       if (size(values) > 0 .and. size(names) == 0) then
-         call raise(error, to_text(size(values))//' lattice parameters are not needed of a '//class%name//' crystal: its ' &
-            & //'directions do not depend on them', exit_bad_input)
+         call raise(error, 'the number of values is '//to_text(size(values))//'; a '//class%name//' crystal needs none: its ' &
+            & //'directions do not depend on the cell', exit_bad_input)
       else if (size(values) /= size(names)) then
-         call raise(error, to_text(size(values))//' lattice parameters; a '//class%name//' crystal has ' &
-            & //lattice_parameters(class)//' (lengths in any unit, angles in degrees)', exit_bad_input)
+         call raise(error, 'the number of values is '//to_text(size(values))//'; a '//class%name//' crystal needs ' &
+            & //to_text(size(names))//': '//lattice_parameters(class)//' (lengths in any unit, angles in degrees)', exit_bad_input)
       end if
       if (allocated(error)) return
       cell = 1.0_wp

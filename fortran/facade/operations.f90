@@ -3,14 +3,12 @@
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
-   use checksums, only: checksum
    use choices, only: all_choices
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
    use exchange, only: exchange_type
    use fe_indentation, only: indentation_model_type
-   use files, only: read_bytes
    use interruption, only: listen, stop_listening
    use namelist_file, only: namelist_file_type, parse_namelist
    use object_registry, only: find_object, register_object
@@ -27,10 +25,10 @@ module operations
    use settings_output, only: put_settings
    use settings_reader, only: read_settings
    use simulation_operations, only: held_simulator_type, run_simulator, use_model
-   use stage_documents, only: read_document, read_resolved, write_document
+   use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
    use stage_operations, only: held_stage_type, use_stage
    use surrogate_learner, only: learner_type
-   use surrogate_lookup, only: find_surrogate, load_named_surrogate
+   use surrogate_lookup, only: load_named_surrogate
    use surrogate_model, only: surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_surrogate
    implicit none
@@ -159,10 +157,8 @@ contains
          call end_progress()
       case ('file.end_command')
          call end_command()
-      case ('file.digest')
-         x%text = ''
-         if (len(path) > 0) call read_bytes(path, x%text, x%error)
-         if (.not. allocated(x%error)) x%text = checksum(x%text)
+      case ('file.digest_surrogate')
+         call digest_surrogate(x%in%text('name'), x%places(), x%text, x%error)
       case ('file.read_resolved')
          call read_resolved(x%in%text('folder'), x%text, x%error)
       case ('file.write_document')
@@ -173,8 +169,6 @@ contains
          ! Its values are those of the file.
          call read_posterior(x%in%text('folder'), x%out%bytes, x%error)
          if (allocated(x%out%bytes)) x%out%filled = len(x%out%bytes)
-      case ('file.find_surrogate')
-         call find_surrogate(x%in%text('name'), x%places(), x%text, x%error)
       case default
          call x%refuse(operation)
       end select

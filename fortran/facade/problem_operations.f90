@@ -20,7 +20,7 @@ module problem_operations
    use simulation_operations, only: held_simulator_type
    use stage_documents, only: begin_results, inputs_of
    use stage_operations, only: held_stage_type
-   use stages, only: all_stages, check_stages, new_stage, run_command, stage_row_type
+   use stages, only: all_stages, check_simulator, check_stages, new_stage, run_command, stage_row_type
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
@@ -63,6 +63,7 @@ contains
          x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
       case ('check_stages')
          call check_stages(self, x%places(), x%error)
+         if (.not. allocated(x%error)) call check_simulator(self, x%error)
       case ('indentation')
          allocate (model)
          call x%give(model, 'indentation')

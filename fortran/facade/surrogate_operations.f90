@@ -37,7 +37,7 @@ contains
       type(exchange_type), intent(inout) :: x
       type(surrogate_type), pointer :: surrogate
       type(learner_type), pointer :: learner
-      real(wp), allocatable :: found(:, :), others(:, :), scale(:)
+      real(wp), allocatable :: found(:, :), others(:, :), scale(:), spread(:)
       real(wp), pointer :: c(:, :, :)
       real(wp) :: poisson, anisotropy
       integer :: i
@@ -53,8 +53,11 @@ contains
          call x%out%put_array('euler_deg', others, shape(others))
       case ('terms')
          call basis%evaluate_crystals(x%in%columns('constants', basis%domain%class%n_constants), x%in%columns('euler_deg', 3), &
-            & x%values, scale)
+            & x%values, scale, spread)
          call x%out%put_array('scale', scale, shape(scale))
+         do i = 1, size(spread)
+            x%values(:, i) = spread(i)*x%values(:, i)
+         end do
       case ('validity')
          ! Of crystals (GPa): the normalised distance of each, see `surrogate_domain`, whether a surrogate with the basis is valid for
          ! it, and the scale, the geometric mean of the eigenvalues of the Kelvin stiffness, GPa, NaN for an unstable one.

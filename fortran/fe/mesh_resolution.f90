@@ -86,35 +86,22 @@ contains
       end associate
    end subroutine largest_mesh_error
 
-   !> What is to be said of crystals that one mesh resolves badly; '' if there are none. Crystals are counted from 1.
-   pure function resolution_warning(largest, extended) result(warning)
+   !> A warning of crystals whose remaining error is large; '' if there are none. Crystals are counted from 1.
+   pure function resolution_warning(largest) result(warning)
       !> The error that remains for each crystal, relative (crystals).
       real(wp), intent(in) :: largest(:)
-      !> Which of them were extrapolated without being asked.
-      logical, intent(in) :: extended(:)
       character(len=:), allocatable :: warning
       integer :: percent(2)
 
       warning = ''
-      if (any(extended)) warning = those(extended)//' extrapolated from two meshes, since one alone may be wrong by more than ' &
-         & //to_text(100.0_wp*limit_of_one_mesh, 1)//' %'//rows_of(extended)
       if (.not. any(largest > limit)) return
       percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
-      if (len(warning) > 0) warning = warning//'; '
-      warning = warning//those(largest > limit)//' so near instability that the error of the mesh may reach about ' &
-         & //to_text(percent(1))
+      warning = 'the crystal is'
+      if (size(largest) > 1) warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
+      warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
       if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
       warning = warning//' %: refine, extrapolate, or compare with the theory'//rows_of(largest > limit)
    end function resolution_warning
-
-   !> How many crystals are chosen, as the subject of a sentence.
-   pure function those(chosen) result(words)
-      logical, intent(in) :: chosen(:)
-      character(len=:), allocatable :: words
-
-      words = 'the crystal is'
-      if (size(chosen) > 1) words = to_text(count(chosen))//' of '//to_text(size(chosen))//' crystals are'
-   end function those
 
    !> The numbers of those that are chosen from several, in brackets.
    pure function rows_of(chosen) result(words)

@@ -3,7 +3,7 @@ module sparse_cholesky
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int32_t, c_null_ptr, c_ptr
    use errors, only: error_type, raise
    use kinds, only: wp
-   use memory, only: check_memory, free_memory, memory_text, raise_no_memory
+   use memory, only: blas_bytes, check_memory, free_memory, memory_text, raise_no_memory
    use text, only: to_text
    implicit none
    private
@@ -17,9 +17,6 @@ module sparse_cholesky
       !> Entries of the factor, operations of one factorisation, and bytes of one workspace.
       real(wp) :: entries = 0.0_wp, operations = 0.0_wp, bytes = 0.0_wp
    end type cholesky_type
-
-   !> Bytes that must stay free beside a workspace: OpenBLAS takes that much for each thread, and waits for ever where it cannot.
-   real(wp), parameter :: blas_bytes = 1.5e8_wp
 
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 

@@ -31,6 +31,8 @@ module constants_prior
    real(wp), parameter :: most_anisotropic = 10.0_wp
    !> GPa; what is not within is no bound.
    real(wp), parameter :: no_lower = -1.0e6_wp, no_upper = 1.0e6_wp
+   !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
+   real(wp), parameter, public :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
 
    !> Quantities of which mean (n) and covariance (n, n) are known, in their units.
    type :: knowledge_type
@@ -87,8 +89,6 @@ contains
       type(knowledge_type), intent(in) :: knowledge
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
-      !> On both sides of a constant whose bounds are equal: it is known, and the sampler moves in all directions. GPa, and relative.
-      real(wp), parameter :: least_width = 0.01_wp, relative_width = 2.0e-4_wp
       !> Poisson's ratio of the isotropic solid.
       real(wp), parameter :: nu = 0.3_wp
       real(wp) :: width(class%n_constants)

@@ -244,7 +244,7 @@ contains
          logarithms(j, :) = logarithms(j, :)/norm2(logarithms(j, :))
          do i = 1, j - 1
             if (abs(dot_product(logarithms(i, :), logarithms(j, :))) < 1.0_wp - rounding) cycle
-            call raise(error, ''''//quantities(j)%name//''' says the same of a '//class%name//' crystal as '''//quantities(i)%name &
+            call raise(error, ''''//quantities(j)%name//''' of a '//class%name//' crystal is the same as '''//quantities(i)%name &
                & //'''; a quantity may be given once', exit_bad_input)
             return
          end do

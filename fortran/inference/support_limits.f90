@@ -1,7 +1,7 @@
 !> The limits of the support of a posterior, stated ones and those of the surrogate's domain, each in the coordinate that it limits; and
 !> where the draws end at one.
 module support_limits
-   use constants_prior, only: prior_type
+   use constants_prior, only: least_width, prior_type, relative_width
    use crystal_elasticity, only: anisotropy_index, logarithmic_mean
    use kinds, only: wp
    implicit none
@@ -67,7 +67,8 @@ contains
          real(wp), intent(in) :: range(2), values(:)
          type(limit_type) :: one
 
-         if (all(abs(range) >= no_limit)) return
+         ! No limits, or bounds that fix a constant, where every draw is at both.
+         if (all(abs(range) >= no_limit) .or. range(2) - range(1) < 2.1_wp*max(least_width, relative_width*abs(range(1)))) return
          one = limit_type(name, stated, range)
          ! In the constructor gfortran 12 ignores the stride of a section.
          one%values = values

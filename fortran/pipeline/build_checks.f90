@@ -41,9 +41,8 @@ contains
       if (allocated(error)) return
       associate (budget => problem%settings%design%budget)
          if (.not. allocated(basis%prior_degrees) .and. budget < basis%n_terms) call refuse(error, place(problem%path, 'design', &
-            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the surrogate, ' &
-            & //'which a prior of equal coefficients cannot make up for; allowed: '//to_text(basis%n_terms)//' or more, or a ' &
-            & //'lower degree or bandlimit, or model = ''correction''')
+            & 'budget')//to_text(budget)//' simulations are fewer than the '//to_text(basis%n_terms)//' terms of the ' &
+            & //'surrogate; allowed: '//to_text(basis%n_terms)//' or more, a lower degree or bandlimit, or model = ''correction''')
       end associate
       if (.not. allocated(error)) call check_size(problem, basis%n_terms, error)
       if (.not. allocated(error)) call check_scan(problem, basis%domain, error)
@@ -135,7 +134,7 @@ contains
             if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
             call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error, stiffness)
          else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
-            call refuse(error, 'c_min and c_max are needed together, and for an anisotropy_cap')
+            call refuse(error, 'c_min and c_max are needed together; anisotropy_cap needs both')
          else if (self%settings%surrogate%model == 'paper') then
             call refuse(error, 'the paper''s model needs c_min and c_max')
          else

@@ -11,6 +11,7 @@ module build_stage
    use learning, only: history_type, left_out, learning_type
    use physics_identity, only: identity_text
    use posterior_focus, only: accurate_share, accurate_z
+   use settings_output, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
    use simulate, only: simulation_error, specimen_contact_radius
    use surrogate_file, only: save_surrogate
@@ -106,8 +107,8 @@ contains
          associate (last => learning%history(size(learning%history)))
             call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', [last%loocv, last%leave_crystal_out])
          end associate
-         ! A surrogate travels between machines: the file by its name alone.
-         call page%put('namelist', problem%resolved_text(problem%path(len(problem%folder) + 1:)))
+         ! What the surrogate follows from, whichever command asked for it.
+         call page%put('namelist', settings_namelist(problem%settings, build%groups, only_needed=.true.))
          call page%end_object()
       end associate
       text = page%text()

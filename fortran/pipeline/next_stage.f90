@@ -30,7 +30,8 @@ contains
       real(wp), allocatable :: draws(:, :)
 
       call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, self%places), self%posterior%dimension, &
-         & draws)
+         & draws, error)
+      if (allocated(error)) return
       if (.not. allocated(draws)) then
          self%problem%kept_in = self%output
          call extract(self%problem, self%surrogate, found, error)

@@ -66,7 +66,7 @@ contains
       associate (knowledge => found%posterior%prior%knowledge, conflict => found%conflict%of_quantity)
          do j = 1, size(conflict)
             if (conflict(j) > furthest) call warn(reasons, known_text(knowledge, j)//' is '//fixed(conflict(j), 0) &
-               & //' sd away from what all else says (allowed up to '//fixed(furthest, 0)//'). Check its value and unit in ' &
+               & //' sd away from what all else gives (allowed up to '//fixed(furthest, 0)//'). Check its value and unit in ' &
                & //'&knowledge, and modulus_kind')
          end do
       end associate
@@ -127,7 +127,7 @@ contains
       n = size(found%names)
       if (.not. found%posterior%infers_scale) return
       if (found%parameters(n)%mean > greatest) call warn(warnings, 'the residuals are '//to_text(found%parameters(n)%mean, 2) &
-         & //' times as large as the stated standard deviations say (chi-square '//fixed(sum((found%checks%residuals &
+         & //' times as large as the stated standard deviations (chi-square '//fixed(sum((found%checks%residuals &
          & *found%parameters(n)%mean)**2), 0)//' for '//to_text(found%posterior%n_grains)//' grains with them). ' &
          & //'An inferred scale hides errors of the model: check orientations, modulus_kind and &specimen')
    end subroutine check_scale
@@ -200,10 +200,10 @@ contains
          do j = 1, size(knowledge%mean)
             ! Of correlated ones the worst takes the others with it.
             if (any(abs(knowledge%covariance(:, j)) > 0.0_wp .and. conflict%of_quantity > conflict%of_quantity(j))) cycle
-            if (conflict%of_quantity(j) > far) call warn(warnings, 'what is said of '//known_text(knowledge, j) &
+            if (conflict%of_quantity(j) > far) call warn(warnings, 'the stated '//known_text(knowledge, j) &
                & //' contradicts all else that is known or measured by '//fixed(conflict%of_quantity(j), 1)//' sd')
          end do
-         if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) call warn(warnings, 'what is known contradicts the ' &
+         if (conflict%sds > far .and. .not. any(conflict%of_quantity > far)) call warn(warnings, '&knowledge contradicts the ' &
             & //'measurements, or itself, by '//fixed(conflict%sds, 1)//' sd: with it the least misfit grows by ' &
             & //fixed(conflict%growth, 1)//' for '//to_text(size(knowledge%mean))//' quantities')
       end associate
@@ -296,16 +296,16 @@ contains
 
       p = found%checks%chi_square_p
       if (p > rare .and. p < 1.0_wp - rare_below) return
-      more = 'more'
+      more = 'larger'
       cause = 'small, some orientations are wrong, or grains differ in more than their orientation (scatter_sd, ' &
          & //'scale = ''inferred'', likelihood = ''student'')'
       if (p > rare) then
-         more = 'less'
+         more = 'smaller'
          cause = 'large, or have an error in them that all grains share (calibration_sd)'
       end if
-      call warn(warnings, 'the grains scatter '//more//' than their sds say: chi-square of the residuals is ' &
+      call warn(warnings, 'the residuals are '//more//' than the stated sds: chi-square is ' &
          & //to_text(found%checks%chi_square, 3)//' for '//to_text(found%posterior%n_grains)//' grains; ' &
-         & //fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets drawn from the posterior scatter '//more//'; the sds are ' &
+         & //fixed(100.0_wp*min(p, 1.0_wp - p), 1)//' % of data sets drawn from the posterior have a '//more//' one; the sds are ' &
          & //'too '//cause)
    end subroutine check_residuals
 
@@ -394,8 +394,8 @@ contains
             if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) then
                call warn(warnings, 'the measurements have contact radii of ' &
                & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
-               & //to_text(trained, 3)//' um: what its specimen adds to the theory, '//fixed(100.0_wp*addition, 1) &
-               & //' % on average, grows about as the contact radius, so that moduli are expected to be off by up to ' &
+               & //to_text(trained, 3)//' um: the specimen correction, '//fixed(100.0_wp*addition, 1) &
+               & //' % on average, grows about as the contact radius, so moduli may be off by up to ' &
                & //fixed(100.0_wp*addition*ratio, 1)//' %; build one at this depth')
             end if
          else

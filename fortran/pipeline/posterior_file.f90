@@ -91,13 +91,13 @@ contains
       call refuse(error, folder//name//': is damaged, or was changed since it was written; run the command that wrote it again')
    end subroutine read_posterior
 
-   !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else none.
-   subroutine stored_draws(folder, inputs, dimension, draws)
+   !> The draws (parameter, draw) that were left in a folder, if they follow from these inputs; else none. A damaged file is refused.
+   subroutine stored_draws(folder, inputs, dimension, draws, error)
       character(len=*), intent(in) :: folder, inputs
       !> How many parameters there are.
       integer, intent(in) :: dimension
       real(wp), allocatable, intent(out) :: draws(:, :)
-      type(error_type), allocatable :: error
+      type(error_type), allocatable, intent(out) :: error
       type(named_values_reader_type) :: values
       character(kind=c_char, len=:), allocatable, target :: content
       real(wp), pointer :: found(:, :)

@@ -3,6 +3,7 @@ module problem_input
    use build_checks, only: check_build, question_candidates
    use choices, only: all_choices
    use errors, only: error_type, refuse
+   use memory, only: blas_bytes, check_memory
    use namelist_file, only: namelist_file_type, parse_namelist, place, read_namelist_file, replace_entries
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
@@ -26,7 +27,8 @@ contains
       character(len=:), allocatable :: groups
       character(len=8), allocatable :: names(:)
 
-      call read_namelist_file(path, namelist, error)
+      call check_memory(blas_bytes, 'linear algebra', error)
+      if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
       if (present(changes) .and. .not. allocated(error)) then
          call parse_namelist(path, changes, stated, error)
          if (.not. allocated(error)) call replace_entries(namelist, stated)

@@ -15,7 +15,7 @@ module stage_documents
    use text, only: newline, split_list
    implicit none
    private
-   public :: begin_results, inputs_of, keep_document, write_document, read_document, read_resolved
+   public :: begin_results, digest_surrogate, inputs_of, keep_document, write_document, read_document, read_resolved
 
    character(len=*), parameter :: manifest_name = '/inputs.json', resolved_name = '/resolved.nml'
    !> With what a document ends, and what is between it and its checksum.
@@ -108,14 +108,27 @@ contains
       call read_bytes(path, document, error)
       if (allocated(error)) return
       at = index(document, seal, back=.true.)
-      if (at == 0) return
-      if (document(at:) == seal//checksum(document(:at - 1))//'"'//tail) then
+      if (at > 0 .and. document(max(1, at):) == seal//checksum(document(:at - 1))//'"'//tail) then
          document = document(:at - 1)//tail
       else
          call refuse(error, path//': is damaged, or is no JSON document (it was changed since it was written); remove it, and ' &
             & //'run the command again')
       end if
    end subroutine read_document
+
+   !> Digest of the surrogate of this name, of all but where it comes from: its namelist may ask for more, or have another title.
+   subroutine digest_surrogate(name, places, digest, error)
+      character(len=*), intent(in) :: name
+      type(places_type), intent(in) :: places
+      character(len=:), allocatable, intent(out) :: digest
+      type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: path, content
+
+      call find_surrogate(name, places, path, error)
+      content = ''
+      if (len(path) > 0 .and. .not. allocated(error)) call read_bytes(path, content, error)
+      if (.not. allocated(error)) digest = checksum(content(:index(content//newline//'provenance ', newline//'provenance ') - 1))
+   end subroutine digest_surrogate
 
    !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name": "digest"', separated by ', '.
    recursive function inputs_of(problem, groups, places) result(inputs)
@@ -124,7 +137,7 @@ contains
       character(len=*), intent(in) :: groups
       type(places_type), intent(in) :: places
       character(len=:), allocatable :: inputs
-      character(len=:), allocatable :: left, group, page, content, path
+      character(len=:), allocatable :: left, group, page, content, digest
       type(error_type), allocatable :: missing
 
       inputs = ''
@@ -163,23 +176,15 @@ contains
          case default
             ! There is no table.
          end select
-         call add(group, content)
+         inputs = inputs//', "'//group//'": "'//checksum(content)//'"'
       end do
       if (index(' '//groups//' ', ' surrogate ') > 0) then
-         call find_surrogate(problem%settings%surrogate%file, places, path, missing)
-         content = ''
-         if (len(path) > 0 .and. .not. allocated(missing)) call read_bytes(path, content, missing)
-         if (.not. allocated(missing)) call add('surrogate_file', content)
+         call digest_surrogate(problem%settings%surrogate%file, places, digest, missing)
+         if (.not. allocated(missing)) inputs = inputs//', "surrogate_file": "'//digest//'"'
       end if
       inputs = inputs(3:)
 
    contains
-
-      subroutine add(name, value)
-         character(len=*), intent(in) :: name, value
-
-         inputs = inputs//', "'//name//'": "'//checksum(value)//'"'
-      end subroutine add
 
       subroutine add_table(points)
          type(points_type), allocatable, intent(in) :: points

@@ -8,9 +8,10 @@ module stages
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
-   use namelist_file, only: namelist_file_type
+   use namelist_file, only: namelist_file_type, place
    use next_stage, only: next_stage_type
    use problem, only: problem_type
+   use simulate, only: new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
    use size_stage, only: size_stage_type
    use surrogate_lookup, only: places_type
@@ -18,7 +19,7 @@ module stages
    use theory_stage, only: theory_stage_type
    implicit none
    private
-   public :: stage_row_type, all_stages, run_command, plan_stages, groups_of, new_stage, check_stages
+   public :: stage_row_type, all_stages, run_command, plan_stages, groups_of, new_stage, check_simulator, check_stages
 
    type :: stage_row_type
       character(len=8) :: name
@@ -121,6 +122,18 @@ contains
          call extract%open(problem, places, error)
       end if
    end subroutine check_stages
+
+   !> Refuse simulations that cannot be made: a mesh that is too large, or too coarse, or that memory cannot hold.
+   subroutine check_simulator(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(simulator_type), allocatable :: simulator
+
+      if (problem%settings%simulation%simulator /= 'fe') return
+      if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
+      call new_simulator(problem%settings, simulator, error)
+      if (allocated(error)) error%message = place(problem%path, 'simulation', '')//error%message
+   end subroutine check_simulator
 
    !> The stage of this name.
    subroutine new_stage(name, stage, error)

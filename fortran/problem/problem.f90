@@ -412,7 +412,7 @@ contains
          end do
       end associate
       if (self%measurements%n == 1) then
-         call warn(self%warnings, prefix//' has one grain; one modulus cannot decide the constants')
+         call warn(self%warnings, prefix//' has one grain; one modulus cannot determine the constants')
       else if (allocated(self%class%name) .and. .not. radians) then
          call question_directions(self, prefix, error)
          if (allocated(error)) return
@@ -449,8 +449,8 @@ contains
       if (region%dimension == 0) return
       directions = self%measurements%directions()
       if (all_alike(region, directions, alike*degree)) then
-         call warn(self%warnings, prefix//': the orientations are all alike (within 5 degrees of one): they cannot tell how ' &
-            & //'the modulus depends on orientation'//map_hint)
+         call warn(self%warnings, prefix//': the orientations are all alike (within 5 degrees of one): how the modulus ' &
+            & //'depends on orientation is not determined'//map_hint)
          return
       end if
       call new_harmonics(self%class, degree_seen, harmonics, error)
@@ -462,21 +462,16 @@ contains
          kept(n) = i
          if (n == harmonics%n) return
       end do
-      call warn(self%warnings, prefix//': grains in '//to_text(n)//' different directions; '//to_text(harmonics%n) &
-         & //' combinations of the '//to_text(self%class%n_constants)//' constants are visible to indentation, and so many ' &
-         & //'directions are needed at least')
+      call warn(self%warnings, prefix//': grains in '//to_text(n)//' different directions; at least '//to_text(harmonics%n) &
+         & //' are needed for the combinations of the '//to_text(self%class%n_constants)//' constants that indentation determines')
    end subroutine question_directions
 
    !> The resolved namelists: the groups that are there or needed, every variable with its value.
-   function resolved_text(self, name) result(page)
+   function resolved_text(self) result(page)
       class(problem_type), intent(in) :: self
-      !> Of the file, where that is not its path.
-      character(len=*), intent(in), optional :: name
       character(len=:), allocatable :: page
 
-      page = printable(self%path)
-      if (present(name)) page = printable(name)
-      page = '! Every value of '//page//', defaults included; paths are relative to the folder of that file.' &
+      page = '! Every value of '//printable(self%path)//', defaults included; paths are relative to the folder of that file.' &
          & //newline//settings_namelist(self%settings, self%needed)
    end function resolved_text
 end module problem

@@ -40,10 +40,15 @@ contains
       end if
       if (len(settings%specimen%estimator) == 0 .and. settings%measurements%given .and. &
          & any(['film ', 'grain'] == settings%specimen%geometry)) then
-         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; the moduli of a '// &
-            & settings%specimen%geometry//' depend on how the instrument reads them. Allowed: ''curve'' (fit of force against ' &
-            & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the true contact radius), ' &
-            & //'''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         call refuse(error, place(path, 'specimen', 'estimator')//'the variable is missing; how does the instrument compute the ' &
+            & //'modulus? Allowed: ''curve'' (fit of force against depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness ' &
+            & //'dP/dh, a the true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         return
+      end if
+      if (settings%surrogate%file == 'halfspace' .and. settings%measurements%given .and. &
+         & settings%specimen%geometry /= 'halfspace') then
+         call refuse(error, place(path, 'surrogate', 'file')//'''halfspace'' is the theory of a bulk sample, but geometry is ''' &
+            & //settings%specimen%geometry//'''; state &design to train a surrogate of it, or the name of one')
          return
       end if
       associate (design => settings%design)
@@ -75,8 +80,8 @@ contains
       ! A prior whose bounds are equal fixes a constant.
       i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
       if (i > 0) then
-         call refuse(error, place(path, group, 'c_min')//names(i)//' = '//to_text(low(i))//' GPa is not below its c_max of ' &
-            & //to_text(high(i))//' GPa')
+         call refuse(error, place(path, group, 'c_min')//'the lower bound of '//names(i)//', '//to_text(low(i))//' GPa, is not ' &
+            & //'below the upper one, '//to_text(high(i))//' GPa')
          return
       end if
       ! The most stable crystal of the box: large on the diagonal, small off it.
@@ -121,8 +126,8 @@ contains
       if (sizes(j) == 0) then
          call refuse(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
       else
-         call refuse(error, place(path, 'knowledge', trim(names(j)))//to_text(sizes(j))//' of them for '//to_text(sizes(i)) &
-            & //' of '//trim(names(i))//'; the lists are of equal length')
+         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the number of values is '//to_text(sizes(j)) &
+            & //', that of '//trim(names(i))//' is '//to_text(sizes(i))//'; each quantity needs a mean and an sd')
       end if
    end subroutine check_knowledge
 end module settings_checks

@@ -1,6 +1,5 @@
 !> bayesindent-batch: the computing stages of a namelist file without Python.
 program batch
-   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
    use abstract_stage, only: stage_type
    use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise
    use extract_stage, only: extract_stage_type
@@ -13,10 +12,10 @@ program batch
    use settings_output, only: schema_markdown
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
-   use stages, only: check_stages, groups_of, new_stage
+   use stages, only: check_simulator, check_stages, groups_of, new_stage
    use surrogate_lookup, only: places_type
-   use text, only: join
-   use system, only: argument, data_folder, settle_blas, end_process
+   use text, only: join, newline
+   use system, only: argument, data_folder, end_process, error_stream, say, settle_blas
    use version, only: package_version, shipped_surrogates
    use warning_lists, only: warning_type
    implicit none
@@ -50,10 +49,11 @@ contains
             call print_help()
             call end_process(0)
          case ('--version')
-            write (output_unit, '(2a)') 'bayesindent-batch ', package_version
+            call say('bayesindent-batch '//package_version)
             call end_process(0)
          case ('--schema')
-            write (output_unit, '(a)', advance='no') schema_markdown(all_choices())
+            word = schema_markdown(all_choices())
+            call say(word(:len(word) - 1))
             call end_process(0)
          case ('--check')
             check_only = .true.
@@ -100,7 +100,9 @@ contains
       call check_stages(self, places, error)
       call stop_on(error)
       if (check_only) then
-         write (output_unit, '(3a)') path, ' is right; it asks for: ', join(self%stages, ' ')
+         call check_simulator(self, error)
+         call stop_on(error)
+         call say(path//' is right; it asks for: '//join(self%stages, ' '))
          return
       end if
       call take_folder(output, 0, .true., error)
@@ -131,17 +133,16 @@ contains
       call stop_on(error)
       usable = size(stage%reasons) == 0
       do i = 1, size(stage%reasons)
-         write (error_unit, '(2a)') 'the result cannot be used: ', stage%reasons(i)%text
+         call say('the result cannot be used: '//stage%reasons(i)%text, error_stream)
       end do
       call tell(stage%warnings)
-      write (output_unit, '(3a)') name, ': ', stage%done
+      call say(name//': '//stage%done)
       select type (stage)
       type is (extract_stage_type)
          do i = 1, size(stage%prior)
-            write (output_unit, '(a)') stage%prior(i)%text
+            call say(stage%prior(i)%text)
          end do
       end select
-      flush (output_unit)
    end subroutine perform_stage
 
    subroutine tell(warnings)
@@ -149,7 +150,7 @@ contains
       integer :: i
 
       do i = 1, size(warnings)
-         write (error_unit, '(2a)') 'warning: ', warnings(i)%text
+         call say('warning: '//warnings(i)%text, error_stream)
       end do
    end subroutine tell
 
@@ -169,20 +170,20 @@ contains
       type(error_type), allocatable, intent(in) :: error
 
       if (.not. allocated(error)) return
-      write (error_unit, '(a)') error%message
+      call say(error%message, error_stream)
       call end_process(exit_status(error))
    end subroutine stop_on
 
    subroutine refuse_usage(reason)
       character(len=*), intent(in) :: reason
 
-      write (error_unit, '(2a)') 'bayesindent-batch: ', reason
-      write (error_unit, '(a)') usage
+      call say('bayesindent-batch: '//reason, error_stream)
+      call say(usage, error_stream)
       call end_process(exit_bad_input)
    end subroutine refuse_usage
 
    subroutine print_help()
-      write (output_unit, '(a)') usage, &
+      character(len=*), parameter :: lines(17) = [character(len=120) :: usage, &
          & '', &
          & 'The computing stages of a namelist file, without Python:', &
          & '  &crystals      indents the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
@@ -198,6 +199,8 @@ contains
          & '  --version     print the version', &
          & '', &
          & 'exit status: 0 done, perhaps with warnings; 2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
-         & '128 + N stopped by signal N (run it again to go on).'
+         & '128 + N stopped by signal N (run it again to go on).']
+
+      call say(join(lines, newline))
    end subroutine print_help
 end program batch

@@ -4,7 +4,10 @@ module system
    use version, only: installed_data
    implicit none
    private
-   public :: argument, end_process, settle_blas, data_folder
+   public :: argument, end_process, settle_blas, data_folder, say, output_stream, error_stream
+
+   !> Where `say` writes.
+   integer(c_int), parameter :: output_stream = 1, error_stream = 2
 
    interface
       !> End with this status; unlike STOP it prints nothing.
@@ -15,6 +18,11 @@ module system
       !> Have the vector kernels of OpenBLAS that fit this processor, and one thread, in this program or the same one started once more.
       subroutine settle_blas() bind(c, name='bayesindent_settle_blas')
       end subroutine settle_blas
+      subroutine c_print(to, line) bind(c, name='bayesindent_print')
+         import :: c_char, c_int
+         integer(c_int), value :: to
+         character(kind=c_char), intent(in) :: line(*)
+      end subroutine c_print
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: installed(*)
@@ -25,6 +33,19 @@ module system
    end interface
 
 contains
+
+   !> Write a `line` at once; if standard output cannot be written, say so and end. Unlike WRITE it never prints a message of its own.
+   subroutine say(line, to)
+      character(len=*), intent(in) :: line
+      !> `output_stream`, or where it is given `error_stream`.
+      integer(c_int), intent(in), optional :: to
+
+      if (present(to)) then
+         call c_print(to, line//c_null_char)
+      else
+         call c_print(output_stream, line//c_null_char)
+      end if
+   end subroutine say
 
    !> Argument number `i` of the command line, whole.
    function argument(i) result(text)

@@ -137,10 +137,11 @@ contains
 
       line = parser%line
       if (peek(parser) /= '&') then
-         words = ' stands before the first group; a group begins with &name'
-         if (len(parser%group) > 0) words = ' follows the / that ends the group; &name begins the next one ' &
+         ! Not what stands there: the file may be no namelist, and nobody's business.
+         words = 'text stands before the first group; a group begins with &name'
+         if (len(parser%group) > 0) words = rest_of_line(parser)//' follows the / that ends the group; &name begins the next one ' &
             & //'(a text that holds / must be in quotes)'
-         call refuse(parser, rest_of_line(parser)//words, line)
+         call refuse(parser, words, line)
          return
       end if
       parser%at = parser%at + 1

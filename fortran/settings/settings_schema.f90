@@ -187,12 +187,12 @@ contains
       v%n_variables = 0
       call v%group('problem', s%problem%given, 'What the file is about.')
       call v%text('symmetry', s%problem%symmetry, kind_choice, 'unset', v%words('symmetry'), &
-         & 'crystal class of the material; a correction for crystals of all classes needs none')
+         & 'crystal class of the material; may be absent where only a correction for all classes is built')
       call v%reals('lattice', s%problem%lattice, shape_list, 'unset', '(0, 1e4]', '', &
-         & 'unit cell, for indices of directions and planes: those of a, b, c (any unit), alpha, beta, gamma (degrees) that the ' &
-         & //'symmetry leaves open, such as a, c; cubic crystals have none')
+         & 'unit cell, for orientations that are indices of directions or planes: those of the lengths a, b, c (any unit) and ' &
+         & //'angles alpha, beta, gamma (degrees) that the symmetry leaves free, such as a, c; of a cubic crystal none')
       call v%text('title', s%problem%title, kind_text, '', '', 'a title for the report')
-      call v%logical('synthetic', s%problem%synthetic, '.false.', 'the data are made up: every figure says so')
+      call v%logical('synthetic', s%problem%synthetic, '.false.', 'whether the data are made up; every figure then says so')
       call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
 
       call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
@@ -201,10 +201,10 @@ contains
 
       call v%group('specimen', s%specimen%given, 'What is indented.')
       call v%text('geometry', s%specimen%geometry, kind_choice, 'halfspace', v%words('geometry'), &
-         & 'a half-space; a block with clamped bottom and free sides; a film on a substrate; a grain in a polycrystal')
+         & 'a half-space, that is a bulk sample; a block with clamped bottom and free sides; a film; a grain in a polycrystal')
       call v%text('estimator', s%specimen%estimator, kind_choice, '', 'curve, stiffness, stiffness_hertz', &
-         & 'how the modulus M is read: from the curve (force against depth^1.5), from the contact stiffness S as S/(2 a) with ' &
-         & //'the true contact radius a, or with that of Hertz, a = sqrt(R h); empty: curve. Measured films and grains need it')
+         & 'how M follows from a test: curve, from force against depth^1.5; stiffness, S/(2 a) of the contact stiffness S and ' &
+         & //'the true contact radius a; stiffness_hertz, with a = sqrt(R h). Required for measured films and grains; else curve')
       call v%real('width_um', s%specimen%width_um, '9.6', '[0.001, 1e6]', 'um', 'block: its edges along x and y')
       call v%real('height_um', s%specimen%height_um, '4.8', '[0.001, 1e6]', 'um', 'block: its edge along z')
 
@@ -218,7 +218,7 @@ contains
       call v%optional_real('grain_depth_um', s%specimen%grain_depth_um, '[1e-6, 1e6]', 'um', &
          & 'grain: depth of a cylinder; unset: a hemisphere')
       call v%text('matrix', s%specimen%matrix, kind_choice, 'self', 'self, isotropic', &
-         & 'grain: what is around it, the average of a polycrystal of its own crystal (Hill) or what is stated')
+         & 'grain: what is around it: self, the Hill average of a polycrystal of its own crystal; or an isotropic matrix')
       call v%optional_real('matrix_young_gpa', s%specimen%matrix_young_gpa, '(0, 1e5]', 'GPa', &
          & 'grain: Young''s modulus of an isotropic matrix')
       call v%real('matrix_nu', s%specimen%matrix_nu, '0.3', '(-1, 0.5)', '', 'grain: Poisson''s ratio of an isotropic matrix')
@@ -230,20 +230,20 @@ contains
          & 'sphere: its radius; paraboloid: the radius of its tip')
       call v%real('half_angle_deg', s%indenter%half_angle_deg, '70.3', '[5, 89]', 'degrees', &
          & 'cone: the angle between axis and surface; 70.3 has the area of a Berkovich tip at each depth')
-      call v%optional_real('depth_um', s%indenter%depth_um, '[1e-9, 1e6]', 'um', 'depth of the last point of the curve')
+      call v%optional_real('depth_um', s%indenter%depth_um, '[1e-9, 1e6]', 'um', 'depth of the last point of the load-depth curve')
       call v%optional_real('contact_radius_um', s%indenter%contact_radius_um, '[1e-6, 1e6]', 'um', &
-         & 'or its contact radius, as an isotropic half-space has it; 0.5 where neither is stated')
+         & 'in place of depth_um, the contact radius that an isotropic half-space has there; 0.5 where neither is stated')
 
       call v%group('simulation', s%simulation%given, 'The indentation simulation.')
       call v%text('simulator', s%simulation%simulator, kind_choice, 'fe', 'fe, theory, import', &
-         & 'finite elements, the exact half-space theory in their place, or only results that `build --tell` imports')
+         & 'finite elements; the exact theory of the half-space; or no simulation, only moduli that `build --tell` imports')
       call v%text('element', s%simulation%element, kind_choice, '', 'c3d8, c3d8i', &
-         & 'the brick element; empty: the one the mesh was made for')
+         & 'the brick element; empty: the one for which the mesh of the geometry was designed')
       call v%text('integration', s%simulation%integration, kind_choice, 'selective', 'selective, full', &
          & 'averaged volumetric strain as in Abaqus, or full integration as in CalculiX')
-      call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', 'elements per contact radius, relative to the default mesh')
-      call v%optional_logical('extrapolate', s%simulation%extrapolate, 'solve on a second, coarser mesh too and extrapolate ' &
-         & //'in mesh size (unset: the crystals of which one mesh of C3D8I may be wrong by more than 0.5 %)')
+      call v%real('refine', s%simulation%refine, '1.0', '[0.3, 4]', '', 'elements per contact radius, in units of the default mesh')
+      call v%optional_logical('extrapolate', s%simulation%extrapolate, 'whether to solve on a second, coarser mesh too and ' &
+         & //'extrapolate in element size; unset: only for crystals whose error on one mesh of C3D8I may exceed 0.5 %')
       call v%real('outer', s%simulation%outer, '5.0', '[2, 100]', '', &
          & 'half-space, for studies: where the infinite elements begin, in contact radii')
       call v%optional_real('growth', s%simulation%growth, '[1.01, 2]', '', &
@@ -252,67 +252,67 @@ contains
       call v%logical('vtu', s%simulation%vtu, '.false.', 'write displacement and stress for ParaView')
       call v%logical('inp', s%simulation%inp, '.false.', 'write the same problem as an Abaqus/CalculiX deck')
 
-      call v%group('domain', s%domain%given, 'The crystals that the surrogate covers.')
+      call v%group('domain', s%domain%given, 'The crystals for which the surrogate is valid.')
       call v%names('classes', s%domain%classes, 'unset', &
          & 'correction: classes of the training crystals; unset: triclinic, which include all classes')
       call v%real('log_anisotropy_max', s%domain%log_anisotropy_max, '1.5', '(0, 5]', '', &
-         & 'correction: largest norm of the anisotropic part of the logarithm of the stiffness')
+         & 'correction: largest log-anisotropy, the norm of the anisotropic part of log stiffness (titanium 0.42, copper 1.28)')
       call v%real('poisson_min', s%domain%poisson_min, '0.05', '(-1, 0.5)', '', &
-         & 'correction: least Poisson''s ratio of its isotropic part')
+         & 'correction: smallest Poisson''s ratio of the isotropic part')
       call v%real('poisson_max', s%domain%poisson_max, '0.45', '(-1, 0.5)', '', &
-         & 'correction: greatest Poisson''s ratio of its isotropic part')
-      call v%optional_real('stiffness_min_gpa', s%domain%stiffness_min_gpa, '[0.1, 1e4]', 'GPa', 'correction: least scale, the ' &
-         & //'geometric mean of the six eigenvalues of the Kelvin stiffness (near Young''s modulus: 187 for 200 and a Poisson''s ' &
-         & //'ratio of 0.3); given both, the correction depends on the scale, as where the specimen has a stiffness of its own')
-      call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, '[0.1, 1e4]', 'GPa', 'correction: greatest scale')
+         & 'correction: largest Poisson''s ratio of the isotropic part')
+      call v%optional_real('stiffness_min_gpa', s%domain%stiffness_min_gpa, '[0.1, 1e4]', 'GPa', &
+         & 'correction: smallest scale, the geometric mean of the Kelvin eigenvalues (187 for a Young''s modulus 200, Poisson''s ' &
+         & //'ratio 0.3). With both scales stated the correction depends on the scale, as it does for a film on a substrate')
+      call v%optional_real('stiffness_max_gpa', s%domain%stiffness_max_gpa, '[0.1, 1e4]', 'GPa', 'correction: largest scale')
       call v%reals('c_min', s%domain%c_min, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
-         & 'lower bounds of the constants: with these the crystals are those of &problem symmetry (the paper''s model needs them)')
+         & 'lower bounds of the constants; the surrogate is then for &problem symmetry alone (model = ''paper'' needs bounds)')
       call v%reals('c_max', s%domain%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', 'upper bounds of the constants')
       call v%optional_real('anisotropy_cap', s%domain%anisotropy_cap, '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14) within the bounds')
 
       call v%group('surrogate', s%surrogate%given, 'The surrogate model of the indentation modulus (Step 1).')
-      call v%text('file', s%surrogate%file, kind_text, '', '', 'halfspace: the exact theory; a name that comes with the package; ' &
-         & //'else its file; empty: surrogate.txt if there is a &domain, else halfspace')
+      call v%text('file', s%surrogate%file, kind_text, '', '', 'halfspace: the exact theory of a bulk sample; block: comes with ' &
+         & //'the package; or the name of a file; empty: surrogate.txt if there is a &design or &domain, else halfspace')
       call v%text('model', s%surrogate%model, kind_choice, 'correction', v%words('basis'), &
-         & 'a correction of the exact theory for the specimen, for all classes, or the paper''s polynomial of the constants of one')
+         & 'a factor on the exact theory, for crystals of all classes; or the paper''s polynomial in the constants of one class')
       call v%integer('degree', s%surrogate%degree, '3', '[0, 12]', &
          & 'degree of the polynomials: of log stiffness (1 to 4), or of the constants (the paper''s Q)')
       call v%integer('bandlimit', s%surrogate%bandlimit, '8', '[0, 20]', &
          & 'paper: highest degree of the surface harmonics in the orientation (L)')
       call v%text('truncation', s%surrogate%truncation, kind_choice, 'tensor', v%words('truncation'), &
-         & 'paper: `degree` limits each factor of a product, or their sum')
+         & 'paper: whether `degree` limits each factor of a product, or the sum of their degrees')
       call v%text('scan', s%surrogate%scan, kind_text, '', '', &
          & 'paper: other truncations to compare on the same simulations, degrees x bandlimits, such as 1, 2, 3 x 8, 10, 12')
 
       call v%group('design', s%design%given, 'Which simulations are made, and how many.')
       call v%text('candidates', s%design%candidates, kind_source, 'latin', candidate_sources, &
-         & 'the points to choose from: a Latin hypercube, constants x orientations, or a CSV')
+         & 'crystals and orientations to choose from: a Latin hypercube; all pairs of constants and directions; or a CSV')
       call v%integer('n_candidates', s%design%n_candidates, '2000', '[1, 1000000]', 'how many candidates are made')
       call v%integer('initial', s%design%initial, '0', '[0, 100000]', &
-         & 'simulations before the variance chooses; 0: as the basis needs')
+         & 'simulations before variance_of chooses the next ones; 0: as many as the basis needs')
       call v%text('initial_set', s%design%initial_set, kind_choice, 'variance', 'variance, latin, boundary', &
-         & 'these first: of largest variance too, a Latin hypercube of their own, or of largest coordinate')
+         & 'how the first ones are chosen: by largest variance too, as a Latin hypercube, or by largest coordinate')
       call v%text('orientations', s%design%orientations, kind_choice, 'sphere', 'sphere, declination', &
          & 'directions of latin candidates: uniform on the sphere, or Phi uniform in 0 .. 90 degrees')
       call v%integer('n_directions', s%design%n_directions, '9', '[1, 10000]', 'directions of each crystal of factorial candidates')
       call v%text('variance_of', s%design%variance_of, kind_choice, 'imse', v%words('acquisition'), &
-         & 'what chooses the next simulation: the mean variance over all candidates that it leaves (imse; older name: ' &
-         & //'all_moduli), its own variance (the paper; older name: modulus) or that of log M (older name: log_modulus)')
+         & 'which candidate is simulated next: the one that leaves the least mean variance (imse; older name: all_moduli), or ' &
+         & //'that of largest variance of M (variance, the paper; older: modulus) or log M (relative_variance; older: log_modulus)')
       call v%text('focus', s%design%focus, kind_choice, 'posterior', 'posterior, domain', &
-         & 'where simulations are chosen: at the posterior of the &measurements after the first 15, until the surrogate is ' &
-         & //'accurate there (model = ''correction''; without measurements: domain), or over the whole domain')
+         & 'where simulations are chosen: posterior, after the first 15 where the &measurements leave the crystal, until the ' &
+         & //'surrogate is accurate there (only model = ''correction'' with measurements); domain, over the whole domain')
       call v%integer('budget', s%design%budget, '40', '[1, 1000000]', 'simulations in all, those already done included')
       call v%integer('batch', s%design%batch, '1', '[1, 10000]', 'simulations chosen at a time')
       call v%integer('refit', s%design%refit, '1', '[1, 100000]', 'simulations between two maximisations of the evidence')
       call v%real('target_gpa', s%design%target_gpa, '0.0', '[0, 1000]', 'GPa', &
-         & 'stop at this error on unseen crystals; 0: at the budget')
+         & 'stop when the error on unseen crystals is below this; 0: only at the budget')
       call v%integer('patience', s%design%patience, '0', '[0, 1000000]', &
-         & 'stop if the error does not fall by 2 % over so many simulations; 0: at the budget')
+         & 'stop when the error falls by less than 2 % over so many simulations; 0: only at the budget')
       call v%integer('validation', s%design%validation, '0', '[0, 1000000]', &
-         & 'simulations chosen and made after the last one, to compare with the surrogate that has not seen them')
+         & 'further simulations to test the surrogate, which is not trained on them')
       call v%text('reuse', s%design%reuse, kind_choice, 'all', 'all, chosen', &
-         & 'which rows of the campaign are data: all, or only those that this file would choose (and imported ones)')
+         & 'which stored simulations train the surrogate: all, or only those that this file chooses, and imported ones')
 
       call v%group('curves', s%curves%given, 'Measured curves of load and depth (Step 0).')
       call v%text('file', s%curves%file, kind_file, '*', '', &
@@ -346,47 +346,47 @@ contains
 
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
-         & 'CSV of Bunge-Euler angles, modulus_gpa and sd_gpa, one grain a row; with &curves the grains of these')
+         & 'table of the grains, CSV or .xlsx: in each row Bunge-Euler angles, a modulus and its standard deviation; not needed ' &
+         & //'with &curves')
       call v%text('shared_errors', s%measurements%shared_errors, kind_file, 'unset', '', &
          & 'CSV with the rows of the file, as curves ' &
          & //'writes it: each column an independent relative error of sd 1 times these numbers')
-      call v%names('columns', s%measurements%columns, 'unset', 'which column of the file is which, where its header does not ' &
-         & //'say: ''name = header'', such as ''modulus_gpa = E (raw)''; unset: by the names of the headers')
+      call v%names('columns', s%measurements%columns, 'unset', 'names of columns whose headers the program does not read: ' &
+         & //'''name = header'', such as ''modulus_gpa = E (raw)''; unset: all columns go by their headers')
       call v%text('sheet', s%measurements%sheet, kind_text, '', '', &
-         & 'of a spreadsheet (.xlsx): the name of its sheet; empty: the first one')
+         & 'name of the sheet of an .xlsx file; empty: the first one')
       call v%text('ebsd', s%measurements%ebsd, kind_file, 'unset', '', &
-         & 'orientation map (.ang, .ctf, .h5) that has the orientations of the grains at the columns x_um, y_um')
+         & 'orientation map (.ang, .ctf, .h5): it gives the orientations at the positions in the columns x_um, y_um')
       call v%text('modulus_kind', s%measurements%modulus_kind, kind_choice, 'unset', v%words('modulus_kind'), &
-         & 'which modulus was measured; unset: as the name of its column says (effective_modulus_gpa, Er ..), and it must say it')
+         & 'which modulus was measured; unset: by the name of its column (effective_modulus_gpa, Er, ..)')
       call v%text('angles', s%measurements%angles, kind_choice, 'degrees', 'degrees, radians', &
-         & 'unit of the angles in the file, whatever the names of its columns')
+         & 'unit of the angles in the file, which overrides the names of its columns')
       call v%real('indenter_modulus_gpa', s%measurements%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
-         & 'Young''s modulus of the indenter (effective_modulus)')
+         & 'Young''s modulus of the indenter, for effective_modulus')
       call v%real('indenter_nu', s%measurements%indenter_nu, '0.07', '(-1, 0.5]', '', &
-         & 'Poisson''s ratio of the indenter (effective_modulus)')
+         & 'Poisson''s ratio of the indenter, for effective_modulus')
       call v%real('sample_nu', s%measurements%sample_nu, '0.3', '(-1, 0.5]', '', &
-         & 'Poisson''s ratio that was assumed of the sample (sample_modulus)')
+         & 'Poisson''s ratio that the instrument assumed for the sample, for sample_modulus')
       call v%real('calibration_sd', s%measurements%calibration_sd, '0.0', '[0, 0.5]', '', &
-         & 'relative sd of a factor common to all measurements of a group (column group)')
+         & 'relative sd of a calibration factor that all measurements of a group share (column group; without it, all)')
       call v%real('orientation_sd_deg', s%measurements%orientation_sd_deg, '0.0', '[0, 20]', 'degrees', &
-         & 'sd of the tilt of the indented direction, per component; a column of this name goes before it')
+         & 'sd of the indented direction about each of two axes in the surface; a column of this name takes precedence')
       call v%real('misalignment_sd_deg', s%measurements%misalignment_sd_deg, '0.0', '[0, 20]', 'degrees', &
-         & 'sd, per component, of a rotation that the orientations of all grains share, as of a sample mounted anew after the map')
+         & 'sd, about each axis, of a rotation that all orientations share, as of a sample that was remounted after the map')
       call v%real('zero_sd_nm', s%measurements%zero_sd_nm, '0.0', '[0, 1000]', 'nm', &
-         & 'sd of the depth at which a test touches the surface: a relative sd of 1.5 zero_sd_nm/depth_nm of its modulus; ' &
-         & //'a column of this name goes before it')
+         & 'sd of the depth of first contact, which adds 1.5 zero_sd_nm/depth_nm of the modulus; a column takes precedence')
       call v%real('yield_gpa', s%measurements%yield_gpa, '0.0', '[0, 1000]', 'GPa', &
-         & 'yield stress of the grains: a warning where a contact is not elastic; 0: above 3 % of the modulus')
+         & 'yield stress of the grains, to warn of contacts that yield; 0: warn where the pressure is above 3 % of the modulus')
       call v%real('scatter_sd', s%measurements%scatter_sd, '0.0', '[0, 0.5]', '', &
-         & 'relative sd of what differs from grain to grain beside the errors of measurement')
+         & 'relative sd of differences between grains, in addition to the errors of measurement')
       call v%text('scale', s%measurements%scale, kind_choice, 'given', 'given, inferred', &
-         & 'sd_gpa as given, or times a common factor that is inferred (then the column may be absent)')
+         & 'whether sd_gpa is taken as given, or times a common factor that is inferred (the column may then be absent)')
       call v%text('likelihood', s%measurements%likelihood, kind_choice, 'normal', v%words('likelihood'), &
-         & 'distribution of the errors; student admits outliers')
+         & 'distribution of the errors; student, which is Student''s t, admits outliers')
       call v%real('student_dof', s%measurements%student_dof, '4.0', '[1, 1000]', '', &
-         & 'degrees of freedom of Student''s t (likelihood = ''student'')')
+         & 'degrees of freedom of Student''s t, for likelihood = ''student''')
 
-      call v%group('prior', s%prior%given, 'What is known of the constants before the measurements (Step 2).')
+      call v%group('prior', s%prior%given, 'Limits of the constants before the measurements (Step 2); none are needed.')
       call v%reals('c_min', s%prior%c_min, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
          & 'lower bounds of the constants; unset: none')
       call v%reals('c_max', s%prior%c_max, shape_constants, 'unset', '[-500, 5000]', 'GPa', &
@@ -394,34 +394,34 @@ contains
       call v%optional_real('anisotropy_cap', s%prior%anisotropy_cap, '(0, 1e6]', '', &
          & 'largest universal anisotropy index (Eq. 14); unset: no limit')
       call v%text('measure', s%prior%measure, kind_choice, 'constants', 'constants, logarithms', &
-         & 'with bounds on all constants: uniform in the constants (the paper), or in the logarithm of the stiffness matrix')
+         & 'with bounds on all constants: a prior uniform in the constants (the paper), or in the logarithm of the stiffness')
 
       call v%group('knowledge', s%knowledge%given, 'What else is known of the crystal (Step 2): lists of equal length, or a file.')
       call v%names('quantity', s%knowledge%quantity, 'unset', &
          & 'what is known: constants such as ''C11'', ratios such as ''C33/C11'', ''bulk_modulus'', ..')
-      call v%reals('mean', s%knowledge%mean, shape_list, 'unset', '[-1e6, 1e6]', '', 'mean of each, in GPa where it has a unit')
-      call v%reals('sd', s%knowledge%sd, shape_list, 'unset', '(0, 1e6]', '', 'standard deviation of each')
+      call v%reals('mean', s%knowledge%mean, shape_list, 'unset', '[-1e6, 1e6]', '', 'mean of each, GPa (compressibility: 1/TPa)')
+      call v%reals('sd', s%knowledge%sd, shape_list, 'unset', '(0, 1e6]', '', 'standard deviation of each, in the same unit')
       call v%text('stiffness_file', s%knowledge%stiffness_file, kind_file, 'unset', '', &
          & 'CSV of the means (GPa) and the covariance (GPa^2) of all constants, as from density functional theory')
 
       call v%group('sampler', s%sampler%given, 'How the posterior is sampled.')
       call v%text('method', s%sampler%method, kind_choice, 'ensemble', v%words('sampler'), &
-         & 'an ensemble that mixes along ridges, or the paper''s single-component Metropolis-Hastings')
+         & 'an ensemble sampler, which mixes along ridges; or the paper''s single-component Metropolis-Hastings')
       call v%integer('samples', s%sampler%samples, '10000', '[10, 100000000]', 'samples kept of each chain, after burn-in')
       call v%integer('burn_in', s%sampler%burn_in, '6000', '[0, 100000000]', &
          & 'sweeps before the samples of each chain; a sweep tries as many points as there are parameters')
       call v%integer('chains', s%sampler%chains, '4', '[1, 1000]', 'independent chains')
       call v%text('surrogate_variance', s%sampler%surrogate_variance, kind_choice, 'full', 'full, none', &
-         & 'whether the likelihood has the uncertainty of the surrogate (none is the paper)')
+         & 'full: the likelihood includes the uncertainty of the surrogate; none: it does not (the paper)')
       call v%logical('evidence', s%sampler%evidence, '.false.', &
          & 'estimate the evidence log Z, to compare classes and models of the same data; it depends on the bounds of the prior')
 
       call v%group('next', s%next%given, 'Which grain to measure next.')
-      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', 'sd of the next measurement; 0: the median of those made')
+      call v%real('sd_gpa', s%next%sd_gpa, '0.0', '[0, 1000]', 'GPa', 'sd of the next measurement; 0: the median of the present')
       call v%text('target', s%next%target, kind_text, 'all', '', &
-         & 'what to learn about: all, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
-      call v%text('candidates', s%next%candidates, kind_file, 'unset', '', 'CSV of the grains to choose from: orientations as ' &
-         & //'&measurements has them, names in the column grain; unset: all directions')
+         & 'what to determine: all constants, a quantity such as C44 or bulk_modulus, or a product of powers such as C33/C11')
+      call v%text('candidates', s%next%candidates, kind_file, 'unset', '', 'CSV of the grains to choose from: orientations as in ' &
+         & //'&measurements, names in the column grain; unset: all directions')
       call v%integer('count', s%next%count, '5', '[1, 1000]', 'how many orientations to suggest')
 
       call v%group('execution', s%execution%given, 'The machine.')

@@ -174,6 +174,6 @@ contains
       warning = ''
       if (settings%simulation%simulator /= 'fe') return
       call largest_mesh_error(settings, stiffness, largest, extended)
-      warning = resolution_warning(largest, extended)
+      warning = resolution_warning(largest)
    end subroutine simulation_error
 end module simulate

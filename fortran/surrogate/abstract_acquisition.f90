@@ -19,13 +19,13 @@ module abstract_acquisition
    abstract interface
       !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen before; the lowest number of
       !> equals. Their moduli are not needed: afterwards the posterior's covariance is that of all data and all chosen.
-      subroutine choose_interface(self, design, basis, scale, threads, chosen, variance)
+      subroutine choose_interface(self, design, basis, scale, spread, threads, chosen, variance)
          import :: acquisition_type, basis_type, design_type, wp
          class(acquisition_type), intent(in) :: self
          type(design_type), intent(inout) :: design
          class(basis_type), intent(in) :: basis
-         !> Of each candidate, GPa.
-         real(wp), intent(in) :: scale(:)
+         !> Of each candidate, GPa, and its spread.
+         real(wp), intent(in) :: scale(:), spread(:)
          integer, intent(in) :: threads
          !> Numbers of the candidates, from 1.
          integer, intent(out) :: chosen(:)
@@ -37,11 +37,11 @@ module abstract_acquisition
 contains
 
    !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the variance of M, or of log M.
-   function sensitivity(design, basis, scale, relative) result(slope)
+   function sensitivity(design, basis, scale, spread, relative) result(slope)
       type(design_type), intent(in) :: design
       class(basis_type), intent(in) :: basis
-      !> Of each candidate, GPa.
-      real(wp), intent(in) :: scale(:)
+      !> Of each candidate, GPa, and its spread.
+      real(wp), intent(in) :: scale(:), spread(:)
       !> Of log M.
       logical, intent(in) :: relative
       real(wp), allocatable :: slope(:)
@@ -51,10 +51,10 @@ contains
          if (relative) then
             slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
          else
-            slope = basis%to_modulus(slope, scale)
+            slope = basis%to_modulus(slope, scale, spread)*spread
          end if
       else
-         slope = merge(1.0_wp, scale, relative)
+         slope = merge(spread, scale, relative)
       end if
    end function sensitivity
 end module abstract_acquisition

@@ -1,9 +1,11 @@
 !> What a surrogate is linear in: terms of a crystal and its orientation, from which the indentation modulus M follows.
 !>
-!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(y). A family of bases is a module that extends
-!> `basis_type` and `grain_model_type`, and a line in `bases`.
+!> y = Σ A_k term_k, and M = scale y or, with a logarithmic basis, M = scale exp(spread y): the noise of a regression is one number in
+!> units of y, and grows with the crystal's spread in the modulus. A family of bases is a module that extends `basis_type` and
+!> `grain_model_type`, and a line in `bases`.
 module abstract_basis
    use crystal_class, only: crystal_class_type
+   use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use kinds, only: degree, wp
    use labelled_values, only: labelled_values_type
@@ -11,17 +13,22 @@ module abstract_basis
    use surrogate_domain, only: domain_type
    implicit none
    private
-   public :: basis_type, grain_model_type
+   public :: basis_type, grain_model_type, spread_of
+
+   !> How the noise grows with the log-anisotropy.
+   integer, parameter, public :: growth_power = 3
 
    type, abstract :: basis_type
       !> The crystals that it was made for, and what &surrogate says of it: from these follows all else.
       type(domain_type) :: domain
       type(surrogate_settings_type) :: settings
       integer :: n_terms = 0
-      !> M = scale exp(y), not scale y.
+      !> M = scale exp(spread y), not scale y.
       logical :: logarithmic = .false.
       !> Least sd of the noise in a regression, in units of y.
       real(wp) :: least_noise = 0.0_wp
+      !> How the noise grows with the crystal's anisotropy, see `spread_of`.
+      real(wp) :: noise_growth = 0.0_wp
       !> sds of a coefficient and of the noise before the first regression, in units of y.
       real(wp) :: first_sds(2) = 1.0_wp
       !> How the prior sd of a coefficient depends on its term, (n_terms): 0 almost free, d that it decays with the degree d. Not
@@ -49,6 +56,8 @@ module abstract_basis
       !> Degree of the surface harmonics with which the theory is read, where the model has theory in it: even. Set it before the grains.
       integer :: field_degree = 12
       logical :: has_theory = .false.
+      !> How the noise grows with the crystal's anisotropy, see `spread_of`.
+      real(wp) :: noise_growth = 0.0_wp
       !> Crystals of a larger log-anisotropy have theory in full.
       real(wp) :: full_above = huge(1.0_wp)
       !> About what a crystal costs, microseconds, with theory read and with theory in full.
@@ -77,13 +86,13 @@ module abstract_basis
       end subroutine exchange_interface
 
       !> The terms of many crystals, of which each may have other last bits than alone.
-      subroutine evaluate_many_interface(self, c, euler, terms, scale)
+      subroutine evaluate_many_interface(self, c, euler, terms, scale, spread)
          import :: basis_type, wp
          class(basis_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
          real(wp), intent(in) :: c(:, :, :), euler(:, :)
-         !> (n_terms, n), and GPa.
-         real(wp), intent(out) :: terms(:, :), scale(:)
+         !> (n_terms, n), GPa, and relative.
+         real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
       end subroutine evaluate_many_interface
 
       !> The model of grains, none yet, of a surrogate with this posterior.
@@ -131,32 +140,43 @@ module abstract_basis
 
 contains
 
+   !> The spread of a crystal, 1 or above: sd of what the terms cannot express, relative to that of a nearly isotropic crystal.
+   pure real(wp) function spread_of(growth, c)
+      !> Of the noise, per power of the log-anisotropy; stiffness of a stable crystal, GPa.
+      real(wp), intent(in) :: growth, c(6, 6)
+
+      spread_of = 1.0_wp
+      if (growth > 0.0_wp) spread_of = spread_of + growth*log_anisotropy(c)**growth_power
+   end function spread_of
+
    !> The terms of one crystal in one orientation.
-   subroutine evaluate_terms(self, c, euler, terms, scale)
+   subroutine evaluate_terms(self, c, euler, terms, scale, spread)
       class(basis_type), intent(in) :: self
       !> Stiffness in crystal axes of a stable crystal, GPa; Bunge-Euler angles, radians.
       real(wp), intent(in) :: c(6, 6), euler(3)
-      !> (n_terms), and GPa.
-      real(wp), intent(out) :: terms(:), scale
-      real(wp) :: column(self%n_terms, 1), one(1)
+      !> (n_terms), GPa, and relative.
+      real(wp), intent(out) :: terms(:), scale, spread
+      real(wp) :: column(self%n_terms, 1), one(1), other(1)
 
-      call self%evaluate_many(reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), column, one)
+      call self%evaluate_many(reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), column, one, other)
       terms = column(:, 1)
       scale = one(1)
+      spread = other(1)
    end subroutine evaluate_terms
 
    !> The terms of crystals of the domain's class, one after another: those of each do not depend on the others.
-   subroutine evaluate_crystals(self, constants, euler_deg, terms, scale)
+   subroutine evaluate_crystals(self, constants, euler_deg, terms, scale, spread)
       class(basis_type), intent(in) :: self
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
-      !> (n_terms, n), and GPa, (n).
-      real(wp), allocatable, intent(out) :: terms(:, :), scale(:)
+      !> (n_terms, n), and of each GPa and relative, (n).
+      real(wp), allocatable, intent(out) :: terms(:, :), scale(:), spread(:)
       integer :: i
 
-      allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)))
+      allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)), spread(size(constants, 2)))
       do i = 1, size(scale)
-         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i))
+         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i), &
+            & spread(i))
       end do
    end subroutine evaluate_crystals
 
@@ -182,7 +202,7 @@ contains
       call self%evaluate_independent(c, independent)
       call self%expand(independent, modulus)
       ! With theory in it y is a logarithm.
-      slope = merge(modulus, 1.0_wp, self%has_theory)
+      slope = merge(modulus, 1.0_wp, self%has_theory)*spread_of(self%noise_growth, c)
    end subroutine evaluate_moduli
 
    !> The moduli of the grains from those that are computed: the same.
@@ -197,23 +217,23 @@ contains
    end subroutine expand
 
    !> y of a modulus.
-   pure elemental real(wp) function to_y(self, modulus, scale)
+   pure elemental real(wp) function to_y(self, modulus, scale, spread)
       class(basis_type), intent(in) :: self
-      !> GPa.
-      real(wp), intent(in) :: modulus, scale
+      !> GPa, and relative.
+      real(wp), intent(in) :: modulus, scale, spread
 
       to_y = modulus/scale
-      if (self%logarithmic) to_y = log(to_y)
+      if (self%logarithmic) to_y = log(to_y)/spread
    end function to_y
 
    !> Modulus of a y, GPa.
-   pure elemental real(wp) function to_modulus(self, y, scale)
+   pure elemental real(wp) function to_modulus(self, y, scale, spread)
       class(basis_type), intent(in) :: self
       real(wp), intent(in) :: y
-      !> GPa.
-      real(wp), intent(in) :: scale
+      !> GPa, and relative.
+      real(wp), intent(in) :: scale, spread
 
       to_modulus = scale*y
-      if (self%logarithmic) to_modulus = scale*exp(y)
+      if (self%logarithmic) to_modulus = scale*exp(spread*y)
    end function to_modulus
 end module abstract_basis

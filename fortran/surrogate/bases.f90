@@ -63,6 +63,7 @@ contains
       call found%put('model', basis%settings%model)
       call found%put('n_terms', basis%n_terms)
       call found%put('least_noise', basis%least_noise)
+      call found%put('noise_growth', basis%noise_growth)
       call found%put('logarithmic', basis%logarithmic)
       call found%put_integers('directional_degrees', directional, shape(directional))
       call found%put_integers('polynomial_degrees', polynomial, shape(polynomial))

@@ -8,7 +8,7 @@
 !> The model 'halfspace' has no terms, and needs no simulation: its error is that of the expansion of the surface compliance, see
 !> `compliance_field`.
 module correction_basis
-   use abstract_basis, only: basis_type, grain_model_type
+   use abstract_basis, only: basis_type, grain_model_type, growth_power, spread_of
    use axial_coordinates, only: axial_coordinates_of, kelvin_rotation, n_coordinates
    use axial_polynomials, only: axial_polynomials_type, evaluate_polynomials, greatest_degree, new_axial_polynomials
    use compliance_field, only: field_moduli, field_type, new_field
@@ -28,7 +28,10 @@ module correction_basis
    public :: correction_basis_type
 
    !> Relative: least sd of the noise, and sds of a coefficient of degree 1 and of the noise before the first regression.
-   real(wp), parameter :: least_noise = 7.0e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
+   real(wp), parameter :: least_noise = 1.7e-4_wp, first_sds(2) = [0.017_wp, 1.0e-3_wp]
+
+   !> How much larger than that of a nearly isotropic crystal the noise of a crystal at the domain's greatest log-anisotropy is, less 1.
+   real(wp), parameter :: spread_at_end = 8.0_wp
 
    !> Grains that are worked on side by side.
    integer, parameter :: at_once = 64
@@ -87,6 +90,10 @@ contains
       self%n_terms = self%polynomials%n
       self%prior_degrees = self%polynomials%degrees
       self%least_noise = least_noise
+      self%noise_growth = 0.0_wp
+      if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
+         self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
+      end if
       self%first_sds = first_sds
    end subroutine set_up
 
@@ -98,10 +105,10 @@ contains
    end subroutine exchange
 
    !> The polynomials of many are worked on side by side.
-   subroutine evaluate_many(self, c, euler, terms, scale)
+   subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(correction_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      real(wp), intent(out) :: terms(:, :), scale(:)
+      real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
       type(halfspace_type) :: theory
       type(error_type), allocatable :: error
       real(wp) :: x(size(scale), n_coordinates), values(size(scale), self%n_terms)
@@ -110,10 +117,13 @@ contains
       do i = 1, size(scale)
          call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
          scale(i) = theory%modulus
+         spread(i) = spread_of(self%noise_growth, c(:, :, i))
          if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
       end do
       call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
-      terms = transpose(values)
+      do i = 1, size(scale)
+         terms(:, i) = values(i, :)/spread(i)
+      end do
    end subroutine evaluate_many
 
    !> Coordinates about the indenter's axis of a matrix in crystal axes.
@@ -140,6 +150,7 @@ contains
       allocate (new)
       new%class = class
       new%has_theory = .true.
+      new%noise_growth = self%noise_growth
       new%polynomials = self%polynomials
       new%logarithms = new_log_coordinates(class)
       new%coefficients = coefficients
@@ -161,14 +172,14 @@ contains
       integer, parameter :: n_crystals = 500, seed = 1
       real(wp), parameter :: share = 2.0e-3_wp
       real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, gram
-      real(wp), allocatable :: scale(:), values(:)
+      real(wp), allocatable :: scale(:), spread(:), values(:)
       integer :: i, j, n
 
       call spread_crystals(self%domain, n_crystals, seed, constants, euler_deg, error)
       if (allocated(error)) return
       n = self%n_terms
       allocate (projected(n, n_crystals), gram(n, n), values(n))
-      call self%evaluate_crystals(constants, euler_deg, terms, scale)
+      call self%evaluate_crystals(constants, euler_deg, terms, scale, spread)
       root = covariance
       call cholesky_factor(root, error)
       if (allocated(error)) return
@@ -280,14 +291,15 @@ contains
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
       real(wp), allocatable :: independent(:, :)
-      real(wp) :: w(self%logarithms%n)
+      real(wp) :: w(self%logarithms%n), spread
       integer :: first, last, j
 
+      spread = spread_of(self%noise_growth, c)
       w = self%logarithms%to_logarithms(c)
       allocate (independent(self%n_independent, self%n_columns))
       do first = 1, self%n_independent, at_once
          last = min(first + at_once - 1, self%n_independent)
-         independent(first:last, :) = matmul(terms_of_grains(self, w, first, last), self%factor)
+         independent(first:last, :) = matmul(terms_of_grains(self, w, first, last), self%factor/spread)
       end do
       do j = 1, self%n_columns
          call self%expand(independent(:, j), columns(:, j))

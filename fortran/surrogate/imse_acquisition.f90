@@ -20,18 +20,18 @@ module imse_acquisition
 contains
 
    !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
-   subroutine choose(self, design, basis, scale, threads, chosen, variance)
+   subroutine choose(self, design, basis, scale, spread, threads, chosen, variance)
       class(imse_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: scale(:)
+      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
       real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
       integer :: j, k, n
 
-      slope = sensitivity(design, basis, scale, self%relative .or. basis%domain%has_scale())
+      slope = sensitivity(design, basis, scale, spread, self%relative .or. basis%domain%has_scale())
       n = design%regression%n_terms
       weighted = design%candidates
       do j = 1, size(slope)

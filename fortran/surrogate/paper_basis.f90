@@ -123,14 +123,15 @@ contains
       direction = [sin(euler(3))*sin(euler(2)), cos(euler(3))*sin(euler(2)), cos(euler(2))]
    end function direction_of
 
-   subroutine evaluate_many(self, c, euler, terms, scale)
+   subroutine evaluate_many(self, c, euler, terms, scale, spread)
       class(paper_basis_type), intent(in) :: self
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
-      real(wp), intent(out) :: terms(:, :), scale(:)
+      real(wp), intent(out) :: terms(:, :), scale(:), spread(:)
       real(wp) :: p(self%polynomials%n_products), k(self%harmonics%n)
       integer :: i, q
 
       scale = 1.0_wp
+      spread = 1.0_wp
       do i = 1, size(scale)
          call evaluate_products(self%polynomials, self%domain%coordinates_of(c(:, :, i)), p)
          call evaluate_harmonics(self%harmonics, direction_of(euler(:, i)), k)

@@ -2,7 +2,7 @@
 module surrogate_learner
    use abstract_acquisition, only: acquisition_type
    use acquisitions, only: new_acquisition
-   use abstract_basis, only: basis_type
+   use abstract_basis, only: basis_type, spread_of
    use errors, only: error_type, exit_bad_input, raise
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, &
       & leave_groups_out, log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
@@ -20,8 +20,8 @@ module surrogate_learner
       class(basis_type), allocatable :: basis
       type(design_type) :: design
       class(acquisition_type), allocatable :: rule
-      !> Scale of each candidate, GPa.
-      real(wp), allocatable :: candidate_scale(:)
+      !> Scale of each candidate, GPa, and its spread.
+      real(wp), allocatable :: candidate_scale(:), candidate_spread(:)
       !> The data of the regression.
       type(simulations_type) :: simulations
       !> ln evidence when it was last maximised.
@@ -44,7 +44,7 @@ contains
       call set_candidates(learner%design, reshape([real(wp) ::], [basis%n_terms, 0]))
       allocate (learner%basis, source=basis)
       allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
-         & learner%simulations%modulus(0), learner%candidate_scale(0))
+         & learner%simulations%modulus(0), learner%candidate_scale(0), learner%candidate_spread(0))
    end subroutine new_learner
 
    !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
@@ -59,7 +59,7 @@ contains
 
       call new_acquisition(rule, learner%rule, error)
       if (allocated(error)) return
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale, learner%candidate_spread)
       call set_candidates(learner%design, terms)
    end subroutine set_learner_candidates
 
@@ -85,20 +85,20 @@ contains
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :), scale(:)
+      real(wp), allocatable :: terms(:, :), scale(:), spread(:)
       integer :: i
 
       if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
          call raise(error, 'a simulated modulus is not positive and finite', exit_bad_input)
          return
       end if
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
       if (.not. all(abs(terms) < huge(1.0_wp))) then
          call raise(error, 'a training crystal is elastically unstable', exit_bad_input)
          return
       end if
       associate (regression => learner%design%regression)
-         call add_data(regression, terms, learner%basis%to_y(modulus, scale))
+         call add_data(regression, terms, learner%basis%to_y(modulus, scale, spread))
          if (.not. chosen) then
             if (size(modulus) <= refresh_interval) then
                do i = regression%n_data - size(modulus) + 1, regression%n_data
@@ -197,7 +197,8 @@ contains
       else if (count(learner%design%available) < size(chosen)) then
          call raise(error, 'no candidate is left to choose')
       else
-         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, threads, chosen, variance)
+         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, learner%candidate_spread, &
+            & threads, chosen, variance)
       end if
    end subroutine choose_next
 
@@ -210,12 +211,12 @@ contains
       real(wp), intent(out) :: modulus(:)
       !> (n_terms).
       real(wp), intent(in), optional :: coefficients(:)
-      real(wp), allocatable :: terms(:, :), scale(:), mean(:)
+      real(wp), allocatable :: terms(:, :), scale(:), spread(:), mean(:)
 
       mean = coefficient_mean(learner%design%regression)
       if (present(coefficients)) mean = coefficients
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale)
-      modulus = learner%basis%to_modulus(matmul(mean, terms), scale)
+      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
+      modulus = learner%basis%to_modulus(matmul(mean, terms), scale, spread)
    end subroutine predict_moduli
 
    !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
@@ -226,7 +227,8 @@ contains
       !> (n).
       real(wp), intent(out) :: modulus(:), z(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: residual(size(groups)), sd(size(groups))
+      real(wp), dimension(size(groups)) :: residual, sd, spread
+      integer :: i
 
       if (size(groups) /= size(learner%simulations%modulus)) then
          call raise(error, 'a group is needed for each of '//to_text(size(learner%simulations%modulus))//' simulations', &
@@ -236,8 +238,9 @@ contains
       call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
-      associate (basis => learner%basis, y => learner%design%regression%targets(:size(groups)))
-         modulus = learner%simulations%modulus*(basis%to_modulus(y - residual, 1.0_wp)/basis%to_modulus(y, 1.0_wp))
+      associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
+         spread = [(spread_of(basis%noise_growth, basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
+         modulus = known%modulus*(basis%to_modulus(y - residual, 1.0_wp, spread)/basis%to_modulus(y, 1.0_wp, spread))
       end associate
       z = residual/sd
    end subroutine leave_out

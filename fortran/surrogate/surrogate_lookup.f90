@@ -40,7 +40,7 @@ contains
       if (file_exists(path)) return
       path = places%data_folder//name//extension
       if (index(', '//places%shipped//',', ', '//name//',') > 0 .and. file_exists(path)) return
-      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or name a file in the ' &
+      call raise(error, ''''//printable(name)//''': there is no such surrogate; run build first, or state a file in the ' &
          & //'output folder or beside the namelist, '//theory_name//', '//places%shipped, exit_bad_input)
    end subroutine find_surrogate
 

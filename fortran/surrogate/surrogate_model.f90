@@ -107,12 +107,12 @@ contains
       !> Of the covariance, lower, if it has one.
       real(wp), intent(in), allocatable :: factor(:, :)
       real(wp), dimension(surrogate%basis%n_terms, size(modulus)) :: terms, product
-      real(wp) :: scale(size(modulus)), variance(size(modulus))
+      real(wp), dimension(size(modulus)) :: scale, spread, variance
       integer :: i
 
-      call surrogate%basis%evaluate_many(c, euler, terms, scale)
+      call surrogate%basis%evaluate_many(c, euler, terms, scale, spread)
       do i = 1, size(modulus)
-         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i))
+         modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i), spread(i))
       end do
       if (allocated(factor)) then
          call multiply_by_factor(factor, terms)
@@ -122,7 +122,7 @@ contains
          variance = max(0.0_wp, sum(terms*product, 1))
       end if
       sd = scale
-      if (surrogate%basis%logarithmic) sd = modulus
+      if (surrogate%basis%logarithmic) sd = spread*modulus
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
       sd = sd*sqrt(variance)
    end subroutine predict_side_by_side

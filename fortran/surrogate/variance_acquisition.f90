@@ -15,18 +15,18 @@ module variance_acquisition
 
 contains
 
-   subroutine choose(self, design, basis, scale, threads, chosen, variance)
+   subroutine choose(self, design, basis, scale, spread, threads, chosen, variance)
       class(variance_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: scale(:)
+      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
       real(wp), allocatable :: factor(:)
       integer :: k
 
-      factor = sensitivity(design, basis, scale, self%relative)**2
+      factor = sensitivity(design, basis, scale, spread, self%relative)**2
       do k = 1, size(chosen)
          chosen(k) = most_uncertain(design, factor)
          variance(k) = design%variance(chosen(k))

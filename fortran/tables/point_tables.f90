@@ -128,7 +128,8 @@ contains
          & points%modulus_gpa, error, in_mpa)
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
       if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call refuse(error, 'the column sd_gpa is ' &
-         & //'missing; it may be absent only with scale = ''inferred''; the columns are '//column_list(points%table) &
+         & //'missing; it may be absent only with scale = ''inferred''. If another column is it, state columns = ''sd_gpa = its ' &
+         & //'header''; the columns are '//column_list(points%table) &
          & //nearest_to(points%table, 'sd_gpa'))
       if (.not. allocated(error)) call read_numbers(points%table, column, [tiny(1.0_wp), moduli_allowed(2)], .false., ' GPa; a ' &
          & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)

@@ -180,11 +180,10 @@ contains
       repeated = count(points%tests > 1)
       above = chi_square_above(sum(points%chi_square), freedom)
       if (above < improbable) then
-         call warn(warnings, prefix//': the tests of a grain scatter more than their sds say, '//in_words(sum(points%chi_square), &
-            & freedom)//', so sd_gpa is too small, or something differs within the grains; scale = ''inferred'' lets the data ' &
-            & //'say how large it is')
+         call warn(warnings, prefix//': tests of a grain scatter more than their stated sds, '//in_words(sum(points%chi_square), &
+            & freedom)//', so sd_gpa is too small, or the grains are not uniform; scale = ''inferred'' estimates it')
       else if (above > 1.0_wp - improbable) then
-         call warn(warnings, prefix//': the tests of a grain scatter less than their sds say, '//in_words(sum(points%chi_square), &
+         call warn(warnings, prefix//': tests of a grain scatter less than their stated sds, '//in_words(sum(points%chi_square), &
             & freedom)//', so sd_gpa is too large, or has an error in it that the tests share, which belongs to calibration_sd')
       end if
       do i = 1, points%n

@@ -25,7 +25,7 @@ module table_columns
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
       & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
       & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa), &
-      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus', gpa), &
+      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa), &
       & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff', gpa), &
       & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
       & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, error, err, uncertainty, standard_deviation, ' &
@@ -39,7 +39,7 @@ module table_columns
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number', ''), &
+      & column_type('grain', 'grain_id, grain_number, grain_no, grain_no_', ''), &
       & column_type('test', 'test_id, test_number', ''), &
       & column_type('reference', '', ''), &
       & column_type('session', '', ''), &
@@ -51,7 +51,7 @@ module table_columns
    integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
    !> What may be a unit in a name.
-   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm mn un '
+   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '
    !> Fewer letters are near to everything.
    integer, parameter :: shortest_misspelt = 4
 
@@ -108,6 +108,8 @@ contains
       do i = 1, 2
          if (i == 2) unit = trim(table%units(column))
          if (len(unit) == 0 .or. index(units, ' '//unit//' ') > 0) cycle
+         ! Of a column that the user names, other words in brackets are no unit.
+         if (table%called(column) /= table%name(column) .and. index(unit_words, ' '//unit//' ') == 0) cycle
          allowed = 'allowed'//trim(units)
          if (len_trim(units) == 0) allowed = 'this column has none'
          call refuse(error, 'column '//printable(table%name(column))//': the unit '//printable(unit)//' is not read; '//allowed)
@@ -123,7 +125,7 @@ contains
 
       word = lower(name)
       unit = ''
-      k = scan(word, '([/')
+      k = scan(word, '([/', back=.true.)
       if (k > 0) then
          unit = word(k + 1:)
          if (scan(unit, ')]') > 0) unit = unit(:scan(unit, ')]') - 1)
@@ -173,13 +175,14 @@ contains
       column = columns(plain)
       if (allocated(stated)) kind = stated
       if (len(found) == 0) then
-         call refuse(error, 'the column of the moduli is missing: modulus_gpa, or, which says their kind, ' &
-            & //join(names(plain + 1:), ', ')//'; the columns are '//column_list(table)//nearest_to(table, join(names, ', ')))
+         call refuse(error, 'no column is a modulus; allowed '//join(names(plain + 1:), ', ')//', or modulus_gpa with ' &
+            & //'modulus_kind. If another one is, state columns = '''//trim(names(last_modulus - 1))//' = its header''; the ' &
+            & //'columns are '//column_list(table)//nearest_to(table, join(names, ', ')))
       else if (allocated(stated) .and. own == 0 .and. column == 0) then
          call refuse(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
             & //'; leave modulus_kind out, or name the column modulus_gpa')
       else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
-         call refuse(error, 'the columns '//found(6:)//' are moduli; which to take says modulus_kind: '//choices)
+         call refuse(error, 'the columns '//found(6:)//' are moduli; state modulus_kind to take one: '//choices)
       else if (.not. allocated(stated) .and. column > 0) then
          call refuse(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does modulus_kind; allowed ' &
             & //choices//' (effective_modulus: what instruments call reduced modulus, Er)')
@@ -244,6 +247,8 @@ contains
          list = list//', '//printable(table%name(j))
       end do
       list = list(3:)
+      ! Or the file is none of a table.
+      if (table%columns == 1) list = 'one, without a comma, semicolon or tab'
       if (table%columns > most) list = list//', ...'
    end function column_list
 

@@ -67,6 +67,10 @@ def kills(program: str, arguments):
         )
         how = f"`{program}`, {geometry}, `batch = {batch}`: SIGKILL to the group, {found['inside a write']} of {found['kills']} inside a write"
         yield "kill", how, found["kills"], happened, losses
+    for command in ("report", "compare", "init") if program == "bayesindent" else ():
+        with tempfile.TemporaryDirectory() as folder:
+            found = fault_files.killed(command, Path(folder), arguments.kills // 5, arguments.seed)
+        yield "kill", f"`{program} {command}`: SIGKILL to the group", found["tries"], *told(found, "not whole afterwards")
 
 
 def files(program: str, arguments):

@@ -1,10 +1,12 @@
 """Inputs with a few bytes changed: each is read, or refused in one line that names the file; nothing else happens, and nothing is slow.
 
-Namelists and tables of inputs/ and the surrogate that comes with the package lose, repeat or swap bytes and lines, or get numbers, signs and bytes
-that nobody means. All in this process but for some whole runs of both programs, whose verdicts of a namelist must be the same.
+Namelists and tables of inputs/, the surrogate that comes with the package, a spreadsheet (its bytes, or those of the files in it) and an
+orientation map lose, repeat or swap bytes and lines, or get numbers, signs and bytes that nobody means. All in this process but for some whole runs of both programs, whose verdicts of a namelist must be the same.
 """
 
 import argparse
+import csv
+import io
 import random
 import re
 import shutil
@@ -12,9 +14,11 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections import Counter
 from pathlib import Path
 
+import openpyxl
 from programs import BATCH
 
 from bayesindent.core import BayesindentError
@@ -22,11 +26,40 @@ from bayesindent.settings.problem import Problem, read_measurements
 from bayesindent.surrogate.surrogate import Surrogate
 
 SOURCE = Path(__file__).parents[2]
+
+
+def contents(*patterns: str) -> list[bytes]:
+    """Of files of the source tree."""
+    return [path.read_bytes() for pattern in patterns for path in sorted(SOURCE.glob(pattern))]
+
+
+def spreadsheet() -> bytes:
+    """A table of inputs/ as a spreadsheet."""
+    book, file = openpyxl.Workbook(), io.BytesIO()
+    for row in csv.reader((SOURCE / "inputs/data/fe3si.csv").read_text().splitlines()):
+        book.active.append([float(cell) if re.fullmatch(r"[\d.]+", cell) else cell for cell in row])
+    book.save(file)
+    return file.getvalue()
+
+
+def orientation_map() -> bytes:
+    """Two grains of six by four points each."""
+    head = ["Channel Text File", "Prj\ta", "Author\tb", "JobMode\tGrid", "XCells\t12", "YCells\t4", "XStep\t1", "YStep\t1"]
+    head += ["AcqE1\t0", "AcqE2\t0", "AcqE3\t0", "Euler angles refer to Sample Coordinate system (CS0)!\tMag\t100", "Phases\t1"]
+    head += ["2.866;2.866;2.866\t90;90;90\tIron\t11\t229\t\t\t", "Phase\tX\tY\tBands\tError\tEuler1\tEuler2\tEuler3\tMAD\tBC\tBS"]
+    points = [f"1\t{k % 12}\t{k // 12}\t8\t0\t{30 if k % 12 < 6 else 200}\t40\t70\t0.5\t100\t100" for k in range(48)]
+    return "\n".join([*head, *points, ""]).encode()
+
+
 SEEDS = {
-    ".nml": sorted(SOURCE.glob("inputs/*.nml")) + sorted(SOURCE.glob("inputs/case_studies/*.nml")),
-    ".csv": sorted(SOURCE.glob("inputs/data/*.csv")),
-    ".txt": [SOURCE / "python/bayesindent/data/block.txt"],
+    ".nml": contents("inputs/*.nml", "inputs/case_studies/*.nml"),
+    ".csv": contents("inputs/data/*.csv"),
+    ".txt": contents("python/bayesindent/data/block.txt"),
+    ".xlsx": [spreadsheet()],
+    ".ctf": [orientation_map()],
 }
+#: Indents on the map.
+INDENTS = {"x_um": [2.0, 9.0], "y_um": [1.0, 2.0], "Er": [200.0, 210.0], "sd": [4.0, 4.0]}
 COMMANDS = ("run", "simulate", "theory", "size", "build", "extract", "next")
 #: What is put in: marks of the syntax, and values that nobody means.
 PIECES = [
@@ -58,7 +91,14 @@ SLOW = 5.0
 
 
 def mutated(content: bytes, rng: random.Random) -> bytes:
-    """The content with one change or a few."""
+    """The content with one change or a few; of an archive those of one file, or of its bytes."""
+    if content.startswith(b"PK") and rng.random() < 0.8:
+        changed = io.BytesIO()
+        with zipfile.ZipFile(io.BytesIO(content)) as before, zipfile.ZipFile(changed, "w") as after:
+            chosen = rng.choice(before.namelist())
+            for name in before.namelist():
+                after.writestr(name, mutated(before.read(name), rng) if name == chosen else before.read(name))
+        return changed.getvalue()
     for _ in range(rng.choice([1, 1, 2, 5])):
         first = rng.randrange(len(content) + 1)
         last = min(len(content), first + rng.choice([1, 1, 3, 10, 100]))
@@ -91,7 +131,9 @@ def read(path: Path, command: str) -> str:
     try:
         if path.suffix == ".nml":
             Problem(path, command)
-        elif path.suffix == ".csv":
+        elif path.suffix == ".ctf":
+            Problem.from_keywords(str(path), INDENTS, problem={"symmetry": "cubic"}, measurements={"ebsd": path})
+        elif path.suffix != ".txt":
             read_measurements(path, "cubic", modulus_kind="indentation_modulus")
         else:
             Surrogate.load(path)
@@ -106,10 +148,14 @@ def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[s
     """How many were read and refused by kind of file, and what else happened; the file of each such case is kept in `folder`."""
     rng, counted, failures = random.Random(seed), Counter(), []
     shutil.copytree(SOURCE / "inputs/data", folder / "data", dirs_exist_ok=True)
+    for suffix, files in SEEDS.items():
+        # Unchanged: the packages that read maps take seconds to begin.
+        (folder / f"whole{suffix}").write_bytes(files[0])
+        read(folder / f"whole{suffix}", "run")
     for number in range(tries):
-        suffix = rng.choice([".nml"] * 6 + [".csv"] * 3 + [".txt"])
+        suffix = rng.choice([".nml"] * 6 + [".csv"] * 3 + [".xlsx"] * 2 + [".txt", ".ctf"])
         path = folder / f"mutated{suffix}"
-        path.write_bytes(mutated(rng.choice(SEEDS[suffix]).read_bytes(), rng))
+        path.write_bytes(mutated(rng.choice(SEEDS[suffix]), rng))
         try:
             outcome = read(path, rng.choice(COMMANDS))
         except Exception as error:  # whatever it is, it is a finding
@@ -127,7 +173,7 @@ def try_programs(tries: int, seed: int, folder: Path, programs: tuple[list[str],
     shutil.copytree(SOURCE / "inputs/data", folder / "data", dirs_exist_ok=True)
     for number in range(tries):
         path = folder / "mutated.nml"
-        path.write_bytes(mutated(rng.choice(SEEDS[".nml"]).read_bytes(), rng))
+        path.write_bytes(mutated(rng.choice(SEEDS[".nml"]), rng))
         done = [subprocess.run([*program, path], cwd=folder, capture_output=True, timeout=60, check=False) for program in programs]
         status = [one.returncode for one in done]
         refusals = [one.stderr.decode(errors="replace").splitlines() if one.returncode else [] for one in done]

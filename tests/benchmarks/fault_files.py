@@ -13,11 +13,12 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from fault_kills import SOURCE, posterior_of, words_for
+from fault_kills import PROGRAMS, SOURCE, half_written, kill_after, posterior_of, words_for
 
 #: A campaign of the theory, the constants from its surrogate, and what to measure next: seconds in Python, a tenth in Fortran.
 QUICK = """\
@@ -115,6 +116,35 @@ def numbers_of(folder: Path) -> list:
         columns = "symmetry, constants, euler_deg, status, message, indentation_modulus_gpa, elements, depth_um, force_mn"
         numbers.append(connection.execute(f"SELECT {columns} FROM simulation ORDER BY position, id").fetchall())
     return numbers
+
+
+def killed(command: str, folder: Path, kills: int, seed: int) -> dict:
+    """Kill `report`, `compare` or `init` at random moments, and let it do its work after each kill: the files must be those of an undisturbed one."""
+    results = finished("bayesindent", folder, "run").parent / "out"
+    shutil.copytree(results, folder / "other")
+    where = {"report": ["out", "--output", "new"], "compare": ["out", "other", "--output", "new"], "init": ["cubic", "--output", "new"]}
+    words, new, dice = [*PROGRAMS["bayesindent"], command, *where[command]], folder / "new", random.Random(seed)
+    outcome: dict = {"tries": 0, "refused": 0, "same": 0, "wrong": []}
+    whole, needed = [], 0.0
+    while outcome["tries"] < kills:
+        shutil.rmtree(new, ignore_errors=True)
+        if whole:
+            process = subprocess.Popen(words, cwd=folder, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            if not kill_after(process, dice.uniform(0.3 * needed, needed)):
+                continue
+            outcome["tries"] += 1
+            if new.exists() and (bad := half_written(new)):
+                outcome["wrong"].append(f"half-written: {bad}")
+        begun = time.monotonic()
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+        needed = time.monotonic() - begun
+        # A kill may come after the last file, which `init` does not replace.
+        present = sorted(path.name for path in new.iterdir() if not path.name.startswith("."))
+        whole = whole or present
+        if done.returncode not in ((0, 2) if command == "init" else (0,)) or present != whole:
+            outcome["wrong"].append(f"exit status {done.returncode}, {present}: {done.stderr[-300:]}")
+    outcome["same"] = outcome["tries"] - len(outcome["wrong"])
+    return outcome
 
 
 #: The command that reads a file of the results.

@@ -9,7 +9,21 @@ from bayesindent.core import NativeObject
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner", "to_modulus", "to_y"]
+__all__ = ["Learner", "spread_of", "to_modulus", "to_y"]
+
+
+def spread_of(basis: Basis, stiffness: ArrayLike) -> np.ndarray:
+    """How the noise grows with the log-anisotropy, the norm of log K without its isotropic part, of stiffnesses (n, 6, 6)."""
+    roots, bulk = np.sqrt([1, 1, 1, 2, 2, 2]), np.diag([1.0, 1, 1, 0, 0, 0])
+    bulk[:3, :3] = 1 / 3
+    spreads = []
+    for matrix in np.asarray(stiffness):
+        values, vectors = np.linalg.eigh(matrix * np.outer(roots, roots))
+        logarithm = vectors * np.log(values) @ vectors.T
+        shear = np.eye(6) - bulk
+        rest = logarithm - np.trace(logarithm @ bulk) * bulk - np.trace(logarithm @ shear) / 5 * shear
+        spreads.append(1 + basis.noise_growth * np.linalg.norm(rest) ** 3)
+    return np.array(spreads)
 
 
 def to_y(basis: Basis, modulus_gpa: ArrayLike, scale: ArrayLike) -> np.ndarray:

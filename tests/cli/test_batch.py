@@ -102,8 +102,7 @@ def test_each_program_continues_the_campaign_of_the_other(batch, bayesindent, tm
     def by_batch(output):
         done = batch("a.nml", "--output", output)
         assert done.returncode == 0
-        # So coarse a mesh resolves copper badly.
-        assert all("extrapolated from two meshes" in line for line in done.stderr.splitlines())
+        assert done.stderr == ""
         return int(done.stdout.split(" new,")[0].split()[-1])
 
     def by_python(output):
@@ -294,9 +293,11 @@ def test_samples_as_python_does(batch, bayesindent, tmp_path, symmetry, method, 
     for name, item in document["parameters"].items():
         draws = np.reshape([float(row[name]) for row in rows], (2, 200))
         assert [item["mean"], item["sd"]] == pytest.approx([draws.mean(), draws.std(ddof=1)])
-        assert [item["ess_bulk"], item["ess_tail"]] == pytest.approx([arviz.ess(draws, method=m) for m in ("bulk", "tail")], rel=1e-7)
+        tail = {"prob": (0.05, 0.95)}
+        assert [item["ess_bulk"], item["ess_tail"]] == pytest.approx([arviz.ess(draws), arviz.ess(draws, method="tail", **tail)], rel=1e-7)
         assert item["r_hat"] == pytest.approx(arviz.rhat(draws), rel=1e-7)
-        assert item["hdi_95"] == pytest.approx(arviz.hdi(draws.ravel(), hdi_prob=0.95).tolist())
+        new = {"prob": 0.95} if int(arviz.__version__.split(".")[0]) else {"hdi_prob": 0.95}
+        assert item["hdi_95"] == pytest.approx(arviz.hdi(draws.ravel(), **new).tolist())
     # Chains as short as these give both programs something to warn of, but where they mix fast.
     said = [line for line in expected["warnings"] if "mixed" in line]
     assert said or method == "ensemble"

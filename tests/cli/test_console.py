@@ -121,7 +121,7 @@ def test_a_report_says_what_was_edited_since(bayesindent, iron):
             "&problem symmetry = \u201ccubic\u201d /",
             "&problem symmetry: curly quotes stand around \u201ccubic\u201d; straight quotes are needed",
         ),
-        ("&problem symmetry = 'hcp' lattice = 2.95 /", "&problem lattice: 1 lattice parameters; a hexagonal crystal has a, c"),
+        ("&problem symmetry = 'hcp' lattice = 2.95 /", "&problem lattice: the number of values is 1; a hexagonal crystal needs 2: a, c"),
         ("&problem symmetry = 'bcc' /\n&sampler samples = 1.5e1, burn_in = 2.5 /", "&sampler burn_in: 2.5 is not an integer"),
     ],
 )

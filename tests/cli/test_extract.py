@@ -65,7 +65,7 @@ def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     for one, first in ((done, done.stdout), (batch, batch.stderr)):
         assert one.returncode == 3, one.stderr
         assert first.lower().startswith("the result cannot be used: bulk_modulus = 300.0 ± 3.3 gpa is ")
-        told = re.search(r"warning: what is said of bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", one.stderr)
+        told = re.search(r"warning: the stated bulk_modulus = 300.0 ± 3.3 GPa contradicts all else .* by ([0-9.]+) sd", one.stderr)
         # The bounds alone keep the bulk modulus below (250 + 2 150)/3 = 183 GPa.
         assert float(told[1]) > (300 - 184) / 3.3 - 1
 

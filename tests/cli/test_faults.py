@@ -1,7 +1,7 @@
 """Kills, damaged files, a full disk, no permission: nothing is lost, and what is wrong is told in one line. `bench faults` is the long form."""
 
 import pytest
-from fault_files import damaged, full_disk, no_permission
+from fault_files import damaged, full_disk, killed, no_permission
 from fault_kills import disturbed
 
 PROGRAMS = ("bayesindent", "bayesindent-batch")
@@ -24,6 +24,13 @@ def test_a_campaign_that_is_killed_is_the_one_that_is_not(tmp_path, program, kil
     found = disturbed(program, tmp_path, kills, seed=7, **campaign)
     assert found["kills"] == kills
     assert (found["lost"], found["repeated"], found["half-written files"], found["other"]) == (0, 0, [], [])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", ["report", "compare", "init"])
+def test_a_page_whose_making_is_killed_is_made_by_the_next(tmp_path, command):
+    found = killed(command, tmp_path, 2, seed=3)
+    assert ended_well(found), found
 
 
 @pytest.mark.long_where("campaign.sqlite")

@@ -76,7 +76,7 @@ def test_the_files_of_a_metal_run(bayesindent, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "init: say the crystal class, such as fcc, hcp or mmm, or a --metal"),
+        ([], "init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a --metal"),
         (["hcp", "--metal", "Cu"], "init: --metal: copper is fcc (cubic), not hcp"),
         (["bcc", "--metal", "Cu"], "init: --metal: copper is fcc (cubic), not bcc"),
         (["cubic", "--metal", "Xx"], "init: --metal: Xx is not known; known are Ag, Al, "),

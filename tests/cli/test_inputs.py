@@ -46,8 +46,8 @@ def test_theory_carries_columns_and_gives_three_moduli(bayesindent, tmp_path):
 
 
 SURROGATES = {
-    "nowhere.txt": "'nowhere.txt': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist, halfspace, block",
-    "hexagonal": "'hexagonal': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist, halfspace, block",
+    "nowhere.txt": "'nowhere.txt': there is no such surrogate; run build first, or state a file in the output folder or beside the namelist, halfspace, block",
+    "hexagonal": "'hexagonal': there is no such surrogate; run build first, or state a file in the output folder or beside the namelist, halfspace, block",
 }
 
 

@@ -22,13 +22,13 @@ def bare_machine(tmp_path):
     shutil.copy(SOURCE / "bayesindent", tmp_path)
     shutil.copy(SOURCE / "pyproject.toml", tmp_path)
 
-    def run(**programs: str) -> subprocess.CompletedProcess:
+    def run(environment: dict | None = None, **programs: str) -> subprocess.CompletedProcess:
         for name, script in programs.items():
             file = folder / name.replace("_", "-")
             file.write_text(f"#!{folder}/sh\n{script}\n")
             file.chmod(0o755)
         launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), "--version"]
-        return subprocess.run(launcher, env={"PATH": str(folder)}, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        return subprocess.run(launcher, env={"PATH": str(folder)} | (environment or {}), capture_output=True, text=True, stdin=subprocess.DEVNULL)
 
     return run
 
@@ -52,6 +52,15 @@ def test_shows_the_log_of_a_failed_step(bare_machine):
     assert done.returncode == 1
     assert "E: no network" in done.stderr
     assert "failed: installing Debian packages: gfortran" in done.stderr
+    # What will be installed is said before.
+    assert done.stderr.startswith("bayesindent: the following Debian packages will be installed as root: gfortran g++ ")
+
+
+def test_installs_no_package_where_the_user_forbids_it(bare_machine):
+    done = bare_machine({"BAYESINDENT_APT": "no"}, id="echo 0", apt_get="echo apt-get ran >&2")
+    assert done.returncode == 1
+    assert "apt-get ran" not in done.stderr
+    assert "BAYESINDENT_APT=no" in done.stderr and "\n  apt-get update && apt-get install --yes " in done.stderr
 
 
 def test_is_a_program():

@@ -56,6 +56,7 @@ def gain_by_quadrature(euler_deg, sd):
     return -np.sum(inside * np.log(inside)) * sd / 4 - 0.5 * np.log(2 * np.pi * np.e * sd**2)
 
 
+@pytest.mark.long
 def test_every_path_gives_one_gain(paths):
     first = paths[0]["suggestions"]
     for document in paths[1:]:

@@ -118,7 +118,7 @@ contains
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       character(len=*), parameter :: rules(3) = [character(len=17) :: 'variance', 'relative_variance', 'imse'], &
          & older(3) = [character(len=11) :: 'modulus', 'log_modulus', 'all_moduli']
-      real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale
+      real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale, spread(200)
       real(wp), allocatable :: terms(:, :), reach(:)
       integer :: i, rule, chosen(3), again(3)
 
@@ -137,14 +137,14 @@ contains
          call surrogate_of(learner, '{}', surrogate, error)
          do i = 1, 200
             c = basis%domain%class%stiffness(constants(:, i))
-            call basis%evaluate_terms(c, degree*euler_deg(:, i), terms(:, i), scale)
+            call basis%evaluate_terms(c, degree*euler_deg(:, i), terms(:, i), scale, spread(i))
             call predict(surrogate, c, degree*euler_deg(:, i), mean(i), sd(i))
          end do
          if (rule == 2) sd = sd/mean
          if (rule == 3) then
             do i = 1, 200
                reach = matmul(surrogate%covariance, terms(:, i))
-               sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(matmul(reach, terms))**2) &
+               sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(spread*matmul(reach, terms))**2) &
                   & /(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
             end do
          end if

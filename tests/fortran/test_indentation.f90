@@ -264,9 +264,9 @@ contains
       call largest_mesh_error(settings, pair, automatic, extended)
       call check('what is not stated is as needed', all(extended .eqv. [.false., .true.]) &
          & .and. .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp))
-      warning = resolution_warning(automatic, extended)
-      call check('and is said', index(warning, '1 of 2 crystals are extrapolated from two meshes') == 1 &
-         & .and. index(warning, 'more than 0.5 % (rows 2); 1 of 2') > 0, warning)
+      warning = resolution_warning(automatic)
+      call check('what remains is warned of', index(warning, '1 of 2 crystals are so near instability') == 1 &
+         & .and. index(warning, 'with the theory (rows 2)') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
       call largest_mesh_error(settings, pair, block, extended)
@@ -274,8 +274,8 @@ contains
          & to_text(coarse(1))//' '//to_text(coarse(2)))
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
          & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
-      call check('no warning for copper', resolution_warning(coarse(:1), [.false.]) == '')
-      warning = resolution_warning(coarse, [.false., .false.])
+      call check('no warning for copper', resolution_warning(coarse(:1)) == '')
+      warning = resolution_warning(coarse)
       call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
          & .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution

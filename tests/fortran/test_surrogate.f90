@@ -141,7 +141,7 @@ contains
 
    subroutine test_polynomials()
       type(paper_basis_type) :: basis
-      real(wp) :: p(27), gram(27, 27), scale, x(3), constants(3), weight
+      real(wp) :: p(27), gram(27, 27), scale, spread, x(3), constants(3), weight
       integer :: i, j, k, q
 
       basis = basis_of('cubic', 'tensor', 2, 0)
@@ -151,7 +151,7 @@ contains
                weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
                x = -cos(pi*[i, j, k]/8)
                constants = domain%lower + 0.5_wp*(x + 1)*(domain%upper - domain%lower)
-               call basis%evaluate_terms(domain%class%stiffness(constants), [0.0_wp, 0.0_wp, 0.0_wp], p, scale)
+               call basis%evaluate_terms(domain%class%stiffness(constants), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
                do q = 1, 27
                   gram(:, q) = gram(:, q) + weight*p*p(q)
                end do
@@ -162,7 +162,7 @@ contains
          call check_close('orthonormal polynomials', maxval(abs(gram)), 0.0_wp, 1.0e-12_wp)
          call check_close('the scale of a box is 1', scale, 1.0_wp, 0.0_wp)
          ! Every product is that of its degrees, at the corner x = 1 where each factor is sqrt(2n+1).
-         call basis%evaluate_terms(domain%class%stiffness(domain%upper), [0.0_wp, 0.0_wp, 0.0_wp], p, scale)
+         call basis%evaluate_terms(domain%class%stiffness(domain%upper), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
          do q = 1, 27
             p(q) = p(q) - product(sqrt(2.0_wp*basis%polynomials%degrees(:, q) + 1))
          end do
@@ -228,7 +228,8 @@ contains
       type(error_type), allocatable :: error
       class(grain_model_type), allocatable :: model
       real(wp), allocatable :: terms(:, :), columns(:, :)
-      real(wp) :: scale, euler(3, 4), modulus, sd, y, variance, again, again_sd, c(6, 6), moduli(4), slopes(4), expected(4, 4)
+      real(wp) :: scale, spread, euler(3, 4), modulus, sd, y, variance, again, again_sd, c(6, 6), moduli(4), slopes(4)
+      real(wp) :: expected(4, 4)
       logical :: same
       integer :: i
 
@@ -238,7 +239,7 @@ contains
          euler = reshape([0.3_wp, 0.7_wp, 1.9_wp, 0.0_wp, 0.0_wp, 0.0_wp, 2.0_wp, 1.2_wp, 3.0_wp, 0.2_wp, 0.5_wp, 0.1_wp], [3, 4])
          allocate (terms(basis%n_terms, 4))
          do i = 4, 1, -1
-            call basis%evaluate_terms(c, euler(:, i), terms(:, i), scale)
+            call basis%evaluate_terms(c, euler(:, i), terms(:, i), scale, spread)
          end do
          call predict(surrogate, c, euler(:, 1), modulus, sd)
          y = dot_product(terms(:, 1), surrogate%coefficients)
@@ -308,7 +309,7 @@ contains
       type(error_type), allocatable :: error
       real(wp), parameter :: crystal(5) = [162.0_wp, 92.0_wp, 47.0_wp, 180.0_wp, 69.0_wp]
       real(wp), allocatable :: terms(:, :), root(:, :), columns(:, :), expected(:, :)
-      real(wp) :: euler(3, 5), scale, c(6, 6), moduli(5), slopes(5)
+      real(wp) :: euler(3, 5), scale, spread, c(6, 6), moduli(5), slopes(5)
       integer :: i, j, n
 
       allocate (surrogate%basis, source=basis_of('hexagonal', truncation, degree, bandlimit))
@@ -325,7 +326,7 @@ contains
       c = surrogate%basis%domain%class%stiffness(crystal)
       do i = 1, 5
          euler(:, i) = [0.1_wp*i, 0.3_wp*i, 0.7_wp]
-         call surrogate%basis%evaluate_terms(c, euler(:, i), terms(:, i), scale)
+         call surrogate%basis%evaluate_terms(c, euler(:, i), terms(:, i), scale, spread)
       end do
       call new_grain_model(surrogate, surrogate%basis%domain%class, euler(:, :2), .true., model, error)
       call model%set_grains(euler, error)
@@ -335,7 +336,7 @@ contains
       call model%evaluate_columns(c, columns)
       expected = matmul(transpose(terms), matmul(surrogate%covariance, terms))
       call check(truncation//': moduli of grains', maxval(abs(moduli/surrogate%basis%to_modulus(matmul(surrogate%coefficients, &
-         & terms), scale) - 1.0_wp)) < 1.0e-11_wp)
+         & terms), scale, spread) - 1.0_wp)) < 1.0e-11_wp)
       call check(truncation//': their covariance', maxval(abs(matmul(columns, transpose(columns)) - expected)) &
          & < 1.0e-11_wp*maxval(expected))
       call new_grain_model(surrogate, surrogate%basis%domain%class, euler, .false., model, error)
@@ -370,8 +371,8 @@ contains
       call check('one byte changed', all_refused)
       call check('a line more', is_refused(whole//'more'//newline))
       call check_damage(whole, 'beta 1', 'beta -1', 'beta = -10000.0', path//': the surrogate is damaged: ')
-      call check_damage(whole, 'alpha 3.0', 'alpha NaN', '''alpha'': ''NaN''', 'line 19: ')
-      call check_damage(whole, 'alpha 3.0', 'alpha 1.0E999', 'is not a finite number', 'line 19: ')
+      call check_damage(whole, 'alpha 3.0', 'alpha NaN', '''alpha'': ''NaN''', 'line 20: ')
+      call check_damage(whole, 'alpha 3.0', 'alpha 1.0E999', 'is not a finite number', 'line 20: ')
       call check_damage(whole, 'fall 0.3125', 'fall 0.0', 'must be positive', '')
       call check_damage(whole, 'coefficients 20', 'coefficients 19', 'too short or too long', '')
       call check_damage(whole, 'coefficients 20', 'coefficients 999999', 'cannot have 999999 values', '')
@@ -382,7 +383,7 @@ contains
       call check_damage(whole, 'bandlimit 4', 'bandlimit 6', '20 coefficients and 210 covariances', '')
       call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')
       call check_damage(whole, 'degree 2', 'degre 2', '''degree'' is expected, not ''degre 2''', '')
-      call check_damage(whole, 'surrogate 3', 'surrogate 2', 'version 2', 'version 3 is known')
+      call check_damage(whole, 'surrogate 4', 'surrogate 2', 'version 2', 'versions 3 and 4 are known')
       call check_damage(whole, 'model paper', 'model plastic', '''plastic'' is unknown', '')
       call check_damage(whole, 'title', 'tiger', 'checksum', '')
       call check('no surrogate at all', is_refused('phi1_deg, Phi_deg'//newline))

@@ -22,7 +22,7 @@ FURTHER = {
 }
 
 
-@pytest.mark.parametrize("symmetry", ["cubic", "hexagonal", "trigonal"])
+@pytest.mark.parametrize("symmetry", ["cubic", *(pytest.param(name, marks=pytest.mark.long) for name in ("hexagonal", "trigonal"))])
 def test_draws_of_the_prior(symmetry):
     """Three weak measurements; the draws of the prior that are reported beside the posterior."""
     table = table_of(ANGLES, np.full(3, 140.0), np.full(3, 30.0))
@@ -57,6 +57,7 @@ def test_real_crystals_are_within(name, symmetry, constants):
         assert stats.f(len(constants) - 2, 3).cdf(anisotropy**2 / 0.7**2) < share
 
 
+@pytest.mark.long
 def test_titanium_without_knowledge():
     """Twenty-five grains at 5 %: a flat prior leaves C11 at 2237 ± 1896 GPa."""
     truth = bi.stiffness("hexagonal", C11=162, C12=92, C44=47, C33=180, C13=69)

@@ -85,6 +85,7 @@ def test_two_first_domains_give_one_posterior(tmp_path):
         assert abs(one["mean"] - other["mean"]) <= (2 * np.sqrt(shares) + 0.1) * one["sd"], name
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_an_interrupted_loop_goes_on_as_if_it_were_not(tmp_path):
     """Stopped over the domain, inside a round, and between two."""

@@ -18,9 +18,9 @@ START = "&problem symmetry = 'cubic' /\n"
 @pytest.mark.parametrize(
     ("content", "cause"),
     [
-        (b"&problem\n title = 'Kr\xfcmmung' /\n", "line 2: ' title = 'Kr' is followed by what is not UTF-8 (save the file as UTF-8)"),
-        (b"! ok\n! \xed\xa0\x80 is half a pair\n", "line 2: '! ' is followed by what is not UTF-8 (save the file as UTF-8)"),
-        (b"&problem\n title = '\xc3", "line 2: ' title = '' is followed by what is not UTF-8 (save the file as UTF-8)"),
+        (b"&problem\n title = 'Kr\xfcmmung' /\n", "line 2: byte 13 is not UTF-8 (save the file as UTF-8)"),
+        (b"! ok\n! \xed\xa0\x80 is half a pair\n", "line 2: byte 3 is not UTF-8 (save the file as UTF-8)"),
+        (b"&problem\n title = '\xc3", "line 2: byte 11 is not UTF-8 (save the file as UTF-8)"),
         ("&problem /".encode("utf-16"), "the file is not plain text (save it as UTF-8)"),
         (b"\x89PNG\r\n\x1a\n\x00", "the file is not plain text (save it as UTF-8)"),
     ],

@@ -5,6 +5,7 @@ import copy
 import arviz as az
 import numpy as np
 import pytest
+from learner import spread_of
 from scipy import stats
 from scipy.linalg import block_diag
 from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
@@ -77,7 +78,8 @@ def moduli_of(model, symmetry, c, angles):
     stiffness = stiffness_rows(symmetry, constants)
     terms, _ = model.basis.terms(stiffness[(slice(None), *np.triu_indices(6))], angles)
     m = bi.halfspace_modulus(stiffness, angles) * np.exp(model.coefficients @ terms)
-    return m, m, terms
+    spread = spread_of(model.basis, stiffness)
+    return m, m * spread, terms / spread
 
 
 def brute_force(m, slope, terms, model, measured, sd, kind="indentation_modulus", full=True, calibration=0.0):
@@ -138,7 +140,7 @@ def test_a_correction_of_all_classes_serves_each(name, domain):
     mean, sd = model.predict(np.repeat(stiffness[None], 8, axis=0), angles)
     assert mean == pytest.approx(m, rel=1e-9)
     variance = np.einsum("in,ij,jn->n", terms, model.covariance, terms) + 1 / model.beta
-    assert sd == pytest.approx(m * np.sqrt(variance), rel=1e-8)
+    assert sd == pytest.approx(slope * np.sqrt(variance), rel=1e-8)
     measured, noise = m * (1 + 0.02 * rng.normal(size=8)), np.full(8, 0.02 * m.mean())
     values = {}
     for full in (False, True):

@@ -1,9 +1,11 @@
 """The library as a notebook's user types it: keywords that help lists, names that others know, results in memory."""
 
 import inspect
+import pickle
 import re
 import warnings
 
+import arviz as az
 import numpy as np
 import pytest
 
@@ -71,7 +73,9 @@ def test_other_names_and_the_symmetry_by_position(result):
         ({"samples": 300, "draws": 300}, "bi.extract: a keyword is stated twice: draws is samples, random_seed is seed"),
         ({"samples": 3}, "bi.extract: samples: 3 is out of range; allowed 10 to "),
         ({"likelihood": "cauchy"}, "bi.extract: likelihood: 'cauchy' is not known; allowed 'normal', 'student'"),
-        ({"bounds": {"C11": (300, 200)}}, "bi.extract: bounds: C11 = 300.0 GPa is not below "),
+        ({"bounds": {"C11": (300, 200)}}, "bi.extract: bounds: the lower bound of C11, 300.0 GPa, is not below the upper one, 200"),
+        ({"bounds": {"C11": 300}}, "bi.extract: bounds: C11: 300; allowed (low, high)"),
+        ({"knowledge": {"bulk_modulus": 165}}, "bi.extract: knowledge: bulk_modulus: 165; allowed (mean, sd)"),
         ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
         ({"evidence": "yes"}, "bi.extract: evidence: the text 'yes' stands where a logical is needed; allowed True, False"),
     ],
@@ -80,6 +84,26 @@ def test_errors_are_in_pythons_words(keywords, words):
     with pytest.raises(bi.InputError) as error:
         bi.extract(IRON, "cubic", **keywords)
     assert str(error.value).startswith(words) and "&" not in str(error.value)
+
+
+def test_a_result_keeps_its_surrogate_in_memory(tmp_path):
+    """An object of the user's own, which has no name to find it by; a file of the result does not have it."""
+    own = bi.Surrogate.load("block")
+    result = quietly(bi.extract, IRON, "cubic", surrogate=own, knowledge=KNOWN, **FEW)
+    best = quietly(bi.next_grain, result, count=1)["suggestions"]
+    for again in (result.copy(), pickle.loads(pickle.dumps(result))):
+        assert quietly(bi.next_grain, again, count=1)["suggestions"] == best
+    assert best != quietly(bi.next_grain, result, surrogate="halfspace", count=1)["suggestions"]
+    assert bi.plot_orientations(result).axes
+    with pytest.raises(bi.InputError, match="^bi.next_grain: target: 'C99' is unknown"):
+        bi.next_grain(result, target="C99")
+    result.to_netcdf(str(tmp_path / "r.nc"))
+    stored = az.from_netcdf(str(tmp_path / "r.nc"))
+    with pytest.raises(bi.InputError, match="a result from a file does not have its surrogate; state it with surrogate="):
+        bi.next_grain(stored)
+    assert quietly(bi.next_grain, stored, surrogate=own, count=1)["suggestions"] == best
+    with pytest.raises(bi.InputError, match="nowhere: there is no such folder of results"):
+        bi.report("nowhere")
 
 
 def test_warnings_name_the_callers_line_and_no_group():
@@ -169,7 +193,7 @@ def test_figures_take_the_place_of_an_axis(result):
     # Three constants: three pairs and three histograms, each panel with all draws behind it.
     pairs = bi.plot_pairs(result)
     assert sum(bool(axes.lines or axes.collections or axes.patches) for axes in pairs.axes) >= 6
-    with pytest.raises(bi.InputError, match="bi.plot_pairs: ax has no place in a grid"):
+    with pytest.raises(bi.InputError, match="bi.plot_pairs: ax is not part of a grid"):
         bi.plot_pairs(result, ax=plt.figure().add_axes((0, 0, 1, 1)))
     plt.close("all")
 

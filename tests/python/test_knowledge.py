@@ -104,7 +104,7 @@ def test_knowledge_that_contradicts_measurements_is_told():
     one, together, told = conflicts(bi.extract(TITANIUM, knowledge={"bulk_modulus": (108.7, 1.0), "C11": (100.0, 2.0)}, **settings))
     assert min(one.values()) > 8
     assert together > 8
-    assert [line.split(" = ")[0] for line in told] == ["what is said of bulk_modulus", "what is said of C11"]
+    assert [line.split(" = ")[0] for line in told] == ["the stated bulk_modulus", "the stated C11"]
 
 
 def test_a_problem_with_a_stiffness_is_made_anew():
@@ -120,9 +120,9 @@ def test_a_problem_with_a_stiffness_is_made_anew():
         ({"stiffness": (np.ones(3), np.eye(3))}, r"&knowledge stiffness: .*\(3,\) and \(3, 3\); allowed \(5,\) and \(5, 5\)"),
         ({"stiffness": (np.full(5, np.nan), np.eye(5))}, r"&knowledge stiffness: line 2, column C11: nan is not finite"),
         ({"stiffness": SOURCE / "nowhere.csv"}, r"&knowledge stiffness_file: .*nowhere.csv: .*does not exist"),
-        ({"bulk_modulus": (100, 1), "bulk_modulus^2": (10000, 200)}, "'bulk_modulus.2' says the same .* as 'bulk_modulus'"),
-        ({"C66": (35, 1), "C'": (35, 1)}, "'C'' says the same of a hexagonal crystal as 'C66'"),
-        ({"young[100]": (100, 1), "young[1 0.5 0]": (100, 1)}, "says the same of a hexagonal crystal"),
+        ({"bulk_modulus": (100, 1), "bulk_modulus^2": (10000, 200)}, "'bulk_modulus.2' of a .* crystal is the same as 'bulk_modulus'"),
+        ({"C66": (35, 1), "C'": (35, 1)}, "'C'' of a hexagonal crystal is the same as 'C66'"),
+        ({"young[100]": (100, 1), "young[1 0.5 0]": (100, 1)}, "of a hexagonal crystal is the same as"),
     ],
 )
 def test_refusals(knowledge, words):
@@ -173,7 +173,7 @@ def test_too_few_directions_are_told_with_what_is_visible(symmetry, n_constants,
         return [line for line in Posterior.of(table, **settings).problem.warnings if "directions" in line]
 
     if visible > 2:
-        said = f"grains in 2 different directions; {visible} combinations of the {n_constants} constants are visible to indentation"
+        said = f"grains in 2 different directions; at least {visible} are needed for the combinations of the {n_constants} constants"
         assert [said in line for line in warnings(2)] == [True]
     assert warnings(max(2, min(visible, 6))) == [] or visible > 6
 

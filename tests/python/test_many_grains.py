@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from learner import spread_of
 from scipy.stats import multivariate_normal
 
 import bayesindent as bi
@@ -62,7 +63,9 @@ def test_the_likelihood_of_many_grains_by_brute_force(name, n):
         covariance = 100.0 * np.eye(n)
         if name == "block":
             terms = surrogate.basis.terms(np.tile(crystal[np.triu_indices(6)], (n, 1)), angles)[0]
-            covariance += np.outer(mean, mean) * (terms.T @ surrogate.covariance @ terms + np.eye(n) / surrogate.beta)
+            covariance += np.outer(mean, mean) * (
+                terms.T @ surrogate.covariance @ terms + spread_of(surrogate.basis, [crystal])[0] ** 2 * np.eye(n) / surrogate.beta
+            )
         expected.append(multivariate_normal(mean, covariance).logpdf(moduli))
     assert posterior.evaluate(points)[1] == pytest.approx(expected, abs=0.1)
 

@@ -156,8 +156,8 @@ def test_what_is_off_is_told(surrogates, likelihood):
     )
     if likelihood == "normal":
         assert "grain 5 disagrees with the others" in worst
-        assert "the grains scatter more than their sds say" in noisy
-    assert "the grains scatter less than their sds say" in smooth
+        assert "the residuals are larger than the stated sds" in noisy
+    assert "the residuals are smaller than the stated sds" in smooth
     assert not {word for word in ("scatter", "disagrees") if word in well}
 
 
@@ -169,14 +169,15 @@ def test_arviz_takes_it_as_it_is(results, symmetry):
     count = result.observed_data.sizes["grain"]
     assert found.n_data_points == count
     # The posterior uses up no more than its parameters; with so many draws importance sampling is not far from plain weights.
-    assert 0.5 < found.p_loo < len(result.posterior.data_vars) + 1.5
+    new = hasattr(found, "elpd_i")  # ArviZ 1
+    assert 0.5 < (found.p if new else found.p_loo) < len(result.posterior.data_vars) + 1.5
     values = result.log_likelihood["modulus"].values.reshape(-1, count)
     plain = -np.log(np.mean(np.exp(-values), axis=0))
-    assert found.loo_i.values == pytest.approx(plain, abs=0.3)
+    assert (found.elpd_i if new else found.loo_i).values == pytest.approx(plain, abs=0.3)
     assert found.pareto_k.values.max() < 0.7
     ranks = az.compare({"one": result, "other": result})
     assert ranks["elpd_diff"].abs().max() == 0.0
-    assert az.plot_ppc(result, num_pp_samples=20, random_seed=1, show=False) is not None
+    assert (az.plot_ppc_dist(result) if new else az.plot_ppc(result, num_pp_samples=20, random_seed=1, show=False)) is not None
     assert result.posterior["C11"].attrs["units"] == "GPa"
     assert result.derived["anisotropy_index"].attrs["units"] == "1"
     assert result.log_prior["constants"].size == len(values)

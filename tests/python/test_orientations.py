@@ -108,8 +108,8 @@ def test_the_modulus_is_that_of_the_direction():
     ("columns", "symmetry", "lattice", "words"),
     [
         (named("uvw", [[1, 0, 1]]), "hexagonal", None, "u, v, w are indices of a hexagonal crystal, whose directions depend on its cell: &problem lattice = a, c"),
-        (named("hkl", [[1, 0, 1]]), "-1", [1, 2, 3], "3 lattice parameters; a triclinic crystal has a, b, c, alpha, beta, gamma"),
-        (named("uvw", [[1, 0, 1]]), "cubic", [3.6], "1 lattice parameters are not needed of a cubic crystal"),
+        (named("hkl", [[1, 0, 1]]), "-1", [1, 2, 3], "the number of values is 3; a triclinic crystal needs 6: a, b, c, alpha, beta, gamma"),
+        (named("uvw", [[1, 0, 1]]), "cubic", [3.6], "the number of values is 1; a cubic crystal needs none"),
         (named("uvw", [[1, 0, 1]]), "-1", [1, 1, 1, 30, 30, 100], "are no cell"),
         (named("uvw", [[1, 0, 1], [0, 0, 0]]), "cubic", None, "line 2, column u: 0 and all other indices are 0"),
         (named("uvtw", [[1, 1, -1, 3]]), "hexagonal", [2.9, 4.7], "line 1, column t: -1: the first three of four indices have the sum 1.0, and 0"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
+from bayesindent.common.progress import Progress
 from bayesindent.program.cli import main
 from bayesindent.report import drawing
 from bayesindent.report.paper import card
@@ -80,7 +81,7 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(drawing, "FIGURES", kept)
     file = tmp_path / "case.nml"
     file.write_text(
-        "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 200, burn_in = 500, chains = 2 /\n"
+        "&problem symmetry = 'cubic', synthetic = .true. /\n&sampler samples = 600, burn_in = 500, chains = 2 /\n"
         f"&measurements file = '{SOURCE}/inputs/data/fe3si.csv' /\n"
         "&prior c_min = 150, 80, 60, c_max = 300, 200, 160 /\n"
     )
@@ -88,7 +89,11 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert main(["report", str(tmp_path), "--paper"]) == 2
     assert "there is no posterior" in capsys.readouterr().err
     assert main(["extract", str(file), "--output", str(output)]) == 0
+    # Figures take most of the time: a terminal sees how many are done.
+    bars, usual = [], Progress.bar
+    monkeypatch.setattr(Progress, "bar", lambda self, name, total: bars.append((name, total)) or usual(self, name, total))
     assert main(["report", str(output), "--paper", "--json"]) == 0
+    assert bars == [("figures", 1)]
     found = json.loads((output / "summary.json").read_text())["parameters"]
     paper = output / "paper"
     text = (paper / "methods.tex").read_text()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from learner import Learner, to_modulus, to_y
+from learner import Learner, spread_of, to_modulus, to_y
 from paper_domains import DOMAINS
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
@@ -35,13 +35,16 @@ class Case:
         self.basis = BASES[name]
         self.learner = Learner(self.basis)
         self.constants, self.angles = self.basis.crystals(n_data, seed)
-        theory = bi.halfspace_modulus(stiffness_rows(self.basis.symmetry, self.constants), self.angles)
+        stiffness = stiffness_rows(self.basis.symmetry, self.constants)
+        theory = bi.halfspace_modulus(stiffness, self.angles)
+        self.spread = spread_of(self.basis, stiffness)
         self.terms, self.scale = self.basis.terms(self.constants, self.angles)
         rng = np.random.default_rng(seed)
         coefficients = wave * rng.normal(size=self.basis.n_terms) * 0.2**self.basis.polynomial_degrees
         self.modulus = theory * np.exp(0.1 + coefficients @ self.terms + noise * rng.normal(size=n_data))
         self.learner.add(self.constants, self.angles, self.modulus, chosen=True)
-        self.y = to_y(self.basis, self.modulus, self.scale)
+        self.y = to_y(self.basis, self.modulus, self.scale) / self.spread
+        self.terms = self.terms / self.spread
 
     @property
     def width(self):
@@ -71,7 +74,7 @@ def test_posterior_is_the_conjugate_one(name, n_data):
     assert case.learner.values("mean") == pytest.approx(mean, rel=1e-7, abs=1e-8 * case.unit)
     assert np.abs(case.learner.covariance() - covariance).max() <= 1e-8 * np.abs(covariance).max()
     assert case.learner.predict(case.constants, case.angles) == pytest.approx(
-        to_modulus(case.basis, mean @ case.terms, case.scale), rel=1e-8
+        to_modulus(case.basis, mean @ case.terms * case.spread, case.scale), rel=1e-8
     )
 
 
@@ -179,7 +182,7 @@ def test_leaving_out_equals_brute_force(name, n_data):
             rest = groups != groups[i]
             mean, covariance = case.closed_form(case.terms[:, rest], case.y[rest], alpha, beta)
             predicted, sd = mean @ case.terms[:, i], np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i])
-            assert modulus[i] == pytest.approx(to_modulus(case.basis, predicted, case.scale[i]), rel=1e-6)
+            assert modulus[i] == pytest.approx(to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6)
             assert z[i] == pytest.approx((case.y[i] - predicted) / sd, rel=1e-5, abs=1e-6)
     with pytest.raises(bi.InputError, match=f"each of {n_data} simulations"):
         case.learner.leave_out([1, 2])
@@ -195,10 +198,13 @@ def test_choices_equal_exhaustive_search(name, rule):
     alpha, beta = 1.0 / case.unit**2, 50.0 / case.unit**2
     case.learner.fit(alpha, beta)
     predicted = to_modulus(case.basis, case.learner.values("mean") @ terms, scale)
+    spread = spread_of(case.basis, stiffness_rows(case.basis.symmetry, constants))
+    terms = terms / spread
     # |dM/dy|, or |d log M/dy|.
     importance = predicted if case.basis.logarithmic else np.ones(50)
     if rule == "relative_variance":
         importance = importance / predicted
+    importance = importance * spread
 
     def worth(covariance, j):
         """What the choice of j would take from the mean variance of all; or its own variance."""
@@ -223,7 +229,7 @@ def test_choices_equal_exhaustive_search(name, rule):
     modulus = np.random.default_rng(4).uniform(100, 200, len(chosen))
     case.learner.add(constants[chosen], angles[chosen], modulus, chosen=True)
     case.learner.update()
-    y = np.concatenate([case.y, to_y(case.basis, modulus, scale[chosen])])
+    y = np.concatenate([case.y, to_y(case.basis, modulus, scale[chosen]) / spread[chosen]])
     mean, covariance = case.closed_form(data, y, alpha, beta)
     assert case.learner.values("mean") == pytest.approx(mean, rel=1e-6, abs=1e-7 * case.unit)
     assert case.learner.variances() == pytest.approx(np.einsum("ij,ik,kj->j", terms, covariance, terms), rel=1e-6)

@@ -69,7 +69,7 @@ def test_scatter_is_compared_with_the_sds(factor, said):
     assert (said == "less") == (share > 0.99)
     assert len(warnings) == (said is not None)
     if said:
-        words = f"scatter {said} than their sds say, {np.sqrt(chi_square / 30):.1f} times as much (chi-square {chi_square:.1f}, degrees of freedom 30)"
+        words = f"scatter {said} than their stated sds, {np.sqrt(chi_square / 30):.1f} times as much (chi-square {chi_square:.1f}, degrees of freedom 30)"
         assert words in warnings[0]
 
 

@@ -24,7 +24,11 @@ WRONG = {
         "&specimen geometri: unknown variable, did you mean geometry?; allowed: geometry, estimator, width_um, ",
     ),
     "count": ("prior", {"c_min": [1, 2]}, "&prior c_min: 2 values; 3 are needed: C11, C12, C44"),
-    "lists": ("knowledge", {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]}, "&knowledge quantity: 1 of them for 2 of mean"),
+    "lists": (
+        "knowledge",
+        {"quantity": ["C11"], "mean": [200.0, 1.0], "sd": [2, 3]},
+        "&knowledge quantity: the number of values is 1, that of mean is 2; each quantity",
+    ),
     "twice": ("indenter", {"depth_um": 0.1, "contact_radius_um": 0.5}, "&indenter depth_um: the last point is stated twice"),
     "sphere": (
         "indenter",
@@ -36,7 +40,11 @@ WRONG = {
         {"geometry": "block", "width_um": 1.5},
         "&specimen width_um: 1.5 um is too narrow for a contact radius of 0.5 um;",
     ),
-    "crossed": ("prior", {"c_min": [9, 9, 9], "c_max": (8, 10, 10)}, "&prior c_min: C11 = 9.0 GPa is not below its c_max of 8.0 GPa"),
+    "crossed": (
+        "prior",
+        {"c_min": [9, 9, 9], "c_max": (8, 10, 10)},
+        "&prior c_min: the lower bound of C11, 9.0 GPa, is not below the upper one, 8.0 GPa",
+    ),
 }
 
 

@@ -104,7 +104,12 @@ def test_share_of_unstable_crystals_is_that_of_the_paper_domains():
 @pytest.mark.parametrize(
     "symmetry, domain, settings, message",
     [
-        ("cubic", {"c_min": (50, 60, 15), "c_max": (250, 60, 120)}, {}, "&domain c_min: C12 = 60.0 GPa is not below its c_max of 60.0"),
+        (
+            "cubic",
+            {"c_min": (50, 60, 15), "c_max": (250, 60, 120)},
+            {},
+            "&domain c_min: the lower bound of C12, 60.0 GPa, is not below the upper one, 60.0",
+        ),
         ("cubic", {"c_min": (50, 60), "c_max": (250, 60, 120)}, {}, "&domain c_min: 2 values; 3 are needed: C11, C12, C44"),
         ("cubic", {"c_min": (50, 60, 15)}, {}, "&domain: c_min and c_max are needed together"),
         ("cubic", {"anisotropy_cap": 7.2}, {}, "&domain: c_min and c_max are needed together"),
@@ -222,7 +227,7 @@ def test_a_handle_that_was_freed_is_an_error_in_words(surrogate):
 def test_what_is_no_surrogate_is_refused(tmp_path):
     with pytest.raises(
         bi.InputError,
-        match=r"'missing.txt': there is no such surrogate; run build first, or name a file in the output folder or beside the namelist",
+        match=r"'missing.txt': there is no such surrogate; run build first, or state a file in the output folder or beside the namelist",
     ):
         Surrogate.load("missing.txt", folder=tmp_path)
     (tmp_path / "text.txt").write_text("not a surrogate")
@@ -357,7 +362,7 @@ def test_crystals_beyond_the_scale_are_outside_and_told_of(tmp_path):
     assert np.array_equal(Surrogate.load(tmp_path / "film.txt").predict(stiffness, angles), fitted.predict(stiffness, angles))
     whole = (tmp_path / "film.txt").read_text()
     for right, wrong, said in (
-        ("surrogate 3", "surrogate 2", "version 3 is known"),
+        ("surrogate 4", "surrogate 2", "versions 3 and 4 are known"),
         ("stiffness 2\n60.0 540.0", "stiffness 2\n540.0 60.0", "stiffnesses from 540.0 to 60.0 GPa are no range"),
         ("stiffness 2\n60.0 540.0", "stiffness 1\n60.0", "the limits of the domain are no ranges"),
         ("stiffness 2\n60.0 540.0\n", "", "'stiffness' is expected, not 'degree 2'"),

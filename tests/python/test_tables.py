@@ -77,7 +77,7 @@ REFUSED = {
     "a modulus of no kind": (named("modulus_gpa", "sd_gpa"), {}, f"does not say which modulus was measured, nor does modulus_kind; {CHOICES}"),
     "E alone": (named("E (GPa)", "sd"), {}, "the column E (GPa) does not say which modulus was measured"),
     "two kinds of modulus": (
-        page(header=[*HEADER[:3], "Er", "E_IT", "sd"], rows=[(*row, 4.0) for row in ROWS]), {}, "the columns Er and E_IT are moduli; which to take",
+        page(header=[*HEADER[:3], "Er", "E_IT", "sd"], rows=[(*row, 4.0) for row in ROWS]), {}, "the columns Er and E_IT are moduli; state modulus_kind to take one",
     ),
     "Er where the namelist says indentation_modulus": (
         named("Er", "sd"), {"modulus_kind": "indentation_modulus"}, "but the moduli are those of the column Er; leave modulus_kind out",
@@ -91,7 +91,7 @@ REFUSED = {
     "a word for a number": (page().replace("210.5", "n/a"), {}, "line 2, column indentation_modulus_gpa: 'n/a' is not a number"),
     "no header": (page().split("\n", 1)[1], {}, "line 1: numbers where the header row with the names of the columns must be"),
     "a cell too many": (page().replace("4.5\n", "4.5,7\n"), {}, "line 2: 6 cells where the header has 5"),
-    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is followed by what is not UTF-8 (save the file as UTF-8)"),
+    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is not UTF-8 (save the file as UTF-8)"),
     "UTF-16 (Excel's Unicode text)": (page("\t").encode("utf-16"), {}, "the file is not plain text (save it as UTF-8)"),
 }  # fmt: skip
 KIND_OF = {"Er": 1, "E_r": 1, "er_gpa": 1, "educed": 1, "effective": 1, "E_IT": 2, "sample": 2}
@@ -183,6 +183,13 @@ def test_a_stated_column_goes_before_and_keeps_its_unit(tmp_path):
     # Er is no effective modulus where the user says what it is.
     said = {"sample_modulus_gpa": "Er", "sd_gpa": "std"}
     assert read_measurements(tmp_path / "a.csv", "cubic", columns=said).modulus_kind == "sample_modulus"
+    # Words in brackets that are no unit may stand in a header that the user names, and brackets before the unit in any.
+    (tmp_path / "a.csv").write_text(named("E (raw)", "u(E) (GPa)"))
+    raw = read_measurements(tmp_path / "a.csv", "cubic", columns={"effective_modulus_gpa": "E (raw)", "sd_gpa": "u(E) (GPa)"})
+    assert raw.modulus_gpa.tolist() == [row[3] for row in ROWS] and raw.sd_gpa.tolist() == [row[4] for row in ROWS]
+    (tmp_path / "a.csv").write_text(named("M (GPa)", "error (%)"))
+    with pytest.raises(bi.InputError, match="the unit % is not read"):
+        read_measurements(tmp_path / "a.csv", "cubic", columns={"sd_gpa": "error (%)"})
     (tmp_path / "a.csv").write_text(page())
     with pytest.raises(bi.InputError, match="column sd_gpa: the unit gpa is not read; this column has none"):
         read_measurements(tmp_path / "a.csv", "cubic", columns={"grain": "sd_gpa"}, scale="inferred")

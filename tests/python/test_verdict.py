@@ -59,6 +59,7 @@ def test_shares_are_those_of_the_normal_model():
         assert parameter["share"]["measurements"] == pytest.approx(sum(parts.values()) / covariance[i, i], abs=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("constants", "usable"), [((129.1, 109.7, 82.4), False), ((168.4, 121.4, 75.4), True)], ids=["beta-brass", "copper"]
 )

@@ -27,7 +27,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
+    beside.unlink(missing_ok=True)
     try:
+        # Never through a link that somebody left there.
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         yield beside
         with open(beside, "rb") as stream:
             os.fsync(stream.fileno())
@@ -62,8 +65,6 @@ def read_json(path: Path) -> dict:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: is damaged, or is no JSON document ({error}); remove it, and run the command again") from None
-    # Earlier versions had one of another kind.
-    document.pop("checksum", None)
     return document
 
 

@@ -1,5 +1,7 @@
 """Single crystals: stiffness, anisotropy, quantities by name (constants, averages, directional moduli, products of powers), and the exact theory of the indented half-space."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from functools import cache
 
@@ -24,7 +26,7 @@ def quantities(symmetry: str | ArrayLike, constants: ArrayLike | None = None, na
     """Quantities of stable crystals, each an array (...): of a stiffness (..., 6, 6) in GPa, which `stiffness` makes, or of a `symmetry` with its
     constants (..., k) in GPa.
 
-    `names`: any of the vocabulary of `&knowledge`, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
+    `names`: any that `knowledge` of `bi.extract` takes, 'C33/C11', 'young[110]', 'compressibility[001]' (1/TPa), ..; without them those that
     are reported: constants, bulk modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
     anisotropy index (Eq. 14), and Young's moduli along directions that the crystal tells apart.
     """

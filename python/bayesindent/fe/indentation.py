@@ -1,5 +1,7 @@
 """Finite element simulations of the indentation of one crystal."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
@@ -33,29 +35,26 @@ def one_crystal(stiffness: ArrayLike, euler_deg: ArrayLike) -> dict[str, np.ndar
 
 @dataclass(frozen=True)
 class IndentationResult:
-    """One simulated indentation. Lengths in um, forces in mN, moduli in GPa."""
+    """One simulated indentation. Lengths in um, forces in mN, moduli in GPa.
 
-    #: Of the isotropic half-space with the same curve, P = 4/3 M sqrt(R) h^1.5 under a paraboloid: least squares through the origin over the
-    #: depths whose contact is resolved.
+    `indentation_modulus_gpa` is that of the isotropic half-space with the same curve, P = 4/3 M sqrt(R) h^1.5 under a paraboloid: least squares
+    through the origin over the depths whose contact is resolved. `modulus_by_depth_gpa`: of each depth alone; `modulus_slope_gpa`: of a line with
+    intercept; `modulus_of_mesh_gpa`: of each mesh, the finest first. Residuals are relative. `warning`: the error of the mesh, if it is large.
+    """
+
     indentation_modulus_gpa: float
     depth_um: np.ndarray
     force_mn: np.ndarray
-    #: The same of each depth alone.
     modulus_by_depth_gpa: np.ndarray
-    #: All elements of all solves behind the number, infinite ones included.
     elements: int
     seconds: float
-    #: Diagnostics: slope of a line with intercept, last point alone, estimate on each mesh (the finest first).
     modulus_slope_gpa: float
     modulus_last_gpa: float
     modulus_of_mesh_gpa: np.ndarray
-    #: Radius of a circle as large as the area of the touching nodes.
     contact_radius_um: np.ndarray
     seconds_factor: float
-    #: Largest violation of the contact conditions, and of equilibrium with the reactions, relative.
     contact_residual: float
     equilibrium_residual: float
-    #: What is to be said of the modulus: that the mesh resolves a crystal near instability badly; else empty.
     warning: str
 
 
@@ -122,7 +121,7 @@ class Indentation(NativeObject):
         self._set_up(Problem.from_keywords("bi.Indentation", **asked))
 
     @classmethod
-    def of_problem(cls, problem: Problem) -> "Indentation":
+    def of_problem(cls, problem: Problem) -> Indentation:
         """What &specimen, &indenter and &simulation of a problem ask for."""
         self = cls.__new__(cls)
         self._made_of = (cls.of_problem, (problem,))
@@ -164,8 +163,8 @@ class Indentation(NativeObject):
         errors: str = "raise",
         done: Callable[[int], None] | None = None,
     ) -> list[IndentationResult | BayesindentError]:
-        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or as &execution has `engine` and
-        `scheduler`.
+        """Indent n crystals, stiffness (n, 6, 6) and angles (n, 3), on `workers` threads (0: all cores), or by the `engine` 'dask' and
+        its `scheduler`: 'local', 'slurm' or an address.
 
         The numbers do not depend on these. errors: 'raise' the first, or 'return' each in the place of its result. done(1) is called after
         each simulation.

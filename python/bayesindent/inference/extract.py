@@ -46,9 +46,12 @@ def next_grain(
     """
     own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
     if hasattr(measurements, "posterior"):
-        result, (origin, table, page, groups, named) = measurements, asked_of(measurements)
-        surrogate = loaded(surrogate or named)
-        problem = Problem.from_keywords(origin, table, page, **groups | {"next": settings})
+        result, facts = measurements, measurements.posterior.attrs
+        surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
+        if not surrogate:
+            raise InputError("bi.next_grain: a result from a file does not have its surrogate; state it with surrogate=")
+        surrogate, (_, table, page, groups) = loaded(surrogate), json.loads(facts["asked"])
+        problem = Problem.from_keywords("bi.next_grain", table, page, **groups | {"next": settings})
     else:
         surrogate = loaded(surrogate or "halfspace")
         problem = problem_of("bi.next_grain", surrogate, measurements, **own, **settings)
@@ -59,14 +62,6 @@ def next_grain(
     document = Posterior(problem, surrogate).suggest(problem, draws)
     warn_of(document)
     return document
-
-
-def asked_of(result) -> tuple:
-    """Origin, table, page of the stiffness and groups of the problem of a result, see `Problem.from_keywords`; and the name of its surrogate."""
-    facts = result.posterior.attrs
-    if not facts.get("surrogate"):
-        raise InputError("bi.next_grain: the result does not name its surrogate; state it again with surrogate=")
-    return (*json.loads(facts["asked"]), facts["surrogate"])
 
 
 @takes(*GROUPS, without=LEFT_OUT)
@@ -117,7 +112,10 @@ def extract(
     groups = groups_of(found.values)
     made = problem._made_of[0]
     groups["posterior"][1].update(surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str))
-    return inference_data(groups)
+    result = inference_data(groups)
+    # For `next_grain` in this process; a file of the result has the name alone.
+    result.posterior.encoding["surrogate"] = surrogate
+    return result
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
@@ -193,5 +191,9 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 
 
 def summary(result) -> dict:
-    """The document of `extract` from `result`, what the function of that name gives."""
+    """What `bi.extract` found, its `result`, as the document that the command `extract` writes.
+
+    `parameters`: of each constant `mean`, `sd`, `hdi_95`, `share` (of its variance: measurements, knowledge, prior), `verdict`, `ess_bulk`, `r_hat`;
+    `usable`, and if not its `reasons`; `warnings`; `correlation`; `predicted`: of each grain; `identifiability`; `error_budget`; and more.
+    """
     return json.loads(result.posterior.attrs["summary"])

@@ -21,9 +21,8 @@ def problem_of(
 ) -> Problem:  # fmt: skip
     """The problem that keywords of the function `origin` ask for, checked as a namelist file is.
 
-    `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: of the crystal; the surrogate's if that is of one class, between
-    bounds. `lattice`: of its unit cell, where measurements have indices of directions or planes. `bounds` maps constants to (low, high) in GPa, either of them perhaps None; `knowledge` maps quantities to (mean, sd), and 'stiffness' to (means, covariance) of all constants or to a CSV of them.
-    `variables` are those of `GROUPS`.
+    The keywords are those of `bi.extract`. `measurements`: a CSV file, or what `measurements_of` takes. `symmetry`: if there is none, that of a
+    surrogate of one class. `variables` are those of `GROUPS`.
     """
     symmetry = symmetry or (surrogate.symmetry if len(surrogate.basis.c_min) else None)
     if symmetry is None:
@@ -41,11 +40,10 @@ def problem_of(
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     page = ""
     if knowledge:
-        quantities = {name: pair for name, pair in knowledge.items() if name != "stiffness"}
-        asked["knowledge"] = {}
-        if quantities:
-            means, sds = zip(*quantities.values(), strict=True)
-            asked["knowledge"] = {"quantity": list(quantities), "mean": list(means), "sd": list(sds)}
+        said = [
+            (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in knowledge.items() if name != "stiffness"
+        ]
+        asked["knowledge"] = dict(zip(("quantity", "mean", "sd"), zip(*said)))
         stiffness = knowledge.get("stiffness")
         if isinstance(stiffness, str | os.PathLike):
             asked["knowledge"]["stiffness_file"] = stiffness
@@ -54,6 +52,13 @@ def problem_of(
     return Problem.from_keywords(
         origin, table, page, problem={"symmetry": symmetry, "lattice": lattice, "seed": seed}, execution={"workers": workers}, **asked
     )
+
+
+def pair_of(place: str, value, allowed: str) -> tuple:
+    """A value that must be two."""
+    if isinstance(value, str) or np.shape(value) != (2,):
+        raise InputError(f"{place}: {value!r}; allowed {allowed}")
+    return tuple(value)
 
 
 def stiffness_page(origin: str, symmetry: str, mean, covariance) -> str:
@@ -80,6 +85,7 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
     for name, pair in bounds.items():
         if name not in ends:
             raise InputError(f"{origin}: bounds: a {symmetry} crystal has no constant {name}; it has {', '.join(names)}")
+        pair = pair_of(f"{origin}: bounds: {name}", pair, "(low, high)")
         ends[name] = [default if end is None else end for end, default in zip(pair, WIDEST, strict=True)]
     sides = zip(("c_min", "c_max"), zip(*ends.values(), strict=True), WIDEST, strict=True)
     return {side: list(values) for side, values, widest in sides if set(values) != {widest}}

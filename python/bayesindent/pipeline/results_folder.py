@@ -38,10 +38,9 @@ def read_posterior(folder: Path) -> dict:
 def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str, str]:
     """The digest of a surrogate by its name, as it is now; nothing where there is none, as before a build."""
     try:
-        path = call("file.find_surrogate", name=name, **places(folder, namelist_folder))["text"]
+        return {"surrogate_file": call("file.digest_surrogate", name=name, **places(folder, namelist_folder))["text"]}
     except InputError:
         return {}
-    return {"surrogate_file": call("file.digest", path=path)["text"]}
 
 
 def changed_inputs(folder: Path) -> list[str]:

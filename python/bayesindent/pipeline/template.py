@@ -81,7 +81,7 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
         raise InputError(f"init: --metal: {metal} is not known; known are {', '.join(metals())}")
     if symmetry is None:
         if known is None:
-            raise InputError("init: say the crystal class, such as fcc, hcp or mmm, or a --metal")
+            raise InputError("init: the crystal class is missing; state one, such as fcc, hcp or mmm, or a --metal")
         symmetry = known.structure
     if symmetry.capitalize() in metals():
         raise InputError(f"init: {symmetry} is a metal, not a crystal class; bayesindent init --metal {symmetry.capitalize()}")
@@ -92,7 +92,7 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
     constants = ", ".join(constant_names(word))
     lines = [
         f"! Elastic constants of a {word} crystal ({constants}) from indentation moduli of single grains.",
-        f"! Fill in {table}, look through this file, and run it: bayesindent run THIS_FILE",
+        f"! Fill in {table}, look through this file, and run it: bayesindent run grains.nml",
         "! What starts with ! is a comment: take the ! away where you want another value than the default.",
     ]
     # The variables that are set; the others of these groups stand in the file as comments with their defaults.
@@ -108,9 +108,8 @@ def template(symmetry: str | None, metal: str | None, table: str) -> tuple[str, 
     for group, values in groups.items():
         variables = [variable for variable in schema() if variable.group == group and variable.name not in FOR_BUILDING]
         lines += ["", f"! {variables[0].group_meaning}"]
-        if group == "prior":
-            lines += [f"! The constants are in the order {constants}."]
-        lines += [f"&{group}"]
+        order = [f"! The constants are in the order {constants}."] if group == "prior" else []
+        lines += [*order, f"&{group}"]
         if group == "knowledge" and known:
             lines += knowledge(known)
             variables = [variable for variable in variables if variable.name not in ("quantity", "mean", "sd")]

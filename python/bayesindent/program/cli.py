@@ -40,6 +40,8 @@ REASONS = {
     errno.EACCES: "there is no permission",
     errno.EPERM: "there is no permission",
     errno.EROFS: "cannot be written: the disk is read-only",
+    errno.ELOOP: "is a link; remove it, or choose another folder",
+    errno.ENXIO: "is a pipe; remove it, or choose another folder",
 }
 
 DESCRIPTION = """\
@@ -203,7 +205,7 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     for reason in reasons:
         log.error("the result cannot be used: %s", reason)
         print(f"The result cannot be used: {reason}", file=sys.stderr if arguments.json else sys.stdout, flush=True)
-    say = ignore if arguments.quiet else tell
+    say = (lambda text: None) if arguments.quiet else tell
     for warning in document["warnings"]:
         log.warning("%s", warning)
     for warning in document["warnings"][:MOST_WARNINGS]:
@@ -219,10 +221,6 @@ def finish(arguments: argparse.Namespace, document: dict | int) -> int:
     if arguments.command.then is not None:
         say(f"next: {arguments.command.then(arguments, document)}")
     return UNUSABLE if reasons else DONE
-
-
-def ignore(text: str) -> None:
-    """Show nothing."""
 
 
 def tell(text: str) -> None:

@@ -70,12 +70,19 @@ def problem_of(arguments: argparse.Namespace) -> Problem:
     return Problem(arguments.file, arguments.command.name, changes)
 
 
+class Log(logging.FileHandler):
+    """A log that is a file: not what a link leads to, and no pipe, which would wait for a reader."""
+
+    def _open(self):
+        return open(self.baseFilename, "a", encoding="utf-8", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666))
+
+
 def prepare(arguments: argparse.Namespace, patience_s: int = 0):
     """The problem of a command's namelist, and its output folder, which no other process has, with the resolved input and the log."""
     problem = problem_of(arguments)
     output = arguments.results = output_folder(arguments, arguments.file)
     take_folder(output, patience_s, arguments.command.resumes)
-    handler = logging.FileHandler(output / "run.log", encoding="utf-8")
+    handler = Log(output / "run.log", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     log.addHandler(handler)
     log.setLevel(logging.INFO)

@@ -68,12 +68,10 @@ class Run(Results):
 def read_runs(sources: Sequence) -> list[Run]:
     """The runs of two or more folders, each under the shortest name that tells it from the others, or results of `bi.extract` by their number."""
     if len(sources) < 2:
-        raise InputError("compare: two or more folders of results are needed")
+        raise InputError("compare: two or more results are needed")
     folders = [Path(source) for source in sources if not hasattr(source, "posterior")]
     paths = [folder.resolve() for folder in folders]
     for i, folder in enumerate(folders):
-        if not folder.is_dir():
-            raise InputError(f"{folder}: there is no such folder of results")
         if paths[i] in paths[:i]:
             raise InputError(f"{folder}: is named twice")
     depth = 1

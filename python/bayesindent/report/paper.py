@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from ..common.result_files import write_csv, write_text
 from ..core import InputError
@@ -30,7 +31,7 @@ def methods(results: Results) -> tuple[str, str]:
     constants = [
         rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$~GPa"
         if name in results.constants
-        else f"{name} {item['mean']:.3g}"
+        else latex(f"{name} {item['mean']:.3g}")
         for name, item in parameters.items()
     ]
     prior, surrogate = results.prior_and_surrogate
@@ -38,7 +39,7 @@ def methods(results: Results) -> tuple[str, str]:
         "methods.tex.j2", results=results, document=document, build=results.documents["build"], measurements=results.group("measurements"),
         version=__version__, grains=with_count(len(results.predicted), "grain"), moduli=moduli, sds=sds, specimen=specimen(results),
         prior=prior, surrogate=surrogate, chains=with_count(document["chains"], "chain"), r_hat=[item["r_hat"] for item in chains],
-        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=constants, combinations=len(combinations),
+        effective=[min(item["ess_bulk"], item["ess_tail"]) for item in chains], constants=Markup(enumeration(constants)), combinations=len(combinations),
         determined=len(with_verdict(combinations, "determined")),
         chi_square=all(item.get("measured_sd") for item in results.predicted) and chi_square(results.predicted),
     )  # fmt: skip

@@ -23,7 +23,7 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
         place = None
         if ax is not None:
             if ax.get_subplotspec() is None:
-                raise InputError(f"bi.{name}: ax has no place in a grid; take one of plt.subplots")
+                raise InputError(f"bi.{name}: ax is not part of a grid; take one of plt.subplots")
             place = ax.figure.add_subfigure(ax.get_subplotspec())
             ax.remove()
         token = style.PLACE.set(place)
@@ -31,7 +31,7 @@ def plotter(name: str, module: str, figure: str, words: str) -> Callable:
             with style.house_style():
                 return getattr(import_module(f".figures.{module}", __package__), figure)(Results(result)).figure
         except NothingToShow:
-            raise InputError(f"bi.{name}: the result has nothing of it") from None
+            raise InputError(f"bi.{name}: the result has no data for this figure") from None
         finally:
             style.PLACE.reset(token)
 
@@ -51,9 +51,7 @@ matplotlib Figure, or SubFigure in the place of `ax`
     return plot
 
 
-plot_constants = plotter(
-    "plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean, most probable value and bounds."
-)
+plot_constants = plotter("plot_constants", "posterior", "marginals", "The distribution of each constant, with its mean.")
 plot_prior = plotter("plot_prior", "posterior", "prior_posterior", "Each constant before and after the measurements.")
 plot_pairs = plotter("plot_pairs", "posterior", "pairs", "The constants in pairs.")
 plot_grains = plotter("plot_grains", "posterior", "grain_comparison", "The modulus of each grain, measured and predicted.")

@@ -38,6 +38,8 @@ class Results:
         #: What `bi.extract` gave; None if the results are a folder's.
         self.result = source if hasattr(source, "posterior") else None
         folder = self.folder = Path() if self.result is not None else Path(source)
+        if not folder.is_dir():
+            raise InputError(f"{folder}: there is no such folder of results")
         facts = {} if self.result is None else self.result.posterior.attrs
         self.manifest = {} if facts else read_manifest(folder)
         self.resolved = facts["settings"] if facts else read_resolved(folder)
@@ -143,11 +145,11 @@ class Results:
     @cached_property
     def surrogate(self) -> Surrogate | None:
         """The surrogate of the results: in the folder, beside the namelist, or one that comes with the package."""
+        held = {} if self.result is None else self.result.posterior.attrs | self.result.posterior.encoding
+        if isinstance(held.get("surrogate"), Surrogate):
+            return held["surrogate"]
         # What was built through the library may not have said its name.
-        named = None if self.result is None else self.result.posterior.attrs.get("surrogate")
-        name = named or self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
-        if not name:
-            return None
+        name = held.get("surrogate") or self.group("surrogate").get("file") or Path(self.documents["build"].get("file", "")).name
         try:
             return Surrogate.load(name, symmetry=self.symmetry, output=self.folder, folder=self.namelist_folder)
         except InputError:

@@ -147,7 +147,7 @@ def sensitivity_row(change: dict) -> list[str] | None:
 def provenance_rows(results: Results) -> list[list]:
     """Versions, input and commands that made the results."""
     log = results.folder / "run.log"
-    lines = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.exists() and results.result is None else []
+    lines = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.is_file() and results.result is None else []
     commands = [line.split(": ", 1)[-1] for line in lines if f"INFO bayesindent {__version__[:1]}" in line]
     rows = [
         ["bayesindent", __version__],

@@ -67,15 +67,15 @@ class Grid:
         try:
             with redirect_stdout(StringIO()):  # where orix names the phases
                 loaded = io.load(str(path))
+            found = loaded[loaded.phase_id >= 0]
+            #: From sample to crystal axes.
+            self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
         except Exception as error:  # whatever a damaged file makes its reader raise
-            raise InputError(f"{place}is no map that orix reads ({type(error).__name__}: {error})") from None
-        found = loaded[loaded.phase_id >= 0]
+            raise InputError(f"{place}is no map that orix reads ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
         if found.size < 2 or loaded.scan_unit != "um":
             raise InputError(f"{place}has {found.size} indexed points in the unit {loaded.scan_unit!r}; a map in um is needed")
         #: (n, 2), um.
         self.positions = np.column_stack([found.x, found.y]).astype(float)
-        #: From sample to crystal axes.
-        self.rotations = rotations_of(found.rotations[:, 0] if found.rotations.ndim > 1 else found.rotations)
         self.phase = found.phase_id
         self.place = place
         #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this.

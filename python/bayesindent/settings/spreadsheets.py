@@ -7,7 +7,6 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
-from zipfile import BadZipFile
 
 from ..core import InputError
 
@@ -35,15 +34,16 @@ def page_of(place: str, path: Path, sheet: str) -> str:
     the values that were last computed. `place` begins the message of a refusal."""
     openpyxl = reader_of(place, path, "a spreadsheet", "openpyxl", ", or save the sheet as CSV")
     try:
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    except (openpyxl.utils.exceptions.InvalidFileException, BadZipFile, KeyError, OSError, ValueError) as error:
-        raise InputError(f"{place}is no spreadsheet that can be read ({error})") from None
-    with closing(book):
-        if sheet and sheet not in book.sheetnames:
-            raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
-        page = StringIO()
-        writer = csv.writer(page, delimiter="\t", lineterminator="\n")
-        for row in book[sheet or book.sheetnames[0]].iter_rows(values_only=True):
-            cells = ["" if value is None else " ".join(str(value).split()) for value in row]
-            writer.writerow(cells if any(cells) else [])
+        with closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book:
+            if sheet and sheet not in book.sheetnames:
+                raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
+            page = StringIO()
+            writer = csv.writer(page, delimiter="\t", lineterminator="\n")
+            for row in book[sheet or book.sheetnames[0]].iter_rows(values_only=True):
+                cells = ["" if value is None else " ".join(str(value).split()) for value in row]
+                writer.writerow(cells if any(cells) else [])
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged file makes its reader raise
+        raise InputError(f"{place}is no spreadsheet that can be read ({' '.join(f'{type(error).__name__}: {error}'.split())})") from None
     return page.getvalue()

@@ -55,7 +55,7 @@ class Basis(NativeObject):
         return found["constants"], found["euler_deg"]
 
     def terms(self, constants: ArrayLike, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Terms (n_terms, n) and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
+        """Terms (n_terms, n), not divided by the spread of the noise, and scales (n,) in GPa of stable crystals (n, k) in GPa at angles (n, 3) in degrees."""
         found = self._call("terms", **self.rows(constants, euler_deg))
         return found["values"].T, found["scale"]
 

@@ -3,6 +3,8 @@
 Stiffnesses and moduli in GPa, angles Bunge-Euler (phi1, Phi, phi2) in degrees.
 """
 
+from __future__ import annotations
+
 import json
 import os
 from os import PathLike
@@ -35,7 +37,7 @@ class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
     Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, by which the prior's sd falls from degree to degree, and the
+    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, the decay rate of the prior's sd from degree to degree, and the
     `provenance`, where it comes from (title, physics, namelist, ..).
     """
 
@@ -51,7 +53,7 @@ class Surrogate(NativeObject):
         self._describe(basis._call("surrogate", alpha=float(alpha), beta=float(beta), fall=float(fall), **posterior)["handle"])
 
     @classmethod
-    def of(cls, handle: int) -> "Surrogate":
+    def of(cls, handle: int) -> Surrogate:
         """The surrogate of a handle, which is from now on this object's."""
         self = cls.__new__(cls)
         self._describe(handle)
@@ -73,7 +75,7 @@ class Surrogate(NativeObject):
     def fit(
         cls, constants: ArrayLike, euler_deg: ArrayLike, modulus_gpa: ArrayLike, *, symmetry: str | None = None,
         domain: dict | None = None, **settings,
-    ) -> "Surrogate":  # fmt: skip
+    ) -> Surrogate:  # fmt: skip
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in degrees, by evidence maximisation.
 
         `symmetry`: the crystal class. `domain`: the variables of &domain. Without bounds in it the crystals are given by the constants of a
@@ -92,7 +94,7 @@ class Surrogate(NativeObject):
             native.core_release(learner)
 
     @classmethod
-    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> "Surrogate":
+    def load(cls, name: str | PathLike, *, symmetry: str = "", output: str | PathLike = "", folder: str | PathLike = "") -> Surrogate:
         """The exact theory ('halfspace'), a surrogate that comes with the package ('block'), or the file `name` that `save` wrote.
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
@@ -141,8 +143,8 @@ class Surrogate(NativeObject):
     def predict(self, stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Mean and sd (n,) in GPa of the simulated indentation modulus of crystals (n, 6, 6) in GPa at angles (n, 3) in degrees.
 
-        The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside` says where the
-        surrogate does not know.
+        The sd is that of one simulation (noise included). Raises `InputError` for an unstable crystal; `outside`: which crystals are
+        outside the domain.
         """
         rows, shape = crystal_rows(stiffness, euler_deg)
         modulus, sd = self._call("predict", **rows, threads=threads)["values"]

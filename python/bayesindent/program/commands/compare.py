@@ -67,5 +67,5 @@ COMMAND = Command(
     action=compare,
     arguments=add_arguments,
     show=show,
-    then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN tells all of one run",
+    then=lambda arguments, document: f"look at {' and '.join(document['figures'])}; bayesindent report RUN has every figure of one run",
 )

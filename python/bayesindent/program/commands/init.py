@@ -18,9 +18,10 @@ def init(arguments: argparse.Namespace) -> dict:
     """Write both; what is there is not replaced."""
     folder = arguments.output or Path()
     texts = dict(zip((NAMELIST, TABLE), template(arguments.symmetry, arguments.metal, TABLE), strict=True))
-    for name in texts:
-        if (folder / name).exists():
-            raise InputError(f"{folder / name}: is there already; choose another folder with --output")
+    there = [folder / name for name in texts if (folder / name).exists()]
+    # One alone that is as it would be written is what a kill or a full disk left.
+    if len(there) == len(texts) or any(path.read_bytes() != texts[path.name].encode() for path in there):
+        raise InputError(f"{there[0]}: is there already; choose another folder with --output")
     for name, text in texts.items():
         write_text(folder / name, text)
     return {"files": [str(folder / name) for name in texts], "warnings": []}

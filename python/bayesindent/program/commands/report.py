@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from ...common.progress import Progress
-from ...core import InputError
 from ..command import Command, take_folder
 
 __all__ = ["COMMAND", "make"]
@@ -15,8 +14,6 @@ def make(folder: Path, output: Path, progress: Progress, kind_of_files: str = ""
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder of results")
     results, page = write_report(folder, output, kind_of_files, paper, progress)
     return {"file": str(page), "warnings": results.edited} | ({"paper": str(folder / "paper")} if paper else {})
 
