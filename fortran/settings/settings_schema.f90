@@ -314,36 +314,7 @@ contains
       call v%text('reuse', s%design%reuse, kind_choice, 'all', 'all, chosen', &
          & 'which stored simulations train the surrogate: all, or only those that this file chooses, and imported ones')
 
-      call v%group('curves', s%curves%given, 'Measured curves of load and depth (Step 0).')
-      call v%text('file', s%curves%file, kind_file, '*', '', &
-         & 'CSV of the columns test, time_s, depth_nm, load_mn and, if measured, stiffness_n_m: a point a row')
-      call v%text('tests', s%curves%tests, kind_file, '*', '', &
-         & 'CSV of the tests: test, grain or reference, and optional session, drift_nm_s and the orientation of the grain')
-      call v%real('radius_um', s%curves%radius_um, '*', '[0.001, 1e6]', 'um', 'radius of the tip, as its maker states it')
-      call v%optional_real('radius_sd_um', s%curves%radius_sd_um, '(0, 1e6]', 'um', 'its sd before the references; unset: 30 %')
-      call v%real('tip_beta', s%curves%tip_beta, '1.0', '[-2, 20]', '', 'shape of the tip, r^2/(2 R) + beta r^4/(8 R^3): 1 a ' &
-         & //'sphere, 0 a paraboloid, above 1 sharper, below 0 blunter')
-      call v%real('tip_beta_sd', s%curves%tip_beta_sd, '1.0', '(0, 20]', '', 'its sd before the references')
-      call v%real('compliance_sd_nm_mn', s%curves%compliance_sd_nm_mn, '0.02', '(0, 10]', 'nm/mN', &
-         & 'sd of the compliance of the frame that is still in the depths')
-      call v%logical('drift_removed', s%curves%drift_removed, '.true.', 'the depths have the drift_nm_s of the tests removed')
-      call v%real('drift_sd_nm_s', s%curves%drift_sd_nm_s, '0.1', '(0, 5]', 'nm/s', 'sd of the drift that is left in a test')
-      call v%real('load_sd_mn', s%curves%load_sd_mn, '0.02', '(0, 100]', 'mN', 'sd of the zero of the load in a test')
-      call v%real('session_sd', s%curves%session_sd, '0.01', '(0, 0.5]', '', &
-         & 'relative sd of a factor that the tests of a session share')
-      call v%real('indenter_modulus_gpa', s%curves%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
-         & 'Young''s modulus of the indenter')
-      call v%real('indenter_nu', s%curves%indenter_nu, '0.07', '(-1, 0.5]', '', 'Poisson''s ratio of the indenter')
-
-      call v%group('references', s%references%given, 'Materials of known modulus among the tests of &curves.')
-      call v%names('name', s%references%name, 'unset', 'isotropic references, as the column reference of the tests names them')
-      call v%reals('young_gpa', s%references%young_gpa, shape_list, 'unset', '(0, 5000]', 'GPa', 'Young''s modulus of each')
-      call v%reals('young_sd_gpa', s%references%young_sd_gpa, shape_list, 'unset', '(0, 1000]', 'GPa', 'its sd')
-      call v%reals('nu', s%references%nu, shape_list, 'unset', '(-1, 0.5)', '', 'Poisson''s ratio of each')
-      call v%text('crystals', s%references%crystals, kind_file, 'unset', '', 'CSV of references that are crystals: reference, ' &
-         & //'elastic constants (GPa), Bunge-Euler angles of the indented surface, and symmetry, unless it is that of &problem')
-      call v%real('crystal_sd', s%references%crystal_sd, '0.01', '(0, 0.5]', '', 'relative sd of the moduli of these crystals')
-
+      call visit_curves(v, s%curves, s%references)
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
          & 'table of the grains, CSV or .xlsx: in each row Bunge-Euler angles, a modulus and its standard deviation; not needed ' &
@@ -431,4 +402,41 @@ contains
       call v%text('scheduler', s%execution%scheduler, kind_text, 'local', '', &
          & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
    end subroutine visit_settings
+
+   !> The groups of Step 0.
+   subroutine visit_curves(v, curves, references)
+      type(settings_list_type), intent(inout) :: v
+      type(curves_settings_type), intent(inout) :: curves
+      type(references_settings_type), intent(inout) :: references
+
+      call v%group('curves', curves%given, 'Measured curves of load and depth (Step 0).')
+      call v%text('file', curves%file, kind_file, '*', '', &
+         & 'CSV of the columns test, time_s, depth_nm, load_mn and, if measured, stiffness_n_m: a point a row')
+      call v%text('tests', curves%tests, kind_file, '*', '', &
+         & 'CSV of the tests: test, grain or reference, and optional session, drift_nm_s and the orientation of the grain')
+      call v%real('radius_um', curves%radius_um, '*', '[0.001, 1e6]', 'um', 'radius of the tip, as its maker states it')
+      call v%optional_real('radius_sd_um', curves%radius_sd_um, '(0, 1e6]', 'um', 'its sd before the references; unset: 30 %')
+      call v%real('tip_beta', curves%tip_beta, '1.0', '[-2, 20]', '', 'shape of the tip, r^2/(2 R) + beta r^4/(8 R^3): 1 a ' &
+         & //'sphere, 0 a paraboloid, above 1 sharper, below 0 blunter')
+      call v%real('tip_beta_sd', curves%tip_beta_sd, '1.0', '(0, 20]', '', 'its sd before the references')
+      call v%real('compliance_sd_nm_mn', curves%compliance_sd_nm_mn, '0.02', '(0, 10]', 'nm/mN', &
+         & 'sd of the compliance of the frame that is still in the depths')
+      call v%logical('drift_removed', curves%drift_removed, '.true.', 'the depths have the drift_nm_s of the tests removed')
+      call v%real('drift_sd_nm_s', curves%drift_sd_nm_s, '0.1', '(0, 5]', 'nm/s', 'sd of the drift that is left in a test')
+      call v%real('load_sd_mn', curves%load_sd_mn, '0.02', '(0, 100]', 'mN', 'sd of the zero of the load in a test')
+      call v%real('session_sd', curves%session_sd, '0.01', '(0, 0.5]', '', &
+         & 'relative sd of a factor that the tests of a session share')
+      call v%real('indenter_modulus_gpa', curves%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
+         & 'Young''s modulus of the indenter')
+      call v%real('indenter_nu', curves%indenter_nu, '0.07', '(-1, 0.5]', '', 'Poisson''s ratio of the indenter')
+
+      call v%group('references', references%given, 'Materials of known modulus among the tests of &curves.')
+      call v%names('name', references%name, 'unset', 'isotropic references, as the column reference of the tests names them')
+      call v%reals('young_gpa', references%young_gpa, shape_list, 'unset', '(0, 5000]', 'GPa', 'Young''s modulus of each')
+      call v%reals('young_sd_gpa', references%young_sd_gpa, shape_list, 'unset', '(0, 1000]', 'GPa', 'its sd')
+      call v%reals('nu', references%nu, shape_list, 'unset', '(-1, 0.5)', '', 'Poisson''s ratio of each')
+      call v%text('crystals', references%crystals, kind_file, 'unset', '', 'CSV of references that are crystals: reference, ' &
+         & //'elastic constants (GPa), Bunge-Euler angles of the indented surface, and symmetry, unless it is that of &problem')
+      call v%real('crystal_sd', references%crystal_sd, '0.01', '(0, 0.5]', '', 'relative sd of the moduli of these crystals')
+   end subroutine visit_curves
 end module settings_schema

@@ -39,7 +39,7 @@ module curve_tables
 
 contains
 
-   !> Read both files; `prefix` and `tests_prefix` begin the messages on them.
+   !> Read both files, `path` and `tests_path`; `prefix` and `tests_prefix` begin the messages on them.
    subroutine read_curves(path, tests_path, prefix, tests_prefix, set, error)
       character(len=*), intent(in) :: path, tests_path, prefix, tests_prefix
       type(curve_set_type), intent(out) :: set

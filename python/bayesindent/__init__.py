@@ -8,10 +8,10 @@ from . import report
 from .core import BayesindentError, BayesindentWarning, InputError, MachineError
 from .crystal.elasticity import anisotropy_index, halfspace_modulus, log_anisotropy, polycrystal_averages, quantities, stiffness
 from .crystal.elasticity import constant_names as constants
-from .curves.curves import curves
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, summary
 from .pipeline.build import build_surrogate as build
+from .pipeline.curves import curves
 from .report.comparison import compare
 from .report.plots import (
     plot_chains,

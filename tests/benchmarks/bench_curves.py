@@ -100,7 +100,7 @@ def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, 
 
 def read(path: Path) -> dict[str, list]:
     """The columns of a CSV."""
-    from bayesindent.curves.curves import read_columns
+    from bayesindent.pipeline.curves import read_columns
 
     return read_columns(path)
 

@@ -28,7 +28,9 @@ def bare_machine(tmp_path):
             file.write_text(f"#!{folder}/sh\n{script}\n")
             file.chmod(0o755)
         launcher = [str(folder / "bash"), str(tmp_path / "bayesindent"), "--version"]
-        return subprocess.run(launcher, env={"PATH": str(folder)} | (environment or {}), capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        return subprocess.run(
+            launcher, env={"PATH": str(folder)} | (environment or {}), capture_output=True, text=True, stdin=subprocess.DEVNULL
+        )
 
     return run
 

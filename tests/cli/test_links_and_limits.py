@@ -45,9 +45,7 @@ def outcome(folder, program, *words, limits=(), **options):
     return done.returncode, done.stderr.strip().split("\n")[-1]
 
 
-@pytest.mark.parametrize(
-    "program, name", [("bayesindent", ".lock"), ("bayesindent", "run.log"), ("bayesindent-batch", ".lock")]
-)
+@pytest.mark.parametrize("program, name", [("bayesindent", ".lock"), ("bayesindent", "run.log"), ("bayesindent-batch", ".lock")])
 def test_a_link_in_the_folder_is_not_followed(folder, program, name):
     (folder / "other").write_text("of somebody else")
     (folder / "out" / name).symlink_to(folder / "other")

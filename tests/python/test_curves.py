@@ -169,7 +169,10 @@ GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
         (("tests", "a,g,", "a,,"), "tests: tests.csv: line 2: test a has none of grain and reference"),
         (("tests", "quartz", "steel"), "the tests have the reference steel, whose modulus is not stated; stated: quartz"),
         (("tests", "a,g,", "b,g,"), "curves.csv: line 2, column test: a is no test of the table of tests"),
-        (("tests", "reference\na,g,\nq,,quartz", "reference,drift_nm_s\na,g,,7\nq,,quartz,"), "line 2, column drift_nm_s: 7 nm/s is no drift"),
+        (
+            ("tests", "reference\na,g,\nq,,quartz", "reference,drift_nm_s\na,g,,7\nq,,quartz,"),
+            "line 2, column drift_nm_s: 7 nm/s is no drift",
+        ),
         (("curves", "load_mn", "load_un"), "the unit un is not read; allowed mn"),
         (("load", 1e3, 0), "test a, line 2: the curve means a modulus of .* GPa .* Loads in mN and depths in nm are needed"),
         (("time", -1, 0), "test a, line 3: the time runs backwards"),
@@ -189,7 +192,7 @@ def test_bad_input_is_one_line(bayesindent, tmp_path, change, message):
     if what == "curves":
         text = new if old is None else text.replace(old, new)
     (tmp_path / "curves.csv").write_text(text)
-    (tmp_path / "tests.csv").write_text((GOOD.replace(old, new) if what == "tests" else GOOD))
+    (tmp_path / "tests.csv").write_text(GOOD.replace(old, new) if what == "tests" else GOOD)
     namelist = NAMELIST.replace("radius_um = 5.0", "radius_um = 9.0") if what == "radius" else NAMELIST
     (tmp_path / "a.nml").write_text(namelist.replace("radius_sd_um = 0.5", "radius_sd_um = 0.1") if what == "radius" else namelist)
     done = bayesindent("curves", "a.nml")

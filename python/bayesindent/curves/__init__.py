@@ -1,1 +1,1 @@
-"""Step 0: from measured curves to moduli."""
+"""Measured curves of load and depth."""

@@ -74,7 +74,9 @@ class Log(logging.FileHandler):
     """A log that is a file: not what a link leads to, and no pipe, which would wait for a reader."""
 
     def _open(self):
-        return open(self.baseFilename, "a", encoding="utf-8", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666))
+        return open(
+            self.baseFilename, "a", encoding="utf-8", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        )
 
 
 def prepare(arguments: argparse.Namespace, patience_s: int = 0):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...curves.curves import read_columns
+from ...pipeline.curves import read_columns
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, CYCLE, GREEN, ORANGE, RED, SKY, Picture, panels
 

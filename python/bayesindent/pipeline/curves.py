@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ..core import InputError
-from ..pipeline.stage import run_stage
+from ..curves.instruments import as_file, read_curves
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, spelled
-from .instruments import as_file, read_curves
+from .stage import run_stage
 
 __all__ = ["Curves", "curves"]
 
