@@ -9,7 +9,8 @@ module settings_schema
    implicit none
    private
    public :: list_settings, set_settings, candidate_sources
-   public :: problem_settings_type, crystals_settings_type, specimen_settings_type, indenter_settings_type, &
+   public :: problem_settings_type, crystals_settings_type, curves_settings_type, references_settings_type, &
+      & specimen_settings_type, indenter_settings_type, &
       & simulation_settings_type, domain_settings_type, surrogate_settings_type, design_settings_type, &
       & measurements_settings_type, prior_settings_type, knowledge_settings_type, sampler_settings_type, next_settings_type, &
       & execution_settings_type, settings_type
@@ -78,12 +79,28 @@ module settings_schema
    end type design_settings_type
 
    type, extends(group_settings_type) :: measurements_settings_type
-      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood
+      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood, shared_errors
       character(len=longest_item), allocatable :: columns(:)
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, misalignment_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp, &
          & zero_sd_nm = 0.0_wp, yield_gpa = 0.0_wp
    end type measurements_settings_type
+
+   type, extends(group_settings_type) :: curves_settings_type
+      character(len=:), allocatable :: file, tests
+      real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, radius_um = 0.0_wp, tip_beta = 0.0_wp, &
+         & tip_beta_sd = 0.0_wp, compliance_sd_nm_mn = 0.0_wp, drift_sd_nm_s = 0.0_wp, load_sd_mn = 0.0_wp, session_sd = 0.0_wp
+      real(wp), allocatable :: radius_sd_um
+      logical :: drift_removed = .true.
+   end type curves_settings_type
+
+   type, extends(group_settings_type) :: references_settings_type
+      !> Of equal length: the names of isotropic references, Young's moduli with their sds, Poisson's ratios.
+      character(len=longest_item), allocatable :: name(:)
+      real(wp), allocatable :: young_gpa(:), young_sd_gpa(:), nu(:)
+      character(len=:), allocatable :: crystals
+      real(wp) :: crystal_sd = 0.0_wp
+   end type references_settings_type
 
    type, extends(group_settings_type) :: prior_settings_type
       !> One for each constant of the crystal class, GPa.
@@ -125,6 +142,8 @@ module settings_schema
       type(domain_settings_type) :: domain
       type(surrogate_settings_type) :: surrogate
       type(design_settings_type) :: design
+      type(curves_settings_type) :: curves
+      type(references_settings_type) :: references
       type(measurements_settings_type) :: measurements
       type(prior_settings_type) :: prior
       type(knowledge_settings_type) :: knowledge
@@ -294,9 +313,14 @@ contains
       call v%text('reuse', s%design%reuse, kind_choice, 'all', 'all, chosen', &
          & 'which stored simulations train the surrogate: all, or only those that this file chooses, and imported ones')
 
+      call visit_curves(v, s%curves, s%references)
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
-         & 'table of the grains, CSV or .xlsx: in each row Bunge-Euler angles, a modulus and its standard deviation')
+         & 'table of the grains, CSV or .xlsx: in each row Bunge-Euler angles, a modulus and its standard deviation; not needed ' &
+         & //'with &curves')
+      call v%text('shared_errors', s%measurements%shared_errors, kind_file, 'unset', '', &
+         & 'CSV with the rows of the file, as curves ' &
+         & //'writes it: each column an independent relative error of sd 1 times these numbers')
       call v%names('columns', s%measurements%columns, 'unset', 'names of columns whose headers the program does not read: ' &
          & //'''name = header'', such as ''modulus_gpa = E (raw)''; unset: all columns go by their headers')
       call v%text('sheet', s%measurements%sheet, kind_text, '', '', &
@@ -377,4 +401,41 @@ contains
       call v%text('scheduler', s%execution%scheduler, kind_text, 'local', '', &
          & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
    end subroutine visit_settings
+
+   !> The groups of Step 0.
+   subroutine visit_curves(v, curves, references)
+      type(settings_list_type), intent(inout) :: v
+      type(curves_settings_type), intent(inout) :: curves
+      type(references_settings_type), intent(inout) :: references
+
+      call v%group('curves', curves%given, 'Measured curves of load and depth (Step 0).')
+      call v%text('file', curves%file, kind_file, '*', '', &
+         & 'CSV of the columns test, time_s, depth_nm, load_mn and, if measured, stiffness_n_m: a point a row')
+      call v%text('tests', curves%tests, kind_file, '*', '', &
+         & 'CSV of the tests: test, grain or reference, and optional session, drift_nm_s and the orientation of the grain')
+      call v%real('radius_um', curves%radius_um, '*', '[0.001, 1e6]', 'um', 'radius of the tip, as its maker states it')
+      call v%optional_real('radius_sd_um', curves%radius_sd_um, '(0, 1e6]', 'um', 'its sd before the references; unset: 30 %')
+      call v%real('tip_beta', curves%tip_beta, '1.0', '[-2, 20]', '', 'shape of the tip, r^2/(2 R) + beta r^4/(8 R^3): 1 a ' &
+         & //'sphere, 0 a paraboloid, above 1 sharper, below 0 blunter')
+      call v%real('tip_beta_sd', curves%tip_beta_sd, '1.0', '(0, 20]', '', 'its sd before the references')
+      call v%real('compliance_sd_nm_mn', curves%compliance_sd_nm_mn, '0.02', '(0, 10]', 'nm/mN', &
+         & 'sd of the compliance of the frame that is still in the depths')
+      call v%logical('drift_removed', curves%drift_removed, '.true.', 'the depths have the drift_nm_s of the tests removed')
+      call v%real('drift_sd_nm_s', curves%drift_sd_nm_s, '0.1', '(0, 5]', 'nm/s', 'sd of the drift that is left in a test')
+      call v%real('load_sd_mn', curves%load_sd_mn, '0.02', '(0, 100]', 'mN', 'sd of the zero of the load in a test')
+      call v%real('session_sd', curves%session_sd, '0.01', '(0, 0.5]', '', &
+         & 'relative sd of a factor that the tests of a session share')
+      call v%real('indenter_modulus_gpa', curves%indenter_modulus_gpa, '1140.0', '(0, 1e5]', 'GPa', &
+         & 'Young''s modulus of the indenter')
+      call v%real('indenter_nu', curves%indenter_nu, '0.07', '(-1, 0.5]', '', 'Poisson''s ratio of the indenter')
+
+      call v%group('references', references%given, 'Materials of known modulus among the tests of &curves.')
+      call v%names('name', references%name, 'unset', 'isotropic references, as the column reference of the tests names them')
+      call v%reals('young_gpa', references%young_gpa, shape_list, 'unset', '(0, 5000]', 'GPa', 'Young''s modulus of each')
+      call v%reals('young_sd_gpa', references%young_sd_gpa, shape_list, 'unset', '(0, 1000]', 'GPa', 'its sd')
+      call v%reals('nu', references%nu, shape_list, 'unset', '(-1, 0.5)', '', 'Poisson''s ratio of each')
+      call v%text('crystals', references%crystals, kind_file, 'unset', '', 'CSV of references that are crystals: reference, ' &
+         & //'elastic constants (GPa), Bunge-Euler angles of the indented surface, and symmetry, unless it is that of &problem')
+      call v%real('crystal_sd', references%crystal_sd, '0.01', '(0, 0.5]', '', 'relative sd of the moduli of these crystals')
+   end subroutine visit_curves
 end module settings_schema
