@@ -1,6 +1,6 @@
 """Makes the data of inputs/copper_curves.nml: synthetic curves of grains of copper and of fused quartz (see tests/python/synthetic_curves.py).
 
-PYTHONPATH=tests/python .venv/bin/python tests/tools/copper_curves.py
+PYTHONPATH=tests/python .venv/bin/python tests/python/copper_curves.py
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ def main() -> None:
     moduli = bi.halfspace_modulus(np.repeat(COPPER[None], GRAINS, axis=0), angles)
     truth = Truth(rng, grains=GRAINS, repeats=2, references=8, points=POINTS, moduli=np.asarray(moduli))
     curves, tests = truth.draw()
-    note = "# Synthetic: made by tests/tools/copper_curves.py.\n"
+    note = "# Synthetic: made by tests/python/copper_curves.py.\n"
     rows = [f"{name},{time:.3f},{depth:.2f},{load:.4f}\n" for name, time, depth, load in curves]
     (DATA / "copper_curves.csv").write_text(f"{note}test,time_s,depth_nm,load_mn\n{''.join(rows)}")
     of_grain = {f"g{number}": ",".join(f"{angle:g}" for angle in row) for number, row in enumerate(angles, 1)}
