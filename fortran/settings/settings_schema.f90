@@ -393,13 +393,7 @@ contains
       call v%text('candidates', s%next%candidates, kind_file, 'unset', '', 'CSV of the grains to choose from: orientations as in ' &
          & //'&measurements, names in the column grain; unset: all directions')
       call v%integer('count', s%next%count, '5', '[1, 1000]', 'how many orientations to suggest')
-
-      call v%group('execution', s%execution%given, 'The machine.')
-      call v%integer('workers', s%execution%workers, '0', '[0, 4096]', 'threads; 0: all cores. Results do not depend on it')
-      call v%text('engine', s%execution%engine, kind_choice, 'local', 'local, dask', &
-         & 'where simulations run: threads of this process, or workers of Dask (bayesindent; the batch program has threads)')
-      call v%text('scheduler', s%execution%scheduler, kind_text, 'local', '', &
-         & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
+      call visit_execution(v, s%execution)
    end subroutine visit_settings
 
    !> The groups of Step 0.
@@ -438,4 +432,17 @@ contains
          & //'elastic constants (GPa), Bunge-Euler angles of the indented surface, and symmetry, unless it is that of &problem')
       call v%real('crystal_sd', references%crystal_sd, '0.01', '(0, 0.5]', '', 'relative sd of the moduli of these crystals')
    end subroutine visit_curves
+
+   !> The machine.
+   subroutine visit_execution(v, execution)
+      type(settings_list_type), intent(inout) :: v
+      type(execution_settings_type), intent(inout) :: execution
+
+      call v%group('execution', execution%given, 'The machine.')
+      call v%integer('workers', execution%workers, '0', '[0, 4096]', 'threads; 0: all cores. Results do not depend on it')
+      call v%text('engine', execution%engine, kind_choice, 'local', 'local, dask', &
+         & 'where simulations run: threads of this process, or workers of Dask (bayesindent; the batch program has threads)')
+      call v%text('scheduler', execution%scheduler, kind_text, 'local', '', &
+         & 'of Dask: local (processes of this machine), slurm, or an address such as tcp://head:8786')
+   end subroutine visit_execution
 end module settings_schema
