@@ -316,15 +316,12 @@ contains
       call visit_curves(v, s%curves, s%references)
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
-         & 'table of the grains, CSV or .xlsx: in each row Bunge-Euler angles, a modulus and its standard deviation; not needed ' &
-         & //'with &curves')
+         & 'table of the grains, CSV or .xlsx: Bunge-Euler angles, a modulus and its standard deviation; &curves need none')
       call v%text('shared_errors', s%measurements%shared_errors, kind_file, 'unset', '', &
-         & 'CSV with the rows of the file, as curves ' &
-         & //'writes it: each column an independent relative error of sd 1 times these numbers')
+         & 'CSV with a row for each of the file: every column is an independent relative error of sd 1 times its numbers')
       call v%names('columns', s%measurements%columns, 'unset', 'names of columns whose headers the program does not read: ' &
          & //'''name = header'', such as ''modulus_gpa = E (raw)''; unset: all columns go by their headers')
-      call v%text('sheet', s%measurements%sheet, kind_text, '', '', &
-         & 'name of the sheet of an .xlsx file; empty: the first one')
+      call v%text('sheet', s%measurements%sheet, kind_text, '', '', 'name of the sheet of an .xlsx file; empty: the first one')
       call v%text('ebsd', s%measurements%ebsd, kind_file, 'unset', '', &
          & 'orientation map (.ang, .ctf, .h5): it gives the orientations at the positions in the columns x_um, y_um')
       call v%text('modulus_kind', s%measurements%modulus_kind, kind_choice, 'unset', v%words('modulus_kind'), &
