@@ -156,6 +156,7 @@ contains
          left = left(len(group) + 2:)
          ! No result follows from the machine.
          if (len(group) == 0 .or. group == 'execution' .or. index(inputs, '"'//group//'"') > 0) cycle
+         if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
          content = page(index(page, newline//'&'//group//newline):)
          content = content(:index(content, newline//'/'))
          select case (group)
