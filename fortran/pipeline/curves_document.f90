@@ -36,56 +36,70 @@ contains
       type(new_file_type) :: measurements, errors, fits
       real(wp), allocatable :: loadings(:, :)
       integer, allocatable :: grains(:), columns(:)
-      character(len=:), allocatable :: line, names(:)
-      integer :: i, j, k
+      character(len=:), allocatable :: names(:)
+      integer :: i, j
 
       grains = grains_of(tests, materials)
+      loadings = loadings_of(materials(grains), shared)
       allocate (names, source=split_list(carried))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
-      loadings = loadings_of(materials(grains), shared)
       call measurements%begin(output//'/measurements.csv')
       call errors%begin(output//'/shared_errors.csv')
-      line = 'grain'
-      do j = 1, size(columns)
-         line = line//','//csv_cell(set%tests%name(columns(j)))
-      end do
-      call measurements%add(line//',effective_modulus_gpa,sd_gpa'//newline)
-      line = 'grain'
-      do j = 1, size(loadings, 2)
-         line = line//',shared_'//to_text(j)
-      end do
-      call errors%add(line//newline)
-      do i = 1, size(grains)
-         k = grains(i)
-         line = csv_cell(materials(k)%name)
-         do j = 1, size(columns)
-            line = line//','//csv_cell(set%tests%cell(columns(j), findloc(tests%material, k, 1)))
-         end do
-         call measurements%add(line//','//short_text(exp(materials(k)%ln_modulus))//',' &
-            & //short_text(exp(materials(k)%ln_modulus)*materials(k)%own_sd)//newline)
-         line = csv_cell(materials(k)%name)
-         do j = 1, size(loadings, 2)
-            line = line//','//short_text(loadings(i, j))
-         end do
-         call errors%add(line//newline)
-      end do
-      call measurements%finish(error)
-      if (.not. allocated(error)) call errors%finish(error)
-      if (allocated(error)) return
       call fits%begin(output//'/fits.csv')
+      call measurements%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
+      call errors%add('grain')
+      do j = 1, size(loadings, 2)
+         call errors%add(',shared_'//to_text(j))
+      end do
+      call errors%add(newline)
+      do i = 1, size(grains)
+         associate (m => materials(grains(i)))
+            call measurements%add(csv_cell(m%name)//cells_of(findloc(tests%material, grains(i), 1)) &
+               & //numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
+            call errors%add(csv_cell(m%name)//numbers(loadings(i, :)))
+         end associate
+      end do
       call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
       do i = 1, size(tests)
          if (.not. allocated(tests(i)%fit)) cycle
-         associate (t => tests(i))
+         associate (t => tests(i), c => tests(i)%curve)
             do j = 1, size(t%fit)
-               call fits%add(csv_cell(set%curves(i)%name)//','//short_text(t%curve%time(j))//','//short_text(t%curve%depth(j)) &
-                  & //','//short_text(t%curve%load(j))//','//short_text(t%fit(j))//','//short_text(t%elastic(j))//newline)
+               call fits%add(csv_cell(set%curves(i)%name)//numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
             end do
          end associate
       end do
-      call fits%finish(error)
+      call measurements%finish(error)
+      if (.not. allocated(error)) call errors%finish(error)
+      if (.not. allocated(error)) call fits%finish(error)
+
+   contains
+
+      !> What the table of tests has in a row of these columns.
+      function cells_of(row) result(line)
+         integer, intent(in) :: row
+         character(len=:), allocatable :: line
+         integer :: k
+
+         line = ''
+         do k = 1, size(columns)
+            line = line//','//csv_cell(set%tests%cell(columns(k), row))
+         end do
+      end function cells_of
    end subroutine write_curve_files
+
+   !> Cells that follow others, and the end of their line.
+   pure function numbers(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      line = ''
+      do j = 1, size(values)
+         line = line//','//short_text(values(j))
+      end do
+      line = line//newline
+   end function numbers
 
    !> The grains that a test was used of.
    function grains_of(tests, materials) result(grains)
@@ -94,8 +108,8 @@ contains
       integer, allocatable :: grains(:)
       integer :: k
 
-      grains = pack([(k, k=1, size(materials))], .not. materials%reference .and. [(any(tests%material == k .and. tests%used), k=1, &
-         & size(materials))])
+      grains = pack([(k, k=1, size(materials))], [(.not. materials(k)%reference .and. any(tests%material == k .and. tests%used), &
+         & k=1, size(materials))])
    end function grains_of
 
    !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
@@ -104,20 +118,16 @@ contains
       type(shared_type), intent(in) :: shared
       real(wp), allocatable :: loadings(:, :)
       real(wp) :: factor(size(shared%mean), size(shared%mean))
-      integer, allocatable :: kept(:)
-      integer :: i, j
+      integer :: i, j, n
 
+      n = size(factor, 2)
       factor = shared%covariance
       call factor_semidefinite(factor)
-      do j = 2, size(factor, 2)
-         factor(:j - 1, j) = 0.0_wp
+      allocate (loadings(size(grains), n))
+      do j = 1, n
+         loadings(:, j) = [(sum(grains(i)%by_shared(j:)*factor(j:, j)), i=1, size(grains))]
       end do
-      allocate (loadings(size(grains), size(factor, 2)))
-      do i = 1, size(grains)
-         loadings(i, :) = matmul(grains(i)%by_shared, factor)
-      end do
-      kept = pack([(j, j=1, size(factor, 2))], [(maxval(abs(loadings(:, j))) > negligible, j=1, size(factor, 2))])
-      loadings = loadings(:, kept)
+      loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
    end function loadings_of
 
    !> The document: JSON.
@@ -149,7 +159,6 @@ contains
       end do
       call page%end_array()
       call page%put_numbers('references, grains', shared%repeat_sd, 'repeat_sd')
-      call put_repeats(page, tests, materials, shared)
       call put_tests(page, set, tests)
       call put_grains(page, tests, materials, shared)
       call page%put('warnings', warnings)
@@ -174,33 +183,6 @@ contains
          call page%end_object()
       end subroutine put_unknown
    end function write_document
-
-   !> How tests of one grain agree: their chi-square about its mean.
-   subroutine put_repeats(page, tests, materials, shared)
-      type(json_type), intent(inout) :: page
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
-      real(wp) :: chi_square, weight(size(tests)), mean
-      logical :: own(size(tests))
-      integer :: k, freedom
-
-      chi_square = 0.0_wp
-      freedom = 0
-      weight = 1.0_wp/(tests%variance + shared%repeat_sd(2)**2)
-      do k = 1, size(materials)
-         own = tests%material == k .and. tests%used
-         if (materials(k)%reference .or. count(own) < 2) cycle
-         mean = sum(weight*tests%ln_modulus, own)/sum(weight, own)
-         chi_square = chi_square + sum(weight*(tests%ln_modulus - mean)**2, own)
-         freedom = freedom + count(own) - 1
-      end do
-      call page%begin_object('agreement')
-      call page%put('chi_square', chi_square)
-      call page%put('degrees_of_freedom', freedom)
-      if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
-      call page%end_object()
-   end subroutine put_repeats
 
    subroutine put_tests(page, set, tests)
       type(json_type), intent(inout) :: page
@@ -230,41 +212,52 @@ contains
       call page%end_array()
    end subroutine put_tests
 
-   !> Moduli of the grains, how they depend on what they share, and where their errors come from.
+   !> Moduli of the grains, how they depend on what they share, where their errors come from, and how the tests of one grain agree: their
+   !> chi-square about its mean.
    subroutine put_grains(page, tests, materials, shared)
       type(json_type), intent(inout) :: page
       type(test_type), intent(in) :: tests(:)
       type(material_type), intent(in) :: materials(:)
       type(shared_type), intent(in) :: shared
       character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
-      real(wp), allocatable :: budget(:, :), slopes(:, :), drift(:)
+      integer, parameter :: n_sources = n_shared + 3
+      real(wp), allocatable :: budget(:, :), slopes(:, :), found(:), weight(:)
       integer, allocatable :: grains(:)
-      real(wp) :: sd(size(shared%mean))
-      integer :: i, j
+      real(wp) :: sd(size(shared%mean)), chi_square
+      integer :: i, j, freedom
 
       grains = grains_of(tests, materials)
-      allocate (budget(6, size(grains)), slopes(size(grains), size(sd)))
+      allocate (budget(n_sources, size(grains)), slopes(size(grains), size(sd)))
       sd = [(sqrt(shared%covariance(j, j)), j=1, size(sd))]
+      chi_square = 0.0_wp
+      freedom = -size(grains)
       call page%begin_array('grains')
       do i = 1, size(grains)
          associate (m => materials(grains(i)), own => tests%material == grains(i) .and. tests%used)
             slopes(i, :) = m%by_shared
-            drift = pack(tests%variance*tests%drift_share, own)
             budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)
-            budget(4, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
-            budget(5, i) = sqrt(sum(drift))/size(drift)
-            budget(6, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(5, i)**2))
+            budget(n_shared + 1, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
+            budget(n_shared + 2, i) = sqrt(sum(tests%variance*tests%drift_share, own))/count(own)
+            budget(n_sources, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(n_shared + 2, i)**2))
+            found = pack(tests%ln_modulus, own)
+            weight = 1.0_wp/(pack(tests%variance, own) + shared%repeat_sd(2)**2)
+            chi_square = chi_square + sum(weight*(found - sum(weight*found)/sum(weight))**2)
+            freedom = freedom + size(found)
             call page%begin_object()
             call page%put('grain', m%name)
-            call page%put('tests', count(own))
+            call page%put('tests', size(found))
             call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
             call page%put_numbers(names, budget(:, i), 'error_budget')
             call page%end_object()
          end associate
       end do
       call page%end_array()
-      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, size(budget, 1))], &
-         & 'error_budget')
+      call page%begin_object('agreement')
+      call page%put('chi_square', chi_square)
+      call page%put('degrees_of_freedom', freedom)
+      if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
+      call page%end_object()
+      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], 'error_budget')
       call page%begin_object('shared')
       call page%put('loadings', slopes)
       call page%put('covariance', shared%covariance)

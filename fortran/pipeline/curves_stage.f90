@@ -3,7 +3,7 @@ module curves_stage
    use abstract_stage, only: stage_type
    use curve_materials, only: find_materials
    use curves_document, only: write_curve_files, write_document
-   use elastic_window, only: begin_test, n_shared, nuisances_type, score_test, test_type
+   use elastic_window, only: begin_test, leave_out, n_shared, nuisances_type, score_test, test_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use kinds, only: wp
@@ -35,27 +35,26 @@ contains
    subroutine begin(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: sd
+      real(wp) :: sd, modulus
       integer :: i
 
       allocate (self%tests(size(self%problem%curves%curves)))
       call find_materials(self%problem, self%tests, self%materials, self%sessions, error)
       if (allocated(error)) return
-      associate (set => self%problem%curves, asked => self%problem%settings%curves)
+      associate (asked => self%problem%settings%curves)
          do i = 1, size(self%tests)
-            associate (c => set%curves(i), test => self%tests(i))
-               call take_loading(c%time, c%depth - merge(0.0_wp, c%drift, asked%drift_removed)*(c%time - c%time(1)), c%load, &
-                  & c%stiffness, test%curve)
-               test%used = len(test%curve%refusal) == 0
+            associate (c => self%problem%curves%curves(i), test => self%tests(i))
+               call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
+               test%used = len(test%reason) == 0
                if (test%used) call begin_test(test, asked%radius_um)
                if (.not. test%used) cycle
-               if (exp(test%ln_modulus) > moduli_allowed(1) .and. exp(test%ln_modulus) < moduli_allowed(2)) cycle
-               call refuse(error, place(self%problem%path, 'curves', 'file')//printable(asked%file)//': test '//printable(c%name) &
-                  & //', line '//to_text(c%line)//': the curve means a modulus of '//to_text(exp(test%ln_modulus), &
-                  & 2)//' GPa at a ' &
-                  & //'radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths in nm ' &
-                  & //'are needed')
+               modulus = exp(test%ln_modulus)
+               if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
+               call refuse(error, place(self%problem%path, 'curves', 'file')//printable(asked%file)//': test ' &
+                  & //printable(c%name)//', line '//to_text(c%line)//': the curve means a modulus of '//to_text(modulus, 2) &
+                  & //' GPa at a radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths ' &
+                  & //'in nm are needed')
                return
             end associate
          end do
@@ -73,18 +72,18 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      call iterate(self, error)
-      if (allocated(error)) return
-      do i = 1, size(self%tests)
-         if (.not. self%tests(i)%used) call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name//' is left out: ' &
-            & //self%tests(i)%reason)
-      end do
-      call question_shared(self, error)
-      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%tests, self%materials, &
-         & self%shared, self%output, error)
-      if (allocated(error)) return
-      document = write_document(self%problem%curves, self%tests, self%materials, self%shared, self%sessions, &
-         & self%warnings)
+      associate (set => self%problem%curves)
+         call iterate(self, error)
+         if (allocated(error)) return
+         do i = 1, size(self%tests)
+            if (.not. self%tests(i)%used) call warn(self%warnings, 'test '//set%curves(i)%name//' is left out: ' &
+               & //self%tests(i)%reason)
+         end do
+         call check_references(self, error)
+         if (.not. allocated(error)) call write_curve_files(set, self%tests, self%materials, self%shared, self%output, error)
+         if (allocated(error)) return
+         document = write_document(set, self%tests, self%materials, self%shared, self%sessions, self%warnings)
+      end associate
       self%done = to_text(count(self%tests%used))//' of '//to_text(size(self%tests))//' tests: '//self%output//'/measurements.csv'
    end subroutine finish
 
@@ -94,11 +93,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most = 8, fewest = 3
       real(wp), parameter :: settled = 0.05_wp
-      !> A test this far (ln) from the median of its material says nothing on it.
-      real(wp), parameter :: far = 0.5_wp
       type(nuisances_type) :: nuisances
-      real(wp) :: before(n_shared), middle
-      integer :: i, k, step
+      real(wp) :: before(n_shared)
+      integer :: i, step
 
       associate (asked => self%problem%settings%curves, s => self%shared, tests => self%tests)
          nuisances%drift = asked%drift_sd_nm_s
@@ -109,31 +106,12 @@ contains
             do i = 1, size(tests)
                if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), s%prior_sd(:n_shared), nuisances)
             end do
-            if (step > 1) then
-               do k = 1, size(self%materials)
-                  associate (chosen => tests%material == k .and. tests%used)
-                     if (count(chosen) < 3) cycle
-                     middle = median(count(chosen), pack(tests%ln_modulus + tests%shift, chosen))
-                     do i = 1, size(tests)
-                        if (chosen(i) .and. abs(tests(i)%ln_modulus + tests(i)%shift - middle) > far) call leave_out(tests(i), &
-                           & 'its modulus of '//to_text(exp(tests(i)%ln_modulus + tests(i)%shift), 3)//' GPa is far from the ' &
-                           & //to_text(exp(middle), 3)//' GPa of the other tests of '//self%materials(k)%name)
-                     end do
-                  end associate
-               end do
-            end if
+            call compare_tests(tests, self%materials, step > 1)
             if (.not. any(tests%used)) then
                call refuse(error, place(self%problem%path, 'curves', 'file')//'no test has an elastic part; test ' &
                   & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
                return
             end if
-            do k = 1, size(self%materials)
-               associate (chosen => tests%material == k .and. tests%used)
-                  if (.not. self%materials(k)%reference &
-                     & .and. any(chosen)) self%materials(k)%prior_mean = sum(pack(tests%ln_modulus, &
-                     & chosen))/count(chosen)
-               end associate
-            end do
             before = s%mean(:n_shared)
             call infer_shared(tests, self%materials, s, error)
             if (allocated(error)) return
@@ -143,16 +121,34 @@ contains
       end associate
    end subroutine iterate
 
-   subroutine leave_out(test, reason)
-      type(test_type), intent(inout) :: test
-      character(len=*), intent(in) :: reason
+   !> The tests of each material with each other: their middle is the centre of a grain's prior, and a test far from it may be left out.
+   subroutine compare_tests(tests, materials, may_leave_out)
+      type(test_type), intent(inout) :: tests(:)
+      type(material_type), intent(inout) :: materials(:)
+      logical, intent(in) :: may_leave_out
+      !> A test this far (ln) from the median of its material says nothing on it.
+      real(wp), parameter :: far = 0.5_wp
+      integer, allocatable :: own(:)
+      real(wp), allocatable :: found(:)
+      real(wp) :: middle
+      integer :: i, k
 
-      test%used = .false.
-      test%reason = reason
-   end subroutine leave_out
+      do k = 1, size(materials)
+         own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
+         if (size(own) == 0) cycle
+         found = tests(own)%ln_modulus + tests(own)%shift
+         middle = median(size(own), found)
+         if (.not. materials(k)%reference) materials(k)%prior_mean = middle
+         if (size(own) < 3 .or. .not. may_leave_out) cycle
+         do i = 1, size(own)
+            if (abs(found(i) - middle) > far) call leave_out(tests(own(i)), 'its modulus of '//to_text(exp(found(i)), 3) &
+               & //' GPa is far from the '//to_text(exp(middle), 3)//' GPa of the other tests of '//materials(k)%name)
+         end do
+      end do
+   end subroutine compare_tests
 
    !> References of another tip, and moduli without a reference.
-   subroutine question_shared(self, error)
+   subroutine check_references(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       !> Sds of the radius, and a relative misfit of a reference, that are none of one tip.
@@ -163,24 +159,23 @@ contains
 
       known = .false.
       associate (s => self%shared, tests => self%tests)
-         off = (s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
+         off = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
          do k = 1, size(self%materials)
             associate (m => self%materials(k), own => tests%material == k .and. tests%used)
-               if (.not. (m%reference .and. any(own)) .or. allocated(error)) cycle
+               if (.not. (m%reference .and. any(own))) cycle
                known = .true.
-               found = sum(pack(tests%ln_modulus, own))/count(own)
-               if (abs(off) > most_sds .or. abs(found - m%prior_mean) > most_misfit) call refuse(error, place(self%problem%path, &
-                  & 'curves', 'radius_um')//'the curves of the reference '//m%name//' are those of another tip or material: at a ' &
-                  & //'radius of '//to_text(exp(s%mean(1)), 3)//' um, '//to_text(abs(off), &
-                  & 2)//' sds from the stated one, they mean ' &
-                  & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), &
-                  & 3)//' GPa. Check radius_um, radius_sd_um ' &
-                  & //'and &references')
+               found = sum(tests%ln_modulus, own)/count(own)
+               if (off <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
+               call refuse(error, place(self%problem%path, 'curves', 'radius_um')//'the curves of the reference '//m%name &
+                  & //' are those of another tip or material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
+                  & //to_text(off, 2)//' sds from the stated one, they mean '//to_text(exp(found), 3)//' GPa for its ' &
+                  & //to_text(exp(m%prior_mean), 3)//' GPa. Check radius_um, radius_sd_um and &references')
+               return
             end associate
          end do
          if (.not. known) call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are known. All moduli ' &
             & //'share the relative sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
             & //'radius_sd_um; indent a material of known modulus with the same tip')
       end associate
-   end subroutine question_shared
+   end subroutine check_references
 end module curves_stage

@@ -98,7 +98,8 @@ contains
       end if
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
-      if (present(needed) .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
+      if (.not. present(needed)) return
+      if (needed .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
          & //column_list(table)//nearest_to(table, name))
    end subroutine find_column
 
