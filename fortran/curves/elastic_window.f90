@@ -55,6 +55,13 @@ module elastic_window
       real(wp), private :: sigma(size(correlations)) = 0.0_wp
    end type test_type
 
+   !> A test about present values: load, mN, residual and elastic depth, nm, (point), the derivatives of the depth by all unknowns,
+   !> (unknown, point), and the prior variances of these.
+   type :: linear_type
+      real(wp), allocatable :: load(:), residual(:), depth(:), columns(:, :)
+      real(wp) :: variances(n_columns) = 0.0_wp
+   end type linear_type
+
    !> An elastic window: its points, its log evidence, and what it says on the unknowns of the test.
    type :: window_type
       integer :: first = 0, last = 0
@@ -103,18 +110,19 @@ contains
       type(nuisances_type), intent(in) :: nuisances
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
-      real(wp) :: variances(n_columns), evidence, best, off
-      real(wp), allocatable :: residual(:), columns(:, :), depth(:), outside(:), after(:), score(:, :), weight(:, :)
+      real(wp) :: evidence, best, off
+      real(wp), allocatable :: before(:), after(:), score(:, :), weight(:, :)
+      type(linear_type) :: l
       type(window_type) :: window
       integer :: first(size(beginnings)), n, i, k, chosen
 
       n = size(test%curve%load)
-      variances = [1.0_wp, sds**2, nuisances%zero**2, nuisances%drift**2, nuisances%load**2]
-      call linearise(test, s, residual, columns, depth)
+      call linearise(test, s, l)
+      l%variances = [1.0_wp, sds**2, nuisances%zero**2, nuisances%drift**2, nuisances%load**2]
       first = [(findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, size(beginnings))]
-      associate (steps => residual(2:) - residual(:n - 1), rise => depth(2:) - depth(:n - 1), &
+      associate (steps => l%residual(2:) - l%residual(:n - 1), rise => l%depth(2:) - l%depth(:n - 1), &
          & sigma => test%sigma(size(correlations)))
-         outside = excess_scores(steps, rise, sigma, .false.)
+         before = excess_scores(steps, rise, sigma, .false.)
          after = excess_scores(steps(n - 1:1:-1), rise(n - 1:1:-1), sigma, .true.)
       end associate
       after = after(n:1:-1)
@@ -126,12 +134,11 @@ contains
          window = window_type()
          do k = 1, size(beginnings)
             if (any(first(:k - 1) == first(k))) cycle
-            call score_windows(test%curve%load, residual, columns, variances, correlations(i), test%sigma(i), first(k), &
-               & outside(first(k)) + after, score(:, k), window)
+            call score_windows(l, correlations(i), test%sigma(i), first(k), before(first(k)) + after, score(:, k), window)
          end do
          if (window%last == 0) cycle
          evidence = window%score + log(sum(exp(score - window%score)))
-         call renew_noise(residual - matmul(window%mean, columns), correlations(i), window, test%sigma(i))
+         call renew_noise(l%residual - matmul(window%mean, l%columns), correlations(i), window, test%sigma(i))
          if (evidence <= best) cycle
          best = evidence
          chosen = i
@@ -143,10 +150,10 @@ contains
       end if
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
-      call sum_windows(test, s, residual, columns, variances, first, weight)
+      call sum_windows(test, s, l, first, weight)
       off = abs(test%curve%depth(1) - test%fit(1))
-      if (off > farthest*maxval(depth, test%elastic >= 0.5_wp*maxval(test%elastic))) call leave_out(test, 'no elastic part: the ' &
-         & //'contact begins '//fixed(off, 1)//' nm away from the elastic curve through loads of '//fixed(test%from_load, 1) &
+      if (off > farthest*maxval(l%depth, test%elastic >= 0.5_wp*maxval(test%elastic))) call leave_out(test, 'no elastic part: ' &
+         & //'the contact begins '//fixed(off, 1)//' nm away from the elastic curve through loads of '//fixed(test%from_load, 1) &
          & //' to '//fixed(test%to_load, 1)//' mN')
    end subroutine score_test
 
@@ -159,32 +166,26 @@ contains
       test%reason = reason
    end subroutine leave_out
 
-   !> Residuals of the curve about the present values, and the derivatives of the depth by all unknowns, nm.
-   subroutine linearise(test, s, residual, columns, depth)
+   !> The test about its modulus and the shared unknowns `s`.
+   subroutine linearise(test, s, l)
       !> Its `zero` is taken from the residuals.
       type(test_type), intent(inout) :: test
       real(wp), intent(in) :: s(n_shared)
-      !> (point), (unknown, point), and the elastic depth, (point).
-      real(wp), allocatable, intent(out) :: residual(:), columns(:, :), depth(:)
+      type(linear_type), intent(out) :: l
       type(contact_type), allocatable :: contact(:)
       real(wp) :: modulus
-      integer :: n
 
-      n = size(test%curve%load)
       modulus = exp(test%ln_modulus)
-      allocate (contact(n), source=contact_at(test%curve%load, modulus, exp(s(i_radius)), s(i_beta)))
-      depth = 1.0e3_wp*contact%depth
-      allocate (columns(n_columns, n))
-      columns(1, :) = 1.0e3_wp*contact%by_modulus
-      columns(2, :) = 1.0e3_wp*contact%by_radius
-      columns(3, :) = 1.0e3_wp*contact%by_beta
-      columns(4, :) = test%curve%load
-      columns(5, :) = 1.0_wp
-      columns(6, :) = test%curve%time - sum(test%curve%time)/n
-      columns(7, :) = 1.0e3_wp/(2.0_wp*modulus*contact%radius)
-      residual = test%curve%depth - depth - s(i_compliance)*test%curve%load
-      test%zero = residual(1)
-      residual = residual - test%zero
+      associate (c => test%curve, n => size(test%curve%load))
+         allocate (contact(n), source=contact_at(c%load, modulus, exp(s(i_radius)), s(i_beta)))
+         l%load = c%load
+         l%depth = 1.0e3_wp*contact%depth
+         l%columns = transpose(reshape([1.0e3_wp*contact%by_modulus, 1.0e3_wp*contact%by_radius, 1.0e3_wp*contact%by_beta, c%load, &
+            & spread(1.0_wp, 1, n), c%time - sum(c%time)/n, 1.0e3_wp/(2.0_wp*modulus*contact%radius)], [n, n_columns]))
+         l%residual = c%depth - l%depth - s(i_compliance)*c%load
+         test%zero = l%residual(1)
+         l%residual = l%residual - test%zero
+      end associate
    end subroutine linearise
 
    !> Log densities of steps outside of the window, summed from the start: entry k is that of the first k - 1 steps.
@@ -212,9 +213,10 @@ contains
    end function excess_scores
 
    !> Log evidences of the windows from a first point to all last ones.
-   subroutine score_windows(load, residual, columns, variances, correlation, sigma, first, outside, score, best, windows)
-      !> mN, nm, (unknown, point), and the prior of the unknowns.
-      real(wp), intent(in) :: load(:), residual(:), columns(:, :), variances(:), correlation, sigma
+   subroutine score_windows(l, correlation, sigma, first, outside, score, best, windows)
+      type(linear_type), intent(in) :: l
+      !> Of the noise.
+      real(wp), intent(in) :: correlation, sigma
       integer, intent(in) :: first
       !> Log density of the steps that the window to a point leaves out, (point).
       real(wp), intent(in) :: outside(:)
@@ -230,14 +232,14 @@ contains
 
       now%first = first
       do i = 1, n_columns
-         now%covariance(i, i) = variances(i)
+         now%covariance(i, i) = l%variances(i)
       end do
       ! The first point ties h0 to the noise, and is no step.
-      if (correlation < 1.0_wp) call learn(residual(first), columns(:, first), sigma**2/(1.0_wp - correlation**2))
+      if (correlation < 1.0_wp) call learn(l%residual(first), l%columns(:, first), sigma**2/(1.0_wp - correlation**2))
       density = 0.0_wp
-      do i = first + 1, size(load)
-         call learn(residual(i) - correlation*residual(i - 1), columns(:, i) - correlation*columns(:, i - 1), sigma**2)
-         if (i - first < fewest_steps .or. load(i) <= least_span*load(first)) cycle
+      do i = first + 1, size(l%load)
+         call learn(l%residual(i) - correlation*l%residual(i - 1), l%columns(:, i) - correlation*l%columns(:, i - 1), sigma**2)
+         if (i - first < fewest_steps .or. l%load(i) <= least_span*l%load(first)) cycle
          score(i) = density + outside(i)
          now%last = i
          now%score = score(i)
@@ -279,54 +281,57 @@ contains
    end subroutine renew_noise
 
    !> Means over the windows, and the modulus given the shared unknowns.
-   subroutine sum_windows(test, s, residual, columns, variances, first, weight)
+   subroutine sum_windows(test, s, l, first, weight)
       type(test_type), intent(inout) :: test
-      real(wp), intent(in) :: s(n_shared), residual(:), columns(:, :), variances(:)
+      real(wp), intent(in) :: s(n_shared)
+      type(linear_type), intent(in) :: l
       integer, intent(in) :: first(:)
       !> (last point, beginning).
       real(wp), intent(in) :: weight(:, :)
       !> Of a test its modulus and its drift.
       integer, parameter :: told(2) = [1, own + 2]
-      type(window_type) :: windows(size(residual)), best
-      real(wp) :: slope(n_shared), share, unknowns(n_columns), squares(2), score(size(residual)), r(size(residual))
+      type(window_type) :: windows(size(l%load)), best
+      real(wp) :: slope(n_shared), slopes(n_shared), unknowns(n_columns), squares(2), ends(2), share, drift_share
+      real(wp), dimension(size(l%load)) :: score, r
       integer :: i, j, k
 
-      test%slope = 0.0_wp
-      test%from_load = 0.0_wp
-      test%to_load = 0.0_wp
-      test%drift_share = 0.0_wp
-      squares = 0.0_wp
+      slopes = 0.0_wp
       unknowns = 0.0_wp
-      test%elastic = spread(0.0_wp, 1, size(residual))
+      squares = 0.0_wp
+      ends = 0.0_wp
+      drift_share = 0.0_wp
+      test%elastic = 0.0_wp*l%load
       do k = 1, size(first)
          if (all(weight(:, k) <= negligible)) cycle
-         call score_windows(test%curve%load, residual, columns, variances, test%correlation, test%noise, first(k), &
-            & spread(0.0_wp, 1, size(residual)), score, best, windows)
-         do i = 1, size(residual)
+         call score_windows(l, test%correlation, test%noise, first(k), 0.0_wp*l%load, score, best, windows)
+         do i = 1, size(l%load)
             if (weight(i, k) <= negligible) cycle
             share = weight(i, k)/sum(weight, weight > negligible)
             associate (mean => windows(i)%mean, c => windows(i)%covariance)
                call give_shared(mean, c, slope)
                if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
+               slopes = slopes + share*slope
                unknowns = unknowns + share*mean
                squares = squares + share*[(c(told(j), told(j)) + mean(told(j))**2, j=1, 2)]
-               test%drift_share = test%drift_share + share*c(1, own + 2)**2/(c(1, 1)*c(own + 2, own + 2))
+               ends = ends + share*l%load([first(k), i])
+               drift_share = drift_share + share*c(1, told(2))**2/(c(1, 1)*c(told(2), told(2)))
             end associate
-            test%slope = test%slope + share*slope
-            test%from_load = test%from_load + share*test%curve%load(first(k))
-            test%to_load = test%to_load + share*test%curve%load(i)
             test%elastic(first(k):i) = test%elastic(first(k):i) + share
          end do
       end do
       test%shift = unknowns(1)
-      test%drift = unknowns(own + 2)
       test%variance = squares(1) - test%shift**2
+      test%slope = slopes
+      test%from_load = ends(1)
+      test%to_load = ends(2)
+      test%drift = unknowns(told(2))
       test%drift_sd = sqrt(squares(2) - test%drift**2)
+      test%drift_share = drift_share
       ! A random walk leaves the zero to the window's mean.
-      r = residual - matmul(unknowns, columns)
+      r = l%residual - matmul(unknowns, l%columns)
       r = r - sum(r*test%elastic)/sum(test%elastic)
       test%fit = test%curve%depth - r
-      test%zero = test%zero + residual(1) - r(1) - sum(unknowns*columns(:, 1)) + unknowns(own + 1)
+      test%zero = test%zero + l%residual(1) - r(1) - sum(unknowns*l%columns(:, 1)) + unknowns(own + 1)
    end subroutine sum_windows
 
    !> Mean and covariance of the unknowns given that the shared ones are as they were taken, and the slope of the modulus by these.
