@@ -2,36 +2,18 @@
 
 import csv
 import json
-import re
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
-from synthetic_curves import NAMELIST, Truth, effective, sneddon, write
+from synthetic_curves import KNOWN, NAMELIST, Truth, effective, one_curve, sneddon, table, write
 
 import bayesindent as bi
-from bayesindent.curves.instruments import tdm_settings
 from conftest import SOURCE
 
 STUDY = SOURCE / "inputs" / "case_studies"
 QUARTZ_GPA = 69.64
-#: So well known that nothing is left to infer but the modulus.
-KNOWN = {"radius_sd_um": 1e-4, "tip_beta_sd": 1e-4, "compliance_sd_nm_mn": 1e-5, "session_sd": 1e-5}
-
-
-def one_curve(name, modulus, rng=None, n=200, noise=0.0, peak=40.0, beta=1.0, drift=0.0):
-    """Rows of an elastic curve of a sphere of 5 um with white noise."""
-    load = np.linspace(0, peak, n + 1)[1:]
-    time = np.linspace(0, 20, n)
-    depth = 1e3 * sneddon(load, modulus, 5.0, beta) + drift * time + 17.0
-    if noise:
-        depth = depth + noise * rng.normal(size=n)
-    return [(name, *row) for row in zip(time.tolist(), depth.tolist(), load.tolist(), strict=True)]
-
-
-def table(rows):
-    return dict(zip(("test", "time_s", "depth_nm", "load_mn"), map(list, zip(*rows, strict=True)), strict=True))
 
 
 @pytest.mark.parametrize("beta", [0.0, 1.0, 3.0, -0.8])
@@ -160,48 +142,6 @@ def test_intervals_of_synthetic_grains_cover(batch, tmp_path):
     assert np.mean(np.abs(residuals) < 1.645) == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / 75))
 
 
-GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("tests", "a,g,", "a,,"), "tests: tests.csv: line 2: test a has none of grain and reference"),
-        (("tests", "quartz", "steel"), "the tests have the reference steel, whose modulus is not stated; stated: quartz"),
-        (("tests", "a,g,", "b,g,"), "curves.csv: line 2, column test: a is no test of the table of tests"),
-        (
-            ("tests", "reference\na,g,\nq,,quartz", "reference,drift_nm_s\na,g,,7\nq,,quartz,"),
-            "line 2, column drift_nm_s: 7 nm/s is no drift",
-        ),
-        (("curves", "load_mn", "load_un"), "the unit un is not read; allowed mn"),
-        (("load", 1e3, 0), "test a, line 2: the curve means a modulus of .* GPa .* Loads in mN and depths in nm are needed"),
-        (("time", -1, 0), "test a, line 3: the time runs backwards"),
-        (("curves", None, ""), "curves.csv: .*empty"),
-        (("curves", None, "test,time_s,depth_nm,load_mn\na,1,2\n"), "line 2: 3 cells where the header has 4"),
-        (("radius", 0.01, 0), "the curves of the reference quartz are those of another tip"),
-    ],
-)
-def test_bad_input_is_one_line(bayesindent, tmp_path, change, message):
-    rows = one_curve("a", 100.0) + one_curve("q", QUARTZ_GPA)
-    what, old, new = change
-    if what == "load":
-        rows = [(*row[:3], row[3] * old) for row in rows]
-    if what == "time":
-        rows = [(row[0], -row[1], *row[2:]) for row in rows]
-    text = "test,time_s,depth_nm,load_mn\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
-    if what == "curves":
-        text = new if old is None else text.replace(old, new)
-    (tmp_path / "curves.csv").write_text(text)
-    (tmp_path / "tests.csv").write_text(GOOD.replace(old, new) if what == "tests" else GOOD)
-    namelist = NAMELIST.replace("radius_um = 5.0", "radius_um = 9.0") if what == "radius" else NAMELIST
-    (tmp_path / "a.nml").write_text(namelist.replace("radius_sd_um = 0.5", "radius_sd_um = 0.1") if what == "radius" else namelist)
-    done = bayesindent("curves", "a.nml")
-    assert done.returncode == 2, done.stderr
-    line = done.stderr.strip().splitlines()[-1]
-    assert line.startswith("a.nml: &")
-    assert re.search(message, line), line
-
-
 def test_a_curve_without_an_elastic_part_is_left_out_and_named():
     plastic = [("p", t, 60.0 * p**0.5, p) for _, t, _, p in one_curve("a", 100.0)]
     rows = [row for name in ("a", "b", "c") for row in one_curve(name, 100.0, np.random.default_rng(3), noise=0.2)] + plastic
@@ -212,32 +152,6 @@ def test_a_curve_without_an_elastic_part_is_left_out_and_named():
     left = {row["test"]: row["reason"] for row in found.document["tests"] if not row["used"]}
     assert set(left) == {"p", "s"}
     assert all(any(f"test {name} is left out" in str(line.message) for line in told) for name in left)
-
-
-def test_no_value_of_an_instrument_is_left_out():
-    rows = one_curve("a", 100.0)
-    rows.insert(50, ("a", rows[50][1], "1.79769313486232E+308", rows[50][3]))
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
-        found = bi.curves(table(rows), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
-    assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
-
-
-def test_a_file_of_the_instrument(tmp_path):
-    rows = one_curve("a", 100.0)
-    lines = ["Wed Apr 16 10:34:41 2025", "", "", f"Number of Points = {len(rows)}", "", "Depth (nm)\tLoad (µN)\tTime (s)"]
-    lines += [f"{depth:.6f}\t{1e3 * load:.6f}\t{time:.6f}" for _, time, depth, load in rows]
-    file = tmp_path / "a.txt"
-    file.write_bytes("\r".join(lines).encode("latin-1"))
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
-        found = bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
-    assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
-    file.write_bytes("\r".join(lines[:-3]).encode("latin-1"))
-    with pytest.raises(bi.InputError, match="197 points, where the file states 200; it is truncated"):
-        bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
-    (tmp_path / "a.tdm").write_text('<d name="Current_Drift_Rate__nm___s__">-0.54</d><l name="Current_Drift_Correction">1</l>')
-    assert tdm_settings(tmp_path / "a.tdm") == {"drift_nm_s": -0.54, "drift_removed": True}
-    with pytest.raises(bi.InputError, match="reading a .hld file needs nanodent, which is not installed"):
-        bi.curves([tmp_path / "b.hld"], {"test": ["b"], "grain": ["g"]}, radius_um=5.0)
 
 
 def test_a_crystal_is_a_reference(tmp_path):

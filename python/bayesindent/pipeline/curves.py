@@ -58,7 +58,8 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     """
     origin = "bi.curves"
     with TemporaryDirectory() as folder:
-        files = {"file": read_curves(curves, Path(folder), origin), "tests": as_file(tests, Path(folder) / "tests.csv")}
+        removed = settings.get("drift_removed", True)
+        files = {"file": read_curves(curves, Path(folder), origin, removed), "tests": as_file(tests, Path(folder) / "tests.csv")}
         groups = {"curves": files | settings, "references": references_of(references, crystal_sd)}
         text = ""
         for group, values in groups.items():

@@ -68,7 +68,7 @@ def curve_moduli(results: Results) -> Picture:
         rows = [row for row in tests if row["session"] == session]
         # Left of the grain, one beside the other.
         before = [sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)]) for row in rows]
-        places = [grains.index(row["grain"]) - 0.15 - 0.1 * (k % 3) for row, k in zip(rows, before, strict=True)]
+        places = [grains.index(row["grain"]) - 0.35 + 0.1 * (k % 3) for row, k in zip(rows, before, strict=True)]
         label = f"tests, session {session}" if session else "tests"
         axes.plot(places, [row["effective_modulus_gpa"] for row in rows], ".", color=CYCLE[number % len(CYCLE)], label=label)
     moduli, sds, own = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa"))
