@@ -12,7 +12,7 @@ from synthetic_curves import KNOWN, NAMELIST, Truth, effective, one_curve, snedd
 import bayesindent as bi
 from conftest import SOURCE
 
-STUDY = SOURCE / "inputs" / "case_studies"
+STUDY, DATA = SOURCE / "inputs" / "case_studies", SOURCE / "inputs" / "data"
 QUARTZ_GPA = 69.64
 
 
@@ -92,32 +92,38 @@ def test_pop_ins_and_densification_end_the_window(glaucophane):
     assert tests["g7-1"]["elastic_to_mn"] == pytest.approx(34, abs=4)
 
 
-def fold(left_out):
-    """Quartz alone, the tests `left_out` as grains of unknown modulus: their moduli and relative sds."""
+def fold(left_out, radius_um=6.0):
+    """Quartz alone, the tests `left_out`(number) as grains of unknown modulus: their moduli and relative sds."""
     names = [row["test"] for row in csv.DictReader(line for line in (STUDY / "glaucophane_tests.csv").open() if not line.startswith("#"))]
     names = [name for name in names if name.startswith("q")]
     rows = list(csv.DictReader(line for line in (STUDY / "glaucophane_curves.csv").open() if not line.startswith("#")))
     curves = {name: [row[name] for row in rows if row["test"].startswith("q")] for name in rows[0]}
-    chosen = [i % 10 in left_out for i in range(len(names))]
+    chosen = [left_out(i) for i in range(len(names))]
     tests = {
         "test": names,
         "grain": [name if out else "" for name, out in zip(names, chosen, strict=True)],
         "reference": ["" if out else "quartz" for out in chosen],
     }
-    document = bi.curves(curves, tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=6.0).document
+    document = bi.curves(curves, tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=radius_um).document
     moduli, sds = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa"))
     return moduli, sds / moduli
 
 
 def test_quartz_that_is_left_out_is_found_again():
-    moduli, sds = fold({0})
+    moduli, sds = fold(lambda number: number % 10 == 0)
     assert np.mean(moduli) == pytest.approx(QUARTZ_GPA, rel=0.02)
     assert np.median(sds) < 0.05
 
 
 @pytest.mark.long
-def test_quartz_ten_fold():
-    moduli, sds = map(np.concatenate, zip(*(fold({k}) for k in range(10)), strict=True))
+@pytest.mark.parametrize(
+    ("part", "parts", "radius_um"),
+    [(lambda number: number % 10, 10, 6.0), (lambda number: number // 4, 9, 6.0), (lambda number: number % 5, 5, 4.2)],
+    ids=["ten-fold", "blocks", "another radius"],
+)
+def test_quartz_ten_fold(part, parts, radius_um):
+    found = [fold(lambda number, k=k: part(number) == k, radius_um) for k in range(parts)]
+    moduli, sds = map(np.concatenate, zip(*found, strict=True))
     assert len(moduli) >= 32
     assert np.mean(moduli) == pytest.approx(QUARTZ_GPA, rel=0.02)
     assert 0.9 <= np.mean(np.abs(np.log(moduli / QUARTZ_GPA)) < 2 * sds) <= 0.99
@@ -152,6 +158,35 @@ def test_a_curve_without_an_elastic_part_is_left_out_and_named():
     left = {row["test"]: row["reason"] for row in found.document["tests"] if not row["used"]}
     assert set(left) == {"p", "s"}
     assert all(any(f"test {name} is left out" in str(line.message) for line in told) for name in left)
+
+
+def test_references_alone_give_the_tip():
+    rows = [row for name in "abc" for row in one_curve(name, QUARTZ_GPA)]
+    tests = {"test": [*"abc"], "reference": ["quartz"] * 3}
+    found = bi.curves(table(rows), tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=6.0, tip_beta_sd=1e-3, compliance_sd_nm_mn=1e-4)
+    assert found.tip_radius_um[0] == pytest.approx(5.0, abs=2 * found.tip_radius_um[1])
+    assert found.shared_errors.shape == (0, 0)
+    assert found.table["grain"] == []
+
+
+@pytest.mark.long
+def test_without_a_reference_ratios_are_known():
+    tests = list(csv.DictReader(line for line in (DATA / "copper_tests.csv").open() if not line.startswith("#")))
+    tests = [row for row in tests if not row["reference"]]
+    names = {row["test"] for row in tests}
+    points = [row for row in csv.DictReader(line for line in (DATA / "copper_curves.csv").open() if not line.startswith("#"))]
+    columns = {name: [row[name] for row in points if row["test"] in names] for name in points[0]}
+    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+        found = bi.curves(columns, {name: [row[name] for row in tests] for name in tests[0]}, radius_um=5.0, radius_sd_um=1.5)
+    # Of each modulus the sd of 1/sqrt(radius); of a ratio of two much less.
+    assert np.linalg.norm(found.shared_errors, axis=1) == pytest.approx(0.15, abs=0.02)
+    assert np.linalg.norm(found.shared_errors - found.shared_errors[:1], axis=1).max() < 0.03
+    document = bi.summary(bi.extract(found, "cubic", samples=1000, burn_in=2000))
+    rows = [row for row in document["identifiability"] if row["kind"] == "combination"]
+    unit = [abs(sum(row["exponents"].values())) / sum(map(abs, row["exponents"].values())) for row in rows]
+    # A combination without a unit is determined; what has one is no better known than the scale.
+    assert any(share < 0.1 and row["verdict"] == "determined" and row["sd"] < 0.1 for share, row in zip(unit, rows, strict=True))
+    assert all(row["sd"] > 0.12 for share, row in zip(unit, rows, strict=True) if share > 0.3)
 
 
 def test_a_crystal_is_a_reference(tmp_path):
