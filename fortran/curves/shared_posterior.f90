@@ -1,8 +1,8 @@
 !> The moduli of all materials and what their tests share: radius and shape of the tip, compliance of the frame, a factor of each session.
 !>
 !> ln E of a test = ln E of its material + session + a normal factor of its own, whose sd is inferred, one for references and one for
-!> grains. Given these two sds all is normal; the sds are summed over a grid. The shape of a single curve says nothing on the shared unknowns here: there a nanometre that the model
-!> lacks would outweigh the references.
+!> grains. Given these two sds all is normal; the sds are summed over a grid. The shape of a single curve says nothing on the shared
+!> unknowns here: there a nanometre that the model lacks would outweigh the references.
 module shared_posterior
    use elastic_window, only: n_shared, test_type
    use kinds, only: wp

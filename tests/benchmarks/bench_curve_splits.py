@@ -46,7 +46,9 @@ def left_out(curves: Curves, parts: list[set[str]], label: str, together: bool =
             "grain": [("part" if together else name) if name in part else "" for name in curves],
             "reference": ["" if name in part else "quartz" for name in curves],
         }
-        document = infer({name: below({name: rows}, end)[name] if name in part else rows for name, rows in curves.items()}, tests, **settings)
+        document = infer(
+            {name: below({name: rows}, end)[name] if name in part else rows for name, rows in curves.items()}, tests, **settings
+        )
         found += [(row["effective_modulus_gpa"], row["sd_gpa"]) for row in document["grains"]]
     modulus, sd = np.array(found).T
     z, radius = np.log(modulus / TRUTH) * modulus / sd, document["tip"]["radius_um"]
@@ -96,7 +98,9 @@ def main() -> None:
     section = {name: rows for name, rows in curves.items() if name.startswith("g")}
     names = list(quartz)
     by_load = sorted(names, key=lambda name: quartz[name][:, 2].max())
-    print("| quartz | values | mean | scatter | stated sd, median | within two sds | radius of the last part, um |\n|---|---|---|---|---|---|---|")
+    print(
+        "| quartz | values | mean | scatter | stated sd, median | within two sds | radius of the last part, um |\n|---|---|---|---|---|---|---|"
+    )
     left_out(quartz, folds(names, 10), "ten-fold, each test a grain")
     left_out(quartz, folds(names, 10), "ten-fold, each fold a grain", together=True)
     left_out(quartz, [set(names[k : k + 4]) for k in range(0, len(names), 4)], "blocks of four tests")
@@ -104,7 +108,11 @@ def main() -> None:
         left_out(quartz, folds(names, 10), f"stated radius {radius} um", radius_um=radius)
     rng = np.random.default_rng(1)
     for number in (3, 5):
-        left_out(quartz, [set(names) - set(rng.choice(names, number, replace=False)) for _ in range(4)], f"{number} references, random, four times")
+        left_out(
+            quartz,
+            [set(names) - set(rng.choice(names, number, replace=False)) for _ in range(4)],
+            f"{number} references, random, four times",
+        )
     left_out(quartz, [set(by_load[:17]), set(by_load[17:])], "low peak loads from high ones, and the reverse")
     left_out({name: quartz[name] for name in by_load[17:]}, folds(by_load[17:], 6), "the 17 highest peak loads alone")
     for load in (150, 80, 40, 20):

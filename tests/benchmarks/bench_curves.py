@@ -116,11 +116,15 @@ def speed(folder: Path) -> None:
     """Seconds of CPU for curves from a file to the tables of the moduli."""
     for curves, points in SPEED:
         # A tenth of `points` before the contact and a quarter for unloading are added.
-        truth = Truth(np.random.default_rng(1), grains=(curves - 10) // 3, references=curves - (curves - 10) // 3 * 3, points=points * 20 // 27)
+        truth = Truth(
+            np.random.default_rng(1), grains=(curves - 10) // 3, references=curves - (curves - 10) // 3 * 3, points=points * 20 // 27
+        )
         rows, tests = truth.draw()
         write(folder, rows, tests)
         (folder / "a.nml").write_text(NAMELIST)
-        print(f"{len(tests)} curves of {len(rows) / len(tests):.0f} points: {run_batch(folder):.1f} s of CPU on one thread, reading included")
+        print(
+            f"{len(tests)} curves of {len(rows) / len(tests):.0f} points: {run_batch(folder):.1f} s of CPU on one thread, reading included"
+        )
 
 
 def read(path: Path) -> dict[str, list]:

@@ -123,7 +123,7 @@ contains
       do k = 0, n
          sine = sin(0.5_wp*pi*k/n)
          integral = integral + merge(1, merge(4, 2, mod(k, 2) == 1), k == 0 .or. k == n)*sine**power &
-            & *(a*sine/radius + 0.5_wp*beta*(a*sine)**3/radius**3)
+                   & *(a*sine/radius + 0.5_wp*beta*(a*sine)**3/radius**3)
       end do
       integral = integral*pi/(6.0_wp*n)
    end function integral

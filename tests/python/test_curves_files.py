@@ -112,9 +112,7 @@ def test_files_that_other_packages_read(monkeypatch, tmp_path):
             self.testName = self.testList.pop()
             return True
 
-    nanodent = SimpleNamespace(
-        load_experiment=lambda _: SimpleNamespace(trace={"time_s": time, "disp_nm": depth, "force_uN": 1e3 * load})
-    )
+    nanodent = SimpleNamespace(load_experiment=lambda _: SimpleNamespace(trace={"time_s": time, "disp_nm": depth, "force_uN": 1e3 * load}))
     for module, fake in (
         ("nanodent", nanodent),
         ("micromechanics", SimpleNamespace()),

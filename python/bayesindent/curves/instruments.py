@@ -80,12 +80,14 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
     return tests
 
 
-def read_hysitron(text: str, place: str) -> np.ndarray:
+def read_hysitron(text: str, place: str) -> tuple:
     """A curve that a Hysitron TI 990 exported: text whose lines end in CR."""
     lines = text.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("Depth ("))
     names = [name.strip().lower() for name in lines[start].split("\t")]
-    order = [(j, UNITS[name]) for word in ("time", "depth", "load") for j, name in enumerate(names) if name in UNITS and name.startswith(word)]
+    order = [
+        (j, UNITS[name]) for word in ("time", "depth", "load") for j, name in enumerate(names) if name in UNITS and name.startswith(word)
+    ]
     if len(order) != 3:
         raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}")
     rows = []
@@ -98,7 +100,7 @@ def read_hysitron(text: str, place: str) -> np.ndarray:
     stated = next((int(line.split("=")[1]) for line in lines[:start] if line.startswith("Number of Points =")), len(rows))
     if stated != len(rows):
         raise InputError(f"{place}{len(rows)} points, where the file states {stated}; it is truncated")
-    return np.transpose(rows)
+    return tuple(np.transpose(rows))
 
 
 def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
