@@ -1,13 +1,12 @@
 !> What the tests of a problem were made on: references, whose moduli are known, and grains; and the sessions of the tests.
 module curve_materials
-   use elastic_window, only: test_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: printable
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
    use namelist_file, only: place
    use problem, only: problem_type
-   use shared_posterior, only: material_type
+   use shared_posterior, only: curves_posterior_type, material_type
    use text, only: join
    implicit none
    private
@@ -15,30 +14,29 @@ module curve_materials
 
 contains
 
-   !> The materials of a problem's curves, in the order of their first tests.
-   subroutine find_materials(problem, tests, materials, sessions, error)
+   !> The materials of a problem's curves, in the order of their first tests, and the sessions.
+   subroutine find_materials(problem, found, error)
       type(problem_type), intent(in) :: problem
-      type(test_type), intent(inout) :: tests(:)
-      type(material_type), allocatable, intent(out) :: materials(:)
-      !> Their names.
-      type(warning_type), allocatable, intent(out) :: sessions(:)
+      type(curves_posterior_type), intent(inout) :: found
       type(error_type), allocatable, intent(out) :: error
       type(warning_type), allocatable :: names(:)
       integer :: i, k
 
-      allocate (names(0), sessions(0))
-      do i = 1, size(tests)
+      allocate (names(0), found%sessions(0))
+      do i = 1, size(found%tests)
          associate (c => problem%curves%curves(i))
-            call number_name(merge('=', ' ', c%reference)//c%material, names, tests(i)%material)
-            call number_name(c%session, sessions, tests(i)%session)
+            call number_name(merge('=', ' ', c%reference)//c%material, names, found%tests(i)%material)
+            call number_name(c%session, found%sessions, found%tests(i)%session)
          end associate
       end do
-      allocate (materials(size(names)))
+      allocate (found%materials(size(names)))
       do k = 1, size(names)
-         materials(k)%name = names(k)%text(2:)
-         materials(k)%reference = names(k)%text(1:1) == '='
-         if (materials(k)%reference) call find_reference(problem, materials(k), error)
-         if (allocated(error)) return
+         associate (m => found%materials(k))
+            m%name = names(k)%text(2:)
+            m%reference = names(k)%text(1:1) == '='
+            if (m%reference) call find_reference(problem, m, error)
+            if (allocated(error)) return
+         end associate
       end do
    end subroutine find_materials
 

@@ -7,7 +7,7 @@ module curves_document
    use files, only: new_file_type
    use json, only: json_type
    use kinds, only: wp
-   use shared_posterior, only: material_type, shared_type
+   use shared_posterior, only: curves_posterior_type, material_type
    use small_matrices, only: factor_semidefinite
    use statistics, only: chi_square_above, median
    use tables, only: csv_cell
@@ -25,11 +25,9 @@ module curves_document
 contains
 
    !> measurements.csv, shared_errors.csv and fits.csv.
-   subroutine write_curve_files(set, tests, materials, shared, output, error)
+   subroutine write_curve_files(set, found, output, error)
       type(curve_set_type), intent(in) :: set
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
+      type(curves_posterior_type), intent(in) :: found
       !> Folder.
       character(len=*), intent(in) :: output
       type(error_type), allocatable, intent(out) :: error
@@ -39,8 +37,8 @@ contains
       character(len=:), allocatable :: names(:)
       integer :: i, j
 
-      grains = grains_of(tests, materials)
-      loadings = loadings_of(materials(grains), shared)
+      grains = found%grains()
+      loadings = loadings_of(found%materials(grains), found%covariance)
       allocate (names, source=split_list(carried))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
@@ -54,16 +52,16 @@ contains
       end do
       call errors%add(newline)
       do i = 1, size(grains)
-         associate (m => materials(grains(i)))
-            call measurements%add(csv_cell(m%name)//cells_of(findloc(tests%material, grains(i), 1)) &
+         associate (m => found%materials(grains(i)))
+            call measurements%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
                & //numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
             call errors%add(csv_cell(m%name)//numbers(loadings(i, :)))
          end associate
       end do
       call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
-      do i = 1, size(tests)
-         if (.not. allocated(tests(i)%fit)) cycle
-         associate (t => tests(i), c => tests(i)%curve)
+      do i = 1, size(found%tests)
+         if (.not. allocated(found%tests(i)%fit)) cycle
+         associate (t => found%tests(i), c => found%tests(i)%curve)
             do j = 1, size(t%fit)
                call fits%add(csv_cell(set%curves(i)%name)//numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
             end do
@@ -101,27 +99,17 @@ contains
       line = line//newline
    end function numbers
 
-   !> The grains that a test was used of.
-   function grains_of(tests, materials) result(grains)
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      integer, allocatable :: grains(:)
-      integer :: k
-
-      grains = pack([(k, k=1, size(materials))], [(.not. materials(k)%reference .and. any(tests%material == k .and. tests%used), &
-         & k=1, size(materials))])
-   end function grains_of
-
    !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
-   function loadings_of(grains, shared) result(loadings)
+   function loadings_of(grains, covariance) result(loadings)
       type(material_type), intent(in) :: grains(:)
-      type(shared_type), intent(in) :: shared
+      !> Of what they share.
+      real(wp), intent(in) :: covariance(:, :)
       real(wp), allocatable :: loadings(:, :)
-      real(wp) :: factor(size(shared%mean), size(shared%mean))
+      real(wp) :: factor(size(covariance, 1), size(covariance, 2))
       integer :: i, j, n
 
       n = size(factor, 2)
-      factor = shared%covariance
+      factor = covariance
       call factor_semidefinite(factor)
       allocate (loadings(size(grains), n))
       do j = 1, n
@@ -131,36 +119,33 @@ contains
    end function loadings_of
 
    !> The document: JSON.
-   function write_document(set, tests, materials, shared, sessions, warnings) result(document)
+   function write_document(set, found, warnings) result(document)
       type(curve_set_type), intent(in) :: set
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
-      !> Their names.
-      type(warning_type), intent(in) :: sessions(:), warnings(:)
+      type(curves_posterior_type), intent(in) :: found
+      type(warning_type), intent(in) :: warnings(:)
       character(len=:), allocatable :: document
       type(json_type) :: page
       integer :: i
 
       call page%begin_object()
       call page%begin_object('tip')
-      call put_unknown('radius_um', 1, exp(shared%mean(1)), exp(shared%mean(1)))
-      call put_unknown('beta', 2, shared%mean(2), 1.0_wp)
+      call put_unknown('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
+      call put_unknown('beta', 2, found%mean(2), 1.0_wp)
       call page%end_object()
       call page%begin_object('frame')
-      call put_unknown('compliance_nm_mn', 3, shared%mean(3), 1.0_wp)
+      call put_unknown('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
       call page%end_object()
       call page%begin_array('sessions')
-      do i = 1, size(sessions)
+      do i = 1, size(found%sessions)
          call page%begin_object()
-         call page%put('session', sessions(i)%text)
-         call put_unknown('factor', n_shared + i, 1.0_wp + shared%mean(n_shared + i), 1.0_wp)
+         call page%put('session', found%sessions(i)%text)
+         call put_unknown('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
          call page%end_object()
       end do
       call page%end_array()
-      call page%put_numbers('references, grains', shared%repeat_sd, 'repeat_sd')
-      call put_tests(page, set, tests)
-      call put_grains(page, tests, materials, shared)
+      call page%put_numbers('references, grains', found%repeat_sd, 'repeat_sd')
+      call put_tests(page, set, found%tests)
+      call put_grains(page, found)
       call page%put('warnings', warnings)
       call page%end_object()
       document = page%text()
@@ -176,10 +161,10 @@ contains
          real(wp), parameter :: unmoved = 0.9_wp
          real(wp) :: sd
 
-         sd = sqrt(shared%covariance(i, i))
+         sd = sqrt(found%covariance(i, i))
          call page%begin_object(name)
-         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, shared%prior_sd(i)*unit])
-         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*shared%prior_sd(i))))
+         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, found%prior_sd(i)*unit])
+         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*found%prior_sd(i))))
          call page%end_object()
       end subroutine put_unknown
    end function write_document
@@ -214,38 +199,37 @@ contains
 
    !> Moduli of the grains, how they depend on what they share, where their errors come from, and how the tests of one grain agree: their
    !> chi-square about its mean.
-   subroutine put_grains(page, tests, materials, shared)
+   subroutine put_grains(page, found)
       type(json_type), intent(inout) :: page
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
+      type(curves_posterior_type), intent(in) :: found
       character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
       integer, parameter :: n_sources = n_shared + 3
-      real(wp), allocatable :: budget(:, :), slopes(:, :), found(:), weight(:)
+      real(wp), allocatable :: budget(:, :), slopes(:, :), values(:), weight(:)
       integer, allocatable :: grains(:)
-      real(wp) :: sd(size(shared%mean)), chi_square
+      real(wp) :: sd(size(found%mean)), chi_square
       integer :: i, j, freedom
 
-      grains = grains_of(tests, materials)
+      grains = found%grains()
       allocate (budget(n_sources, size(grains)), slopes(size(grains), size(sd)))
-      sd = [(sqrt(shared%covariance(j, j)), j=1, size(sd))]
+      sd = [(sqrt(found%covariance(j, j)), j=1, size(sd))]
       chi_square = 0.0_wp
       freedom = -size(grains)
       call page%begin_array('grains')
       do i = 1, size(grains)
-         associate (m => materials(grains(i)), own => tests%material == grains(i) .and. tests%used)
+         associate (m => found%materials(grains(i)), tests => found%tests, own => found%tests%material == grains(i) .and. &
+            & found%tests%used)
             slopes(i, :) = m%by_shared
             budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)
             budget(n_shared + 1, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
             budget(n_shared + 2, i) = sqrt(sum(tests%variance*tests%drift_share, own))/count(own)
             budget(n_sources, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(n_shared + 2, i)**2))
-            found = pack(tests%ln_modulus, own)
-            weight = 1.0_wp/(pack(tests%variance, own) + shared%repeat_sd(2)**2)
-            chi_square = chi_square + sum(weight*(found - sum(weight*found)/sum(weight))**2)
-            freedom = freedom + size(found)
+            values = pack(tests%ln_modulus, own)
+            weight = 1.0_wp/(pack(tests%variance, own) + found%repeat_sd(2)**2)
+            chi_square = chi_square + sum(weight*(values - sum(weight*values)/sum(weight))**2)
+            freedom = freedom + size(values)
             call page%begin_object()
             call page%put('grain', m%name)
-            call page%put('tests', size(found))
+            call page%put('tests', size(values))
             call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
             call page%put_numbers(names, budget(:, i), 'error_budget')
             call page%end_object()
@@ -260,7 +244,7 @@ contains
       if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], 'error_budget')
       call page%begin_object('shared')
       call page%put('loadings', slopes)
-      call page%put('covariance', shared%covariance)
+      call page%put('covariance', found%covariance)
       call page%end_object()
    end subroutine put_grains
 end module curves_document

@@ -4,12 +4,12 @@ module curves_stage
    use curve_materials, only: find_materials
    use curves_document, only: write_curve_files, write_document
    use elastic_window, only: begin_test, leave_out, n_shared, nuisances_type, score_test, test_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use loading_segment, only: take_loading
    use namelist_file, only: place
-   use shared_posterior, only: infer_shared, material_type, shared_type
+   use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
    use text, only: to_text
    implicit none
@@ -17,13 +17,9 @@ module curves_stage
    public :: curves_stage_type
 
    type, extends(stage_type) :: curves_stage_type
-      type(test_type), allocatable :: tests(:)
-      type(material_type), allocatable :: materials(:)
-      type(shared_type) :: shared
-      type(warning_type), allocatable :: sessions(:)
+      type(curves_posterior_type) :: found
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type curves_stage_type
 
    !> GPa: a first estimate beyond these means wrong units.
@@ -38,12 +34,12 @@ contains
       real(wp) :: sd, modulus
       integer :: i
 
-      allocate (self%tests(size(self%problem%curves%curves)))
-      call find_materials(self%problem, self%tests, self%materials, self%sessions, error)
+      allocate (self%found%tests(size(self%problem%curves%curves)))
+      call find_materials(self%problem, self%found, error)
       if (allocated(error)) return
       associate (asked => self%problem%settings%curves)
-         do i = 1, size(self%tests)
-            associate (c => self%problem%curves%curves(i), test => self%tests(i))
+         do i = 1, size(self%found%tests)
+            associate (c => self%problem%curves%curves(i), test => self%found%tests(i))
                call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
                test%used = len(test%reason) == 0
@@ -60,8 +56,9 @@ contains
          end do
          sd = 0.3_wp
          if (allocated(asked%radius_sd_um)) sd = asked%radius_sd_um/asked%radius_um
-         self%shared%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%sessions))]
-         self%shared%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, size(self%sessions))]
+         self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%found%sessions))]
+         self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, &
+            & size(self%found%sessions))]
       end associate
    end subroutine begin
 
@@ -75,16 +72,17 @@ contains
       associate (set => self%problem%curves)
          call iterate(self, error)
          if (allocated(error)) return
-         do i = 1, size(self%tests)
-            if (.not. self%tests(i)%used) call warn(self%warnings, 'test '//set%curves(i)%name//' is left out: ' &
-               & //self%tests(i)%reason)
+         do i = 1, size(self%found%tests)
+            if (.not. self%found%tests(i)%used) call warn(self%warnings, 'test '//set%curves(i)%name//' is left out: ' &
+               & //self%found%tests(i)%reason)
          end do
          call check_references(self, error)
-         if (.not. allocated(error)) call write_curve_files(set, self%tests, self%materials, self%shared, self%output, error)
+         if (.not. allocated(error)) call write_curve_files(set, self%found, self%output, error)
          if (allocated(error)) return
-         document = write_document(set, self%tests, self%materials, self%shared, self%sessions, self%warnings)
+         document = write_document(set, self%found, self%warnings)
       end associate
-      self%done = to_text(count(self%tests%used))//' of '//to_text(size(self%tests))//' tests: '//self%output//'/measurements.csv'
+      self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests))//' tests: '//self%output &
+         & //'/measurements.csv'
    end subroutine finish
 
    !> Tests given what they share, and this given the tests, until the shared unknowns stay.
@@ -97,7 +95,7 @@ contains
       real(wp) :: before(n_shared)
       integer :: i, step
 
-      associate (asked => self%problem%settings%curves, s => self%shared, tests => self%tests)
+      associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
          nuisances%drift = asked%drift_sd_nm_s
          nuisances%load = asked%load_sd_mn
          s%mean = s%prior_mean
@@ -106,14 +104,14 @@ contains
             do i = 1, size(tests)
                if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), s%prior_sd(:n_shared), nuisances)
             end do
-            call compare_tests(tests, self%materials, step > 1)
+            call compare_tests(tests, self%found%materials, step > 1)
             if (.not. any(tests%used)) then
                call refuse(error, place(self%problem%path, 'curves', 'file')//'no test has an elastic part; test ' &
                   & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
                return
             end if
             before = s%mean(:n_shared)
-            call infer_shared(tests, self%materials, s, error)
+            call s%infer_shared(error)
             if (allocated(error)) return
             if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) < [(settled*sqrt(s%covariance(i, i)), i=1, &
                & n_shared)])) exit
@@ -158,10 +156,10 @@ contains
       integer :: k
 
       known = .false.
-      associate (s => self%shared, tests => self%tests)
+      associate (s => self%found, tests => self%found%tests)
          off = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
-         do k = 1, size(self%materials)
-            associate (m => self%materials(k), own => tests%material == k .and. tests%used)
+         do k = 1, size(self%found%materials)
+            associate (m => self%found%materials(k), own => tests%material == k .and. tests%used)
                if (.not. (m%reference .and. any(own))) cycle
                known = .true.
                found = sum(tests%ln_modulus, own)/count(own)
