@@ -157,7 +157,7 @@ contains
          & //' to '//fixed(test%to_load, 1)//' mN')
    end subroutine score_test
 
-   !> A test that does not count, and why.
+   !> A test that does not count, and the `reason` why.
    subroutine leave_out(test, reason)
       type(test_type), intent(inout) :: test
       character(len=*), intent(in) :: reason

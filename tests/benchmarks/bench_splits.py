@@ -2,7 +2,7 @@
 
 Quartz: tests that are left out are grains of unknown modulus, the others the reference. Glaucophane: tests of a grain against each other.
 
-    ./bayesindent bench curve_splits
+    ./bayesindent bench splits
 """
 
 import csv
