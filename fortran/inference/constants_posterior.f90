@@ -40,14 +40,16 @@ module constants_posterior
       class(grain_model_type), allocatable :: grains
       class(observable_type), allocatable :: observable
       class(error_model_type), allocatable :: errors
-      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then the two
-      !> tilts of the sample.
+      !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
+      !> ones that were stated, then the two tilts of the sample.
       integer :: n_shared = 0, n_calibrated = 0
       !> Measured values and their sds, GPa.
       real(wp), allocatable :: measured(:), sd(:)
       !> Of each grain: sd of the tilt, radians, and group.
       real(wp), allocatable :: tilt_sd(:)
       integer, allocatable :: group(:)
+      !> Stated relative errors, (grain, error).
+      real(wp), allocatable :: shared(:, :)
       !> Bunge-Euler angles of the rows of `grains`, radians.
       real(wp), allocatable :: euler(:, :)
       !> Scales of their errors, GPa; and the variance of y that grains do not share.
@@ -93,6 +95,8 @@ contains
       posterior%sd = measured%sd
       posterior%tilt_sd = measured%tilt_sd
       posterior%group = measured%group
+      allocate (posterior%shared(posterior%n_grains, 0))
+      if (allocated(measured%shared)) posterior%shared = measured%shared
       posterior%n_groups = max(1, maxval(measured%group))
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
@@ -107,7 +111,7 @@ contains
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
       posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
-      posterior%n_shared = posterior%n_calibrated + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
+      posterior%n_shared = posterior%n_calibrated + size(posterior%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
 
@@ -349,7 +353,7 @@ contains
       real(wp), dimension(self%n_grains) :: slope, own_variance, map_slope, common
       real(wp) :: tilt_slopes(self%n_grains, 2)
       real(wp), allocatable :: columns(:, :)
-      integer :: g
+      integer :: g, n
 
       call evaluate_grains(self, c, model, slope, own_variance, independent, tilt_slopes)
       map_slope = 1.0_wp
@@ -376,8 +380,12 @@ contains
             u(g, self%grains%n_columns + self%group(g)) = self%settings%calibration_sd*common(g)/scales(g)
          end do
       end if
-      do g = self%n_calibrated + 1, self%n_shared
-         u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - self%n_calibrated)*map_slope/scales
+      n = self%n_calibrated + size(self%shared, 2)
+      do g = self%n_calibrated + 1, n
+         u(:, g) = self%shared(:, g - self%n_calibrated)*model/scales
+      end do
+      do g = n + 1, self%n_shared
+         u(:, g) = self%settings%misalignment_sd_deg*degree*tilt_slopes(:, g - n)*map_slope/scales
       end do
    end subroutine predict_measurements
 

@@ -17,6 +17,8 @@ module measured_grains
       real(wp), allocatable :: modulus(:), sd(:)
       !> Which calibration error a measurement has, 1, 2, .., (n).
       integer, allocatable :: group(:)
+      !> Relative errors of sd 1 times these, (n, error).
+      real(wp), allocatable :: shared(:, :)
    end type measured_type
 
    !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.

@@ -177,7 +177,8 @@ contains
          shared(:, j) = shared(:, j)*scales
       end do
       source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, &
-         & posterior%n_calibrated), (from_orientation, j=posterior%n_calibrated + 1, posterior%n_shared)]
+         & posterior%n_calibrated + size(posterior%shared, 2)), (from_orientation, j=posterior%n_calibrated &
+         & + size(posterior%shared, 2) + 1, posterior%n_shared)]
       call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
       model = modulus
       residual = 1.0_wp

@@ -98,7 +98,8 @@ contains
       self%physics = [problem%settings]
       self%done = ''
       allocate (self%warnings(0), self%reasons(0), self%more(0))
-      call self%begin(error)
+      if (any(self%name == [character(len=7) :: 'extract', 'next'])) call self%problem%take_curve_results(self%output, error)
+      if (.not. allocated(error)) call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
       call begin_batch(self)

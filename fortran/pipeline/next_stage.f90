@@ -321,6 +321,11 @@ contains
       if (posterior%settings%calibration_sd > 0.0_wp) columns(:, grains%n_columns + 1) = &
          & posterior%settings%calibration_sd*posterior%observable%calibration_slope(mean)
       call posterior%place_shared(z, b, precision, factor)
+      ! Of the errors that were stated it has those of the mean grain.
+      do i = 1, size(posterior%shared, 2)
+         columns(:, posterior%n_calibrated + i) = sum(posterior%shared(:, i))/posterior%n_grains*mean
+         factor = factor + sum(posterior%shared(:, i))/posterior%n_grains*b(posterior%n_calibrated + i)
+      end do
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)
          values = values + slope*matmul(influence, b(:grains%n_columns))

@@ -35,7 +35,7 @@ contains
       if (allocated(error)) return
       if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
-            & //'&measurements for the constants')
+            & //'&curves for moduli, &measurements for the constants')
          return
       end if
       self%stages = names

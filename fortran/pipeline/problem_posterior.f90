@@ -145,6 +145,7 @@ contains
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
+         if (allocated(problem%shared_errors)) measured%shared = problem%shared_errors(table%row, :)
       end associate
       call new_problem_prior(problem, surrogate, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
       if (allocated(error)) return

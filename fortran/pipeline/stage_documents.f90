@@ -139,7 +139,7 @@ contains
    end subroutine digest_surrogate
 
    !> Digests of groups of a problem, with the tables and the surrogate that they name: '"name": "digest"', separated by ', '.
-   function inputs_of(problem, groups, places) result(inputs)
+   recursive function inputs_of(problem, groups, places) result(inputs)
       type(problem_type), intent(in) :: problem
       !> As in `begin_results`.
       character(len=*), intent(in) :: groups
@@ -156,6 +156,7 @@ contains
          left = left(len(group) + 2:)
          ! No result follows from the machine.
          if (len(group) == 0 .or. group == 'execution' .or. index(inputs, '"'//group//'"') > 0) cycle
+         if (.not. problem%settings%curves%given .and. (group == 'curves' .or. group == 'references')) cycle
          content = page(index(page, newline//'&'//group//newline):)
          content = content(:index(content, newline//'/'))
          select case (group)
@@ -163,8 +164,18 @@ contains
             content = content(:index(content, '  title = '))//content(index(content, '  synthetic'):)
          case ('crystals')
             call add_table(problem%crystals)
+         case ('curves')
+            if (allocated(problem%curves)) content = content//problem%curves%digest//problem%curves%tests%digest()
+         case ('references')
+            call add_table(problem%references)
          case ('measurements')
-            call add_table(problem%measurements)
+            if (problem%settings%curves%given .and. .not. allocated(problem%settings%measurements%file)) then
+               ! They follow from the curves.
+               content = content//inputs_of(problem, 'curves references', places)
+            else
+               call add_table(problem%measurements)
+               if (allocated(problem%shared_digest)) content = content//problem%shared_digest
+            end if
          case ('design')
             call add_table(problem%candidates)
          case ('next')

@@ -4,6 +4,7 @@ module stages
    use abstract_stage, only: stage_type
    use build_checks, only: check_build
    use build_stage, only: build_stage_type
+   use curves_stage, only: curves_stage_type
    use errors, only: error_type, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable
@@ -33,7 +34,7 @@ module stages
       character(len=320) :: description
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(6) = [ &
+   type(stage_row_type), parameter :: all_stages(7) = [ &
       & stage_row_type('simulate', 'crystals', 'problem crystals specimen indenter simulation execution', 'simulate.json', &
       & 'finite element indentation of the crystals in a namelist', &
       & 'Writes moduli.csv (the three kinds of modulus), curves.csv (force and modulus by depth), and with vtu or inp the fields ' &
@@ -51,6 +52,11 @@ module stages
       & 'Writes the surrogate. Every simulation is kept in campaign.sqlite as soon as it is done, so that the command may be ' &
       & //'interrupted and run again, with a larger budget too. With --ask it only prints the next crystals; --tell takes ' &
       & //'their moduli.'), &
+      & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json', &
+      & 'step 0: moduli of grains from measured curves', &
+      & 'Writes measurements.csv (a grain a row), shared_errors.csv (the relative errors that grains share) and fits.csv ' &
+      & //'(each curve ' &
+      & //'with its elastic fit). extract reads the first two.'), &
       & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior knowledge sampler execution', &
       & 'summary.json', &
       & 'step 2: the constants behind measured moduli', &
@@ -65,7 +71,8 @@ module stages
    !> All stages that a file asks for.
    type(stage_row_type), parameter :: run_command = stage_row_type('run', '', 'problem execution', '', &
       & 'all that the groups of a namelist ask for, in order, resuming what is done', &
-      & '&crystals asks for simulate and theory, &design for build, &measurements for extract, &next for next; a report ends ' &
+      & '&crystals asks for simulate and theory, &design for build, &curves for curves, &measurements for extract, &next for ' &
+      & //'next; a report ends ' &
       & //'it. Nothing that is already in the output folder is simulated again.')
 
 contains
@@ -111,7 +118,7 @@ contains
 
       if (any(problem%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))
-      else if (any(problem%stages == 'extract' .or. problem%stages == 'next')) then
+      else if (.not. any(problem%stages == 'curves') .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
          call extract%open(problem, places, error)
       end if
    end subroutine check_stages
@@ -144,6 +151,8 @@ contains
          allocate (size_stage_type :: stage)
       case ('build')
          allocate (build_stage_type :: stage)
+      case ('curves')
+         allocate (curves_stage_type :: stage)
       case ('extract')
          allocate (extract_stage_type :: stage)
       case ('next')

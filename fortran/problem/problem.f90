@@ -4,6 +4,7 @@
 !> `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
+   use curve_tables, only: curve_set_type, read_curves
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
    use files, only: folder_of, printable, resolve_path
@@ -17,7 +18,7 @@ module problem
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
-   use table_columns, only: column_hint, name_columns
+   use table_columns, only: column_hint, find_column, name_columns
    use tables, only: parse_table, read_table, table_type
    use text, only: lower, newline, to_text
    implicit none
@@ -46,12 +47,19 @@ module problem
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map
       real(wp), allocatable :: positions(:, :)
+      !> Of &curves, and the crystals of &references.
+      type(curve_set_type), allocatable :: curves
+      type(points_type), allocatable :: references
+      !> Relative errors that measurements share: columns of sd 1, (row of the table, error); unallocated: none.
+      real(wp), allocatable :: shared_errors(:, :)
+      !> The file that they come from, unallocated: the table of the measurements.
+      character(len=:), allocatable :: shared_file, shared_digest
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: resolved_text, set_table
+      procedure :: resolved_text, set_table, take_curve_results
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -121,6 +129,27 @@ contains
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) call warn(self%warnings, prefix//like_radians)
          end if
+         if (allocated(s%curves%file)) then
+            allocate (self%curves)
+            call read_curves(resolve_path(self%folder, s%curves%file), resolve_path(self%folder, s%curves%tests), place(self%path, &
+               & 'curves', 'file')//printable(s%curves%file)//': ', place(self%path, 'curves', 'tests')//printable(s%curves%tests) &
+               & //': ', self%curves, error)
+            if (allocated(error)) return
+            if (.not. allocated(s%measurements%file)) then
+               s%measurements%modulus_kind = 'effective_modulus'
+               s%measurements%indenter_modulus_gpa = s%curves%indenter_modulus_gpa
+               s%measurements%indenter_nu = s%curves%indenter_nu
+            end if
+         end if
+         if (allocated(s%references%crystals)) then
+            allocate (self%references)
+            call read_crystals(resolve_path(self%folder, s%references%crystals), place(self%path, 'references', 'crystals') &
+               & //printable(s%references%crystals)//': ', self%class, self%references, error)
+            if (.not. allocated(error)) call find_column(self%references%table, 'reference', self%references%named_by, error, &
+               & .true.)
+            if (allocated(error)) return
+         end if
+         if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
             file = resolve_path(self%folder, s%measurements%file)
@@ -141,6 +170,50 @@ contains
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables
+
+   !> The measurements that curves gave in a `folder` of results, unless the file names others.
+   subroutine take_curve_results(self, folder, error)
+      class(problem_type), intent(inout) :: self
+      character(len=*), intent(in) :: folder
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: table
+
+      if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) .or. allocated(self%measurements)) return
+      self%shared_file = folder//'/shared_errors.csv'
+      call read_table(folder//'/measurements.csv', table, error)
+      call take_measurements(self, table, error)
+   end subroutine take_curve_results
+
+   !> Relative errors that the measurements of a table share: the columns of a file with a row for each, or its own shared_1, shared_2, ..
+   subroutine take_shared_errors(self, table, error)
+      type(problem_type), intent(inout) :: self
+      type(table_type), intent(in) :: table
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: source
+      logical, allocatable :: chosen(:)
+      integer :: i, j
+
+      source = table
+      if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
+      if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
+         & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
+      chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
+         & source%columns)]
+      if (.not. allocated(error) .and. any(chosen)) then
+         if (allocated(self%shared_errors)) deallocate (self%shared_errors)
+         allocate (self%shared_errors(source%rows, count(chosen)))
+         associate (columns => pack([(j, j=1, source%columns)], chosen))
+            do i = 1, source%rows
+               do j = 1, size(columns)
+                  if (.not. allocated(error)) call source%number(columns(j), i, self%shared_errors(i, j), error)
+               end do
+            end do
+         end associate
+         self%shared_digest = source%digest()
+      end if
+      if (allocated(error) .and. allocated(self%shared_file)) error%message = 'shared_errors: '//printable(self%shared_file)//': ' &
+         & //error%message
+   end subroutine take_shared_errors
 
    !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
    !> 'warning' what is to be told of a table.
@@ -214,6 +287,7 @@ contains
             & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler angles: ' &
             & //'directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
       end if
+      if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else

@@ -51,6 +51,9 @@ contains
             ! What is there and wrong comes before what is not there.
             if (allocated(v%values) .or. allocated(missing) .or. v%default /= '*') cycle
             if (len(command) == 0 .and. v%kind == kind_file) cycle
+            ! Curves give the measurements.
+            if (v%group == 'measurements' .and. any(list%groups%given .and. [(list%groups(j)%name == 'curves', &
+               & j=1, size(list%groups))])) cycle
             if (given) then
                call refuse(missing, place(path, v%group, v%name)//'the variable is missing; '//v%meaning//allowed_part(v))
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then

@@ -47,12 +47,19 @@ module table_columns
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number, grain_no, grain_no_', '')]
+      & column_type('grain', 'grain_id, grain_number, grain_no, grain_no_', ''), &
+      & column_type('test', 'test_id, test_number', ''), &
+      & column_type('reference', '', ''), &
+      & column_type('session', '', ''), &
+      & column_type('time_s', 'time', ' s '), &
+      & column_type('load_mn', 'load, force', ' mn '), &
+      & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
+      & column_type('drift_nm_s', 'drift', ' nm/s nm_s ')]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
    integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
    !> What may be a unit in a name.
-   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % '
+   character(len=*), parameter :: unit_words = ' deg degrees degree rad radians gpa mpa kpa pa um nm mm % mn un '
    !> Fewer letters are near to everything.
    integer, parameter :: shortest_misspelt = 4
 
@@ -91,7 +98,8 @@ contains
       end if
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
-      if (present(needed) .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
+      if (.not. present(needed)) return
+      if (needed .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
          & //column_list(table)//nearest_to(table, name))
    end subroutine find_column
 

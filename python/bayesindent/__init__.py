@@ -11,6 +11,7 @@ from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, summary
 from .pipeline.build import build_surrogate as build
+from .pipeline.curves import curves
 from .report.comparison import compare
 from .report.plots import (
     plot_chains,
@@ -30,6 +31,6 @@ from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
-    "Surrogate", "anisotropy_index", "build", "compare", "constants", "extract", "halfspace_modulus", "log_anisotropy",
+    "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
     "next_grain", "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young", "polycrystal_averages", "quantities", "report", "stiffness", "summary",
 ]  # fmt: skip

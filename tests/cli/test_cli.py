@@ -14,6 +14,7 @@ COMMANDS = (
     "theory",
     "size",
     "build",
+    "curves",
     "predict",
     "extract",
     "next",

@@ -6,7 +6,7 @@ from bench_mutations import SEEDS, mutated, try_in_process
 
 
 def test_changed_inputs_are_read_or_refused(tmp_path):
-    counted, failures = try_in_process(200, 7, tmp_path)
+    counted, failures = try_in_process(250, 7, tmp_path)
     assert failures == []
     assert min(sum(count for (suffix, _), count in counted.items() if suffix == kind) for kind in SEEDS) > 5
     # Neither is all refused nor all read: the changes are small, and they matter.

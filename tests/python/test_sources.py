@@ -19,7 +19,7 @@ PYTHON = sorted((SOURCE / "python").rglob("*.py"))
 
 #: Each folder may use those before it; Python's sub-packages bear the same names.
 LAYERS = (
-    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "observables", "inference",
+    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "curves", "fe", "simulation", "surrogate", "observables", "inference",
     "campaign", "pipeline", "report", "facade", "program",
 )  # fmt: skip
 

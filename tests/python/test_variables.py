@@ -6,12 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 from step_2_cases import rough_correction
+from synthetic_curves import sneddon
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.engines import ENGINES
 from bayesindent.inference.posterior import Posterior
 from bayesindent.pipeline.build import build
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema
@@ -107,6 +109,41 @@ def read(folder, groups):
     return points.euler_deg.tolist(), points.modulus_gpa.tolist(), points.modulus_kind
 
 
+def moduli(folder, groups):
+    """What curves give: the grain, and how well it is known; or the refusal."""
+    folder.mkdir(exist_ok=True)
+    rng = np.random.default_rng(1)
+    for file, modulus in (("curves.csv", 100.0), ("softer.csv", 90.0)):
+        rows = [row for test in "abq" for row in curve_rows(test, 69.64 if test == "q" else modulus, rng)]
+        (folder / file).write_text("test,time_s,depth_nm,load_mn\n" + "".join(rows))
+    header = "test,grain,reference,drift_nm_s\n"
+    (folder / "tests.csv").write_text(header + "a,g,,0.2\nb,g,,\nq,,quartz,\n")
+    (folder / "few_tests.csv").write_text(header + "a,g,,\nb,,quartz,\nq,,quartz,\n")
+    (folder / "copper_tests.csv").write_text(header + "a,g,,\nb,g,,\nq,,copper,\n")
+    isotropic = {"name": ["quartz"], "young_gpa": [72.0], "young_sd_gpa": [0.5], "nu": [0.17]}
+    defaults = {"problem": {"symmetry": "cubic"}, "curves": {"file": "curves.csv", "tests": "tests.csv", "radius_um": 5.0}}
+    groups = merged(merged(defaults, {"references": {} if "crystals" in groups.get("references", {}) else isotropic}), groups)
+    for file in ("points.csv", "others.csv"):
+        place = "10,20,30" if file == "points.csv" else "0,45,0"
+        (folder / file).write_text(
+            POINTS.replace("10,20,30", place).replace("phi2_deg\n", "phi2_deg,reference\n").replace(place, f"{place},copper")
+        )
+    text = "".join(f"&{group}\n{spelled(values)}/\n" for group, values in groups.items())
+    (folder / "a.nml").write_text(text.replace("True", ".true.").replace("False", ".false."))
+    try:
+        document = run_stage(bi.Problem(folder / "a.nml", "curves"), "curves", folder / "out")
+    except bi.InputError as error:
+        return str(error).replace(str(folder), "")
+    return document["grains"], document["tip"]
+
+
+def curve_rows(test, modulus, rng):
+    """Lines of a noisy elastic curve."""
+    load = np.linspace(0.2, 40, 150)
+    depth = 1e3 * sneddon(load, modulus, 5.0, 1.0) + 0.2 * rng.normal(size=150)
+    return [f"{test},{t:.3f},{h:.3f},{p:.4f}\n" for t, h, p in zip(np.linspace(0, 20, 150), depth, load, strict=True)]
+
+
 def sampled(folder, groups):
     """Chains."""
     settings = {"method": "scmh", "samples": 12, "burn_in": 20, "chains": 2} | {
@@ -169,6 +206,7 @@ def merged(groups: dict, more: dict) -> dict:
     return groups | {name: groups.get(name, {}) | values for name, values in more.items()}
 
 
+OF_A_CRYSTAL = {"curves": {"tests": "copper_tests.csv"}, "references": {"crystals": "points.csv"}}
 BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.66}}
 FILM = {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}
 GRAIN = {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix": "isotropic", "matrix_young_gpa": 200.0}}
@@ -192,6 +230,29 @@ EFFECTS = {
         "seed": (sampled, {}, 2),
     },
     "crystals": {"points": (files, {}, "others.csv")},
+    "curves": {
+        "file": (moduli, {}, "softer.csv"),
+        "tests": (moduli, {}, "few_tests.csv"),
+        "radius_um": (moduli, {}, 5.5),
+        "radius_sd_um": (moduli, {}, 0.1),
+        "tip_beta": (moduli, {}, 0.0),
+        "tip_beta_sd": (moduli, {}, 0.1),
+        "compliance_sd_nm_mn": (moduli, {}, 0.2),
+        "drift_removed": (moduli, {}, False),
+        "drift_sd_nm_s": (moduli, {}, 1.0),
+        "load_sd_mn": (moduli, {}, 0.2),
+        "session_sd": (moduli, {}, 0.05),
+        "indenter_modulus_gpa": (moduli, {}, 800.0),
+        "indenter_nu": (moduli, {}, 0.3),
+    },
+    "references": {
+        "name": (moduli, {}, ["glass"]),
+        "young_gpa": (moduli, {}, [80.0]),
+        "young_sd_gpa": (moduli, {}, [3.0]),
+        "nu": (moduli, {}, [0.3]),
+        "crystals": (moduli, OF_A_CRYSTAL, "others.csv"),
+        "crystal_sd": (moduli, OF_A_CRYSTAL, 0.1),
+    },
     "specimen": {
         "geometry": (simulated, {"simulation": {"refine": 0.66}}, "block"),
         "estimator": (simulated, FILM, "stiffness_hertz"),
@@ -276,6 +337,7 @@ EFFECTS = {
         "orientation_sd_deg": (density, {}, 2.0),
         "misalignment_sd_deg": (density, {}, 2.0),
         "zero_sd_nm": None,  # test_tables: with depths
+        "shared_errors": None,  # test_curves
         "yield_gpa": None,  # test_specimen_warnings: pressure of the contacts
         "scatter_sd": (density, {}, 0.03),
         "scale": (density, {}, "inferred"),

@@ -9,7 +9,7 @@ from lines import statements
 
 #: Each folder uses only those before it.
 LAYERS = (
-    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "fe", "simulation", "surrogate", "observables", "inference",
+    "common", "engines", "crystal", "settings", "tables", "problem", "theory", "curves", "fe", "simulation", "surrogate", "observables", "inference",
     "campaign", "pipeline", "report", "facade", "program",
 )  # fmt: skip
 WIDTH, STEP, BOX = 300, 66, (170, 34)

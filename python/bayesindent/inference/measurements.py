@@ -94,7 +94,9 @@ def bounds_of(origin: str, symmetry: str, bounds: Mapping) -> dict:
 def measurements_of(table) -> dict[str, list]:
     """The columns of a mapping, data frame or structured array of the columns of a measurements' file (or with euler_deg or orientation, (n, 3) or orix'
     Orientation, for the three angles), a list of such rows, an object with euler_deg, modulus_gpa and sd_gpa, or an array (n, 5) or (n, 4) of phi1, Phi, phi2,
-    modulus and sd. What the columns mean is the core's to say."""
+    modulus and sd; or what `bi.curves` gave. What the columns mean is the core's to say."""
+    if hasattr(table, "shared_errors"):
+        table = table.measurements()
     if isinstance(table, list | tuple):
         named = len(table) > 0 and all(isinstance(row, Mapping) for row in table)
         table = {name: [row.get(name) for row in table] for name in table[0]} if named else _array(table)

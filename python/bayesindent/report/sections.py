@@ -58,6 +58,14 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         "prior": prior_rows(results) if document.get("prior") else [],
         "checks": check_rows(results) if document.get("checks") else [],
         "sensitivity": [row for row in map(sensitivity_row, document.get("sensitivity", [])) if row],
+        "grains": [
+            [row["grain"], row["tests"], *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)]
+            for row in results.documents["curves"].get("grains", [])
+        ],
+        "tests": [
+            [row["test"], *numbers(row, effective_modulus_gpa=1, elastic_from_mn=1, elastic_to_mn=1, drift_nm_s=3), row["reason"]]
+            for row in results.documents["curves"].get("tests", [])
+        ],
         "simulations": simulation_rows(results),
         "size": [
             [orientation(row["euler_deg"]), row["surroundings"], *numbers(row, young_gpa=0, smallest_um=3)]

@@ -1,6 +1,6 @@
 """The figures of the report: functions of `Results` that give a `Picture`, or raise `NothingToShow`."""
 
-from . import learning, mesh, orientations, posterior, simulations, young
+from . import curves, learning, mesh, orientations, posterior, simulations, young
 
 __all__ = ["FIGURES"]
 
@@ -10,6 +10,10 @@ FIGURES = (
     ("simulation", simulations.load_depth),
     ("simulation", simulations.theory),
     ("size", simulations.specimen_size),
+    ("curves", curves.curve_fits),
+    ("curves", curves.tip_radius),
+    ("curves", curves.curve_moduli),
+    ("curves", curves.moduli_errors),
     ("surrogate", learning.learning_curve),
     ("surrogate", learning.coefficients),
     ("surrogate", learning.parity),

@@ -1,0 +1,250 @@
+!> What `curves` leaves in a folder: the moduli of the grains, their shared errors, the fits, and the document.
+module curves_document
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use curve_tables, only: curve_set_type
+   use elastic_window, only: n_shared, test_type
+   use errors, only: error_type, warning_type
+   use files, only: new_file_type
+   use json, only: json_type
+   use kinds, only: wp
+   use shared_posterior, only: curves_posterior_type, material_type
+   use small_matrices, only: factor_semidefinite
+   use statistics, only: chi_square_above, median
+   use tables, only: csv_cell
+   use text, only: newline, short_text, split_list, to_text
+   implicit none
+   private
+   public :: write_curve_files, write_document
+
+   !> Columns of the table of tests that are those of the measurements too.
+   character(len=*), parameter :: carried = 'phi1_deg, phi1, Phi_deg, Phi, phi2_deg, phi2, q0, q1, q2, q3, u, v, w, h, k, l, ' &
+      & //'orientation_sd_deg, grain_radius_um'
+   !> A loading that is smaller than this everywhere is none.
+   real(wp), parameter :: negligible = 1.0e-6_wp
+
+contains
+
+   !> measurements.csv, shared_errors.csv and fits.csv.
+   subroutine write_curve_files(set, found, output, error)
+      type(curve_set_type), intent(in) :: set
+      type(curves_posterior_type), intent(in) :: found
+      !> Folder.
+      character(len=*), intent(in) :: output
+      type(error_type), allocatable, intent(out) :: error
+      type(new_file_type) :: measurements, errors, fits
+      real(wp), allocatable :: loadings(:, :)
+      integer, allocatable :: grains(:), columns(:)
+      character(len=:), allocatable :: names(:)
+      integer :: i, j
+
+      grains = found%grains()
+      loadings = loadings_of(found%materials(grains), found%covariance)
+      allocate (names, source=split_list(carried))
+      columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
+      columns = pack(columns, columns > 0)
+      call measurements%begin(output//'/measurements.csv')
+      call errors%begin(output//'/shared_errors.csv')
+      call fits%begin(output//'/fits.csv')
+      call measurements%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
+      call errors%add('grain')
+      do j = 1, size(loadings, 2)
+         call errors%add(',shared_'//to_text(j))
+      end do
+      call errors%add(newline)
+      do i = 1, size(grains)
+         associate (m => found%materials(grains(i)))
+            call measurements%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
+               & //numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
+            call errors%add(csv_cell(m%name)//numbers(loadings(i, :)))
+         end associate
+      end do
+      call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
+      do i = 1, size(found%tests)
+         if (.not. allocated(found%tests(i)%fit)) cycle
+         associate (t => found%tests(i), c => found%tests(i)%curve)
+            do j = 1, size(t%fit)
+               call fits%add(csv_cell(set%curves(i)%name)//numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
+            end do
+         end associate
+      end do
+      call measurements%finish(error)
+      if (.not. allocated(error)) call errors%finish(error)
+      if (.not. allocated(error)) call fits%finish(error)
+
+   contains
+
+      !> What the table of tests has in a row of these columns.
+      function cells_of(row) result(line)
+         integer, intent(in) :: row
+         character(len=:), allocatable :: line
+         integer :: k
+
+         line = ''
+         do k = 1, size(columns)
+            line = line//','//csv_cell(set%tests%cell(columns(k), row))
+         end do
+      end function cells_of
+   end subroutine write_curve_files
+
+   !> Cells that follow others, and the end of their line.
+   pure function numbers(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: j
+
+      line = ''
+      do j = 1, size(values)
+         line = line//','//short_text(values(j))
+      end do
+      line = line//newline
+   end function numbers
+
+   !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
+   function loadings_of(grains, covariance) result(loadings)
+      type(material_type), intent(in) :: grains(:)
+      !> Of what they share.
+      real(wp), intent(in) :: covariance(:, :)
+      real(wp), allocatable :: loadings(:, :)
+      real(wp) :: factor(size(covariance, 1), size(covariance, 2))
+      integer :: i, j, n
+
+      n = size(factor, 2)
+      factor = covariance
+      call factor_semidefinite(factor)
+      allocate (loadings(size(grains), n))
+      do j = 1, n
+         loadings(:, j) = [(sum(grains(i)%by_shared(j:)*factor(j:, j)), i=1, size(grains))]
+      end do
+      loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
+   end function loadings_of
+
+   !> The document: JSON.
+   function write_document(set, found, warnings) result(document)
+      type(curve_set_type), intent(in) :: set
+      type(curves_posterior_type), intent(in) :: found
+      type(warning_type), intent(in) :: warnings(:)
+      character(len=:), allocatable :: document
+      type(json_type) :: page
+      integer :: i
+
+      call page%begin_object()
+      call page%begin_object('tip')
+      call put_unknown('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
+      call put_unknown('beta', 2, found%mean(2), 1.0_wp)
+      call page%end_object()
+      call page%begin_object('frame')
+      call put_unknown('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
+      call page%end_object()
+      call page%begin_array('sessions')
+      do i = 1, size(found%sessions)
+         call page%begin_object()
+         call page%put('session', found%sessions(i)%text)
+         call put_unknown('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
+         call page%end_object()
+      end do
+      call page%end_array()
+      call page%put_numbers('references, grains', found%repeat_sd, 'repeat_sd')
+      call put_tests(page, set, found%tests)
+      call put_grains(page, found)
+      call page%put('warnings', warnings)
+      call page%end_object()
+      document = page%text()
+
+   contains
+
+      !> A shared unknown: its posterior, and what decided it. `unit`: of a change by one.
+      subroutine put_unknown(name, i, mean, unit)
+         character(len=*), intent(in) :: name
+         integer, intent(in) :: i
+         real(wp), intent(in) :: mean, unit
+         !> A posterior sd that is a larger share of the prior's is the prior's.
+         real(wp), parameter :: unmoved = 0.9_wp
+         real(wp) :: sd
+
+         sd = sqrt(found%covariance(i, i))
+         call page%begin_object(name)
+         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, found%prior_sd(i)*unit])
+         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*found%prior_sd(i))))
+         call page%end_object()
+      end subroutine put_unknown
+   end function write_document
+
+   subroutine put_tests(page, set, tests)
+      type(json_type), intent(inout) :: page
+      type(curve_set_type), intent(in) :: set
+      type(test_type), intent(in) :: tests(:)
+      real(wp) :: values(9)
+      integer :: i
+
+      call page%begin_array('tests')
+      do i = 1, size(tests)
+         associate (t => tests(i), c => set%curves(i))
+            call page%begin_object()
+            call page%put('test', c%name)
+            call page%put(trim(merge('reference', 'grain    ', c%reference)), c%material)
+            call page%put('session', c%session)
+            call page%put('used', t%used)
+            call page%put('reason', t%reason)
+            values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, t%zero, t%drift, t%drift_sd, t%noise, &
+               & t%correlation]
+            ! What is not finite is null.
+            if (.not. t%used) values = ieee_value(1.0_wp, ieee_quiet_nan)
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, elastic_to_mn, zero_nm, drift_nm_s, ' &
+               & //'drift_sd_nm_s, noise_nm, noise_correlation', values)
+            call page%end_object()
+         end associate
+      end do
+      call page%end_array()
+   end subroutine put_tests
+
+   !> Moduli of the grains, how they depend on what they share, where their errors come from, and how the tests of one grain agree: their
+   !> chi-square about its mean.
+   subroutine put_grains(page, found)
+      type(json_type), intent(inout) :: page
+      type(curves_posterior_type), intent(in) :: found
+      character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
+      integer, parameter :: n_sources = n_shared + 3
+      real(wp), allocatable :: budget(:, :), slopes(:, :), values(:), weight(:)
+      integer, allocatable :: grains(:)
+      real(wp) :: sd(size(found%mean)), chi_square
+      integer :: i, j, freedom
+
+      grains = found%grains()
+      allocate (budget(n_sources, size(grains)), slopes(size(grains), size(sd)))
+      sd = [(sqrt(found%covariance(j, j)), j=1, size(sd))]
+      chi_square = 0.0_wp
+      freedom = -size(grains)
+      call page%begin_array('grains')
+      do i = 1, size(grains)
+         associate (m => found%materials(grains(i)), tests => found%tests, own => found%tests%material == grains(i) .and. &
+            & found%tests%used)
+            slopes(i, :) = m%by_shared
+            budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)
+            budget(n_shared + 1, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
+            budget(n_shared + 2, i) = sqrt(sum(tests%variance*tests%drift_share, own))/count(own)
+            budget(n_sources, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(n_shared + 2, i)**2))
+            values = pack(tests%ln_modulus, own)
+            weight = 1.0_wp/(pack(tests%variance, own) + found%repeat_sd(2)**2)
+            chi_square = chi_square + sum(weight*(values - sum(weight*values)/sum(weight))**2)
+            freedom = freedom + size(values)
+            call page%begin_object()
+            call page%put('grain', m%name)
+            call page%put('tests', size(values))
+            call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
+            call page%put_numbers(names, budget(:, i), 'error_budget')
+            call page%end_object()
+         end associate
+      end do
+      call page%end_array()
+      call page%begin_object('agreement')
+      call page%put('chi_square', chi_square)
+      call page%put('degrees_of_freedom', freedom)
+      if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
+      call page%end_object()
+      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], 'error_budget')
+      call page%begin_object('shared')
+      call page%put('loadings', slopes)
+      call page%put('covariance', found%covariance)
+      call page%end_object()
+   end subroutine put_grains
+end module curves_document

@@ -1,0 +1,100 @@
+"""Step 0 in Python: curves and tests in the ways that Python has tables; the numerics are the core's."""
+
+import csv
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from ..core import InputError
+from ..curves.instruments import as_file, read_curves
+from ..settings.keywords import takes, warn_of
+from ..settings.problem import Problem, spelled
+from .stage import run_stage
+
+__all__ = ["Curves", "curves"]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What curves gave; `bi.extract` takes it in place of a table.
+
+    `table`: columns grain, orientation where the tests have it, effective_modulus_gpa and sd_gpa (of errors that grains do not share).
+    `shared_errors` (grain, error): independent relative errors that grains share, of sd 1 times these. `tip_radius_um`: mean and sd.
+    `fits`: of each point of a loading the test, the load, the depth, the elastic fit and the probability that it is elastic.
+    `document`: all else, as curves.json has it.
+    """
+
+    table: dict[str, list]
+    shared_errors: np.ndarray
+    tip_radius_um: tuple[float, float]
+    fits: dict[str, list]
+    document: dict
+
+    def measurements(self) -> dict[str, list]:
+        """The table with its shared errors as columns."""
+        return self.table | {f"shared_{j}": list(column) for j, column in enumerate(self.shared_errors.T, 1)}
+
+
+@takes("curves", without=("file", "tests"))
+def curves(curves, tests, references: Mapping | str | os.PathLike | None = None, *, crystal_sd: float | None = None, **settings) -> Curves:
+    """Infer the moduli of grains from curves of load and depth, with all errors that they share.
+
+    Parameters
+    ----------
+    curves : path, list of paths, or table
+        A CSV or a table of the columns test, time_s, depth_nm, load_mn (and stiffness_n_m); or the files of an instrument, one a test, whose
+        names are those of the files.
+    tests : path or table
+        Columns test, grain or reference, and optional session, drift_nm_s, and the orientations of grains.
+    references : dict or path, optional
+        Isotropic references, {'quartz': (72, 0.5, 0.17)}: Young's modulus and its sd in GPa, Poisson's ratio; or a CSV of crystals, as
+        `&references crystals` takes it. Without references only ratios of the moduli are known.
+    crystal_sd : float, optional
+        Relative sd of the moduli of references that are crystals.
+    """
+    origin = "bi.curves"
+    with TemporaryDirectory() as folder:
+        removed = settings.get("drift_removed", True)
+        files = {"file": read_curves(curves, Path(folder), origin, removed), "tests": as_file(tests, Path(folder) / "tests.csv")}
+        groups = {"curves": files | settings, "references": references_of(references, crystal_sd)}
+        text = ""
+        for group, values in groups.items():
+            lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in values.items() if value is not None]
+            text += f"&{group}\n{''.join(lines)}/\n" if lines else ""
+        document = run_stage(Problem.parse(origin, text), "curves", folder)
+        found = {name: read_columns(Path(folder) / f"{name}.csv") for name in ("measurements", "shared_errors", "fits")}
+    warn_of(document)
+    radius = document["tip"]["radius_um"]
+    shared = [values for name, values in found["shared_errors"].items() if name != "grain"]
+    return Curves(
+        found["measurements"],
+        np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T,
+        (radius["mean"], radius["sd"]),
+        found["fits"],
+        document,
+    )
+
+
+def references_of(references, crystal_sd: float | None) -> dict:
+    """The variables of &references."""
+    if not isinstance(references, Mapping):
+        return {"crystals": references, "crystal_sd": crystal_sd}
+    try:
+        moduli, sds, ratios = zip(*references.values(), strict=True)
+    except (TypeError, ValueError):
+        raise InputError(
+            "bi.curves: references: each has Young's modulus, its sd and Poisson's ratio: {'quartz': (72, 0.5, 0.17)}"
+        ) from None
+    return {"name": list(references), "young_gpa": list(moduli), "young_sd_gpa": list(sds), "nu": list(ratios)}
+
+
+def read_columns(path: Path) -> dict[str, list]:
+    """The columns of a CSV of results: numbers, names apart."""
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    columns = {name: [row[k] for row in rows] for k, name in enumerate(header)}
+    return {name: cells if name in ("grain", "test") else [float(cell or "nan") for cell in cells] for name, cells in columns.items()}
