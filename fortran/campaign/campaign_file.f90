@@ -320,7 +320,7 @@ contains
       if (.not. allocated(error)) call file%open(path, error)
       if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
       if (.not. allocated(error)) call verify()
-      if (.not. allocated(error)) call migrate(file, error)
+      if (.not. allocated(error)) call migrate()
       call name_file(path, error)
 
    contains
@@ -362,21 +362,19 @@ contains
          found = found(index(found, newline, back=.true.) + 1:)
          call raise_damaged(path, found, error)
       end subroutine verify
+
+      !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
+      subroutine migrate()
+         character(len=:), allocatable :: version
+
+         call file%value('PRAGMA user_version', version, error)
+         if (allocated(error) .or. version == layout_version) return
+         call file%run(begin_transaction, error)
+         if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
+         if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
+         call end_transaction(file, error)
+      end subroutine migrate
    end subroutine open_campaign_file
-
-   !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
-   subroutine migrate(file, error)
-      type(database_type), intent(in) :: file
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: version
-
-      call file%value('PRAGMA user_version', version, error)
-      if (allocated(error) .or. version == layout_version) return
-      call file%run(begin_transaction, error)
-      if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
-      if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
-      call end_transaction(file, error)
-   end subroutine migrate
 
    !> Keep what was changed since `begin_transaction` was run, or nothing after an `error`.
    subroutine end_transaction(file, error)

@@ -128,10 +128,8 @@ contains
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
-      associate (x => grid%mesh%x(:, grid%mesh%contact))
+      associate (x => grid%mesh%x(:, grid%mesh%contact), a => grid%assembly)
          grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
-      end associate
-      associate (a => grid%assembly)
          call analyse_pattern(a%column_start, a%row, a%group, a%n_contact, grid%cholesky, error)
       end associate
    end subroutine new_grid

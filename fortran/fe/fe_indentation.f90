@@ -83,13 +83,8 @@ contains
       call new_indentation(settings, model%indenter, model%specimen, error)
       if (allocated(error)) return
       associate (simulation => settings%simulation, indenter => model%indenter)
-         if (model%specimen%element == 'c3d8i') then
-            model%formulation = brick_incompatible
-         else if (simulation%integration == 'full') then
-            model%formulation = brick_full
-         else
-            model%formulation = brick_selective
-         end if
+         model%formulation = merge(brick_full, brick_selective, simulation%integration == 'full')
+         if (model%specimen%element == 'c3d8i') model%formulation = brick_incompatible
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
          model%window = [real(wp) ::]

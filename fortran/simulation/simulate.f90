@@ -251,16 +251,16 @@ contains
       allocate (pairs(0))
       wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call add_pair(pairs, 'numerics', to_text(numerics_revision))
+         call add_pair('numerics', to_text(numerics_revision))
          wanted = common
          call new_indentation(settings, indenter, specimen, error)
          if (allocated(indenter)) wanted = wanted//', '//indenter%variables
          if (allocated(specimen)) then
             wanted = wanted//', '//specimen%variables
             two_meshes = .not. allocated(settings%simulation%extrapolate)
-            if (two_meshes) call add_pair(pairs, 'extrapolate', '"as needed"')
+            if (two_meshes) call add_pair('extrapolate', '"as needed"')
             if (.not. two_meshes) two_meshes = settings%simulation%extrapolate
-            if (two_meshes) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
+            if (two_meshes) call add_pair('coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
       list = list_settings(settings)
@@ -271,7 +271,7 @@ contains
             value = v%values(1)%text
             if (is_text(v)) value = '"'//value//'"'
             if (v%kind == kind_logical) value = value(2:len(value) - 1)
-            call add_pair(pairs, v%name, value)
+            call add_pair(v%name, value)
          end associate
       end do
       identity = ''
@@ -279,21 +279,21 @@ contains
          identity = identity//', '//pairs(i)%text
       end do
       identity = '{'//identity(3:)//'}'
+
+   contains
+
+      !> Put a pair in its place.
+      subroutine add_pair(name, value)
+         !> Of the variable; JSON.
+         character(len=*), intent(in) :: name, value
+         type(value_type) :: pair
+         integer :: i
+
+         pair%text = '"'//name//'": '//value
+         do i = 1, size(pairs)
+            if (pairs(i)%text > pair%text) exit
+         end do
+         pairs = [pairs(:i - 1), pair, pairs(i:)]
+      end subroutine add_pair
    end function identity_text
-
-   !> Put a pair in its place.
-   subroutine add_pair(pairs, name, value)
-      type(value_type), allocatable, intent(inout) :: pairs(:)
-      !> Of the variable; JSON.
-      character(len=*), intent(in) :: name, value
-      type(value_type) :: pair
-      integer :: i
-
-      pair%text = '"'//name//'": '//value
-      do i = 1, size(pairs)
-         if (pairs(i)%text > pair%text) exit
-      end do
-      pairs = [pairs(:i - 1), pair, pairs(i:)]
-   end subroutine add_pair
-
 end module simulate

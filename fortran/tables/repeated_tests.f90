@@ -78,7 +78,7 @@ contains
       first = number_equal(key)
       if (all(first == points%row)) return
       call check_tests()
-      if (.not. allocated(error)) call merge_tests(points, first)
+      if (.not. allocated(error)) call merge_tests()
 
    contains
 
@@ -105,36 +105,33 @@ contains
             end if
          end do
       end subroutine check_tests
+
+      !> Weighted means; sizes and depths are plain means of what is given.
+      subroutine merge_tests()
+         real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
+         integer, allocatable :: kept(:)
+
+         kept = pack(points%row, first == points%row)
+         weight = 1.0_wp/points%sd_gpa**2
+         tests = sums(spread(1.0_wp, 1, points%n), first)
+         precision = sums(weight, first)
+         modulus = sums(weight*points%modulus_gpa, first)
+         modulus(kept) = modulus(kept)/precision(kept)
+         chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
+         points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
+         points%depth_um = means_of(points%depth_um, first, kept)
+         points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
+         points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
+         points%n = size(kept)
+         points%euler_deg = points%euler_deg(:, kept)
+         points%group = points%group(kept)
+         points%row = kept
+         points%modulus_gpa = modulus(kept)
+         points%sd_gpa = 1.0_wp/sqrt(precision(kept))
+         points%tests = nint(tests(kept))
+         points%chi_square = chi_square(kept)
+      end subroutine merge_tests
    end subroutine combine_tests
-
-   !> Weighted means; sizes and depths are plain means of what is given.
-   subroutine merge_tests(points, first)
-      type(points_type), intent(inout) :: points
-      !> Of each test the first one of its grain.
-      integer, intent(in) :: first(:)
-      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
-      integer, allocatable :: kept(:)
-
-      kept = pack(points%row, first == points%row)
-      weight = 1.0_wp/points%sd_gpa**2
-      tests = sums(spread(1.0_wp, 1, points%n), first)
-      precision = sums(weight, first)
-      modulus = sums(weight*points%modulus_gpa, first)
-      modulus(kept) = modulus(kept)/precision(kept)
-      chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
-      points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
-      points%depth_um = means_of(points%depth_um, first, kept)
-      points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
-      points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
-      points%n = size(kept)
-      points%euler_deg = points%euler_deg(:, kept)
-      points%group = points%group(kept)
-      points%row = kept
-      points%modulus_gpa = modulus(kept)
-      points%sd_gpa = 1.0_wp/sqrt(precision(kept))
-      points%tests = nint(tests(kept))
-      points%chi_square = chi_square(kept)
-   end subroutine merge_tests
 
    !> Of each grain the sum of its tests' `values`, at the place of its first test.
    pure function sums(values, first)

@@ -17,7 +17,7 @@ module table_columns
    implicit none
    private
    public :: find_column, find_modulus, column_list, nearest_to, check_unit, column_hint, name_columns, degrees, find_ways, &
-      & read_directions, angles_of_direction, direction_names
+      & read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
@@ -283,7 +283,8 @@ contains
       integer :: equals, column, i, k
 
       if (.not. allocated(said)) return
-      names = join(known_columns%name, ', ')//', '//direction_names()
+      names = join(known_columns%name, ', ')//', ' &
+         & //join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
       known = split_list(names)
       given = ''
       table%given_names = ''
@@ -337,13 +338,6 @@ contains
          columns = own
       end do
    end subroutine find_ways
-
-   !> The names of the columns of all ways, separated by ', '.
-   pure function direction_names() result(names)
-      character(len=:), allocatable :: names
-
-      names = join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
-   end function direction_names
 
    !> Bunge-Euler angles of every row, degrees.
    subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)

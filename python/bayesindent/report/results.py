@@ -70,9 +70,7 @@ class Results:
         if not self._settings.get(f"{name}.given"):
             return {}
         start = f"{name}."
-        return {
-            label[len(start) :]: value for label, value in self._settings.items() if label.startswith(start) and label != f"{start}given"
-        }
+        return {key[len(start) :]: value for key, value in self._settings.items() if key.startswith(start) and key != f"{start}given"}
 
     @property
     def warnings(self) -> list[str]:

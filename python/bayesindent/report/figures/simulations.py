@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from ..formatting import orientation
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels, plot_difference
+from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels
 
 __all__ = ["draw_bias", "load_depth", "specimen_size", "theory"]
 
@@ -92,6 +92,11 @@ def against_theory(simulated: np.ndarray, theory: np.ndarray) -> Figure:
     figure, left, right = parity_panels(3.4, theory, simulated)
     left.plot(theory, simulated, "o", color=BLUE, ms=4)
     left.set(xlabel="half-space theory (GPa)", ylabel="finite elements (GPa)")
-    plot_difference(right, theory, 100 * (simulated / theory - 1), "o", ms=4)
-    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)")
+    values = 100 * (simulated / theory - 1)
+    right.axhline(0, color=BLACK, lw=0.8)
+    right.plot(theory, values, "o", color=BLUE, ms=4)
+    # Limits that show the line of zero and all values.
+    limit = 1.25 * max(np.max(np.abs(values)), 0.1)
+    ends = min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))
+    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)", ylim=ends)
     return figure
