@@ -15,19 +15,14 @@ module acquisitions
    character(len=*), parameter :: acquisition_names = 'imse, all_moduli, variance, modulus, relative_variance, log_modulus'
 
    !> The candidate of largest predictive variance (paper's section 2.1; active learning, MacKay 1992), of the modulus or of its logarithm.
+   !> Or the one that lowers the mean predictive variance over all candidates most: the integrated mean squared error (active learning,
+   !> Cohn 1996). Where the domain spreads crystals over their scale it is the variance of log M: else the stiffest would decide for all.
    type :: acquisition_type
-      !> The variance of log M counts, not that of M.
-      logical :: relative = .false.
+      !> The variance of log M counts, not that of M; the mean over all candidates.
+      logical :: relative = .false., integrated = .false.
    contains
       procedure :: choose
    end type acquisition_type
-
-   !> The candidate that lowers the mean predictive variance over all candidates most: the integrated mean squared error (active learning,
-   !> Cohn 1996). Where the domain spreads crystals over their scale it is the variance of log M: else the stiffest would decide for all.
-   type, extends(acquisition_type) :: imse_acquisition_type
-   contains
-      procedure :: choose => choose_for_mean
-   end type imse_acquisition_type
 
 contains
 
@@ -39,7 +34,7 @@ contains
 
       select case (name)
       case ('imse', 'all_moduli')
-         allocate (imse_acquisition_type :: rule)
+         allocate (rule, source=acquisition_type(integrated=.true.))
       case ('variance', 'modulus')
          allocate (rule)
       case ('relative_variance', 'log_modulus')
@@ -62,66 +57,55 @@ contains
       integer, intent(out) :: chosen(:)
       !> Variance of y at each before it was chosen.
       real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: factor(:), gain(:), along(:)
+      real(wp), allocatable :: slope(:), lowered(:, :), reduction(:), gain(:), along(:)
       real(wp) :: v(basis%n_terms)
       integer :: k
 
-      factor = sensitivity(design, basis, scale, spread, self%relative)**2
-      allocate (along, mold=factor)
+      slope = sensitivity(design, basis, scale, spread, self%relative .or. (self%integrated .and. basis%domain%has_scale()))
+      allocate (along, reduction, mold=slope)
+      if (self%integrated) call find_reductions(design, slope, threads, lowered, reduction)
       do k = 1, size(chosen)
-         gain = factor*design%variance
-         chosen(k) = first_of_largest(gain, design%available)
+         if (self%integrated) then
+            gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
+         else
+            gain = slope**2*design%variance
+         end if
+         ! The lowest number of equals.
+         chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))
          design%available(chosen(k)) = .false.
          call condition_on(design, design%candidates(:, chosen(k)), threads, v, along)
+         if (self%integrated .and. k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), v, along, threads, &
+            & lowered, reduction)
       end do
    end subroutine choose
 
-   !> The lowest number of those whose values are the largest.
-   pure integer function first_of_largest(values, available)
-      !> (candidate).
-      real(wp), intent(in) :: values(:)
-      logical, intent(in) :: available(:)
-
-      first_of_largest = findloc(available .and. values >= (1.0_wp - tie)*maxval(values, mask=available), .true., 1)
-   end function first_of_largest
-
-   !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
-   subroutine choose_for_mean(self, design, basis, scale, spread, threads, chosen, variance)
-      class(imse_acquisition_type), intent(in) :: self
-      type(design_type), intent(inout) :: design
-      class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: scale(:), spread(:)
+   !> C G C, with C the covariance and G the Gram matrix of all candidates by their sensitivity, and by how much a choice t lowers the sum of
+   !> the variances, but for the factor 1/(t C t + 1/beta): t C G C t.
+   subroutine find_reductions(design, slope, threads, lowered, reduction)
+      type(design_type), intent(in) :: design
+      !> See `sensitivity`, (candidate).
+      real(wp), intent(in) :: slope(:)
       integer, intent(in) :: threads
-      integer, intent(out) :: chosen(:)
-      real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:), along(:)
-      real(wp) :: v(basis%n_terms)
-      integer :: j, k, n
+      !> (n_terms, n_terms); (candidate).
+      real(wp), allocatable, intent(out) :: lowered(:, :)
+      real(wp), intent(out) :: reduction(:)
+      real(wp), allocatable :: weighted(:, :), gram(:, :), product(:, :)
+      integer :: j, n
 
-      slope = sensitivity(design, basis, scale, spread, self%relative .or. basis%domain%has_scale())
       n = design%regression%n_terms
       weighted = design%candidates
       do j = 1, size(slope)
          weighted(:, j) = slope(j)*weighted(:, j)
       end do
-      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)), along(size(slope)))
-      gram = 0.0_wp
+      allocate (gram(n, n), source=0.0_wp)
+      allocate (product(n, n), lowered(n, n))
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       deallocate (weighted)
-      ! With G the Gram matrix of all candidates by their sensitivity: t C G C t.
       call multiply(gram, design%regression%covariance, product)
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
-      do k = 1, size(chosen)
-         gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
-         chosen(k) = first_of_largest(gain, design%available)
-         variance(k) = design%variance(chosen(k))
-         design%available(chosen(k)) = .false.
-         call condition_on(design, design%candidates(:, chosen(k)), threads, v, along)
-         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), v, along, threads, lowered, reduction)
-      end do
-   end subroutine choose_for_mean
+   end subroutine find_reductions
 
    !> C G C and the reductions t C G C t after the choice s: C falls by v vᵀ, v = C s/σ,
    !> σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
