@@ -154,45 +154,30 @@ contains
       !> (draw).
       real(wp), intent(in) :: t(:)
       integer, parameter :: bins_per_unit = 4, bins = 3*bins_per_unit, least = 5
-      real(wp) :: counts(bins), normal(3, 3), right(3, 1), terms(3)
+      integer :: i, k
+      real(wp), parameter :: place(bins) = [((k - 0.5_wp)/bins_per_unit, k=1, bins)]
+      !> 1, the place and its square.
+      real(wp), parameter :: terms(bins, 3) = reshape([spread(1.0_wp, 1, bins), place, place**2], [bins, 3])
+      real(wp) :: counts(bins), weighted(bins, 3), normal(3, 3), right(3, 1)
       type(error_type), allocatable :: error
-      integer :: i, j, k
 
       counts = 0.0_wp
       do i = 1, size(t)
          k = 1 + int(bins_per_unit*min(3.0_wp, max(0.0_wp, t(i))))
          if (k <= bins) counts(k) = counts(k) + 1.0_wp
       end do
-      normal = 0.0_wp
-      right = 0.0_wp
-      do k = 1, bins
-         if (counts(k) < least) cycle
-         terms = powers(k - 0.5_wp)
-         do j = 1, 3
-            normal(:, j) = normal(:, j) + counts(k)*terms*terms(j)
-         end do
-         right(:, 1) = right(:, 1) + counts(k)*log(counts(k))*terms
-      end do
       continued = counts(1)*bins_per_unit
+      where (counts < least) counts = 0.0_wp
+      weighted = terms*spread(counts, 2, 3)
+      normal = matmul(transpose(weighted), terms)
+      right(:, 1) = matmul(transpose(weighted), log(max(1.0_wp, counts)))
       ! Draws in a few bins alone have no parabola.
-      if (count(counts >= least) < 4) return
+      if (count(counts > 0.0_wp) < 4) return
       call cholesky_factor(normal, error)
       if (allocated(error)) return
       call cholesky_solve(normal, right)
-      right(3, 1) = min(0.0_wp, right(3, 1))
-      continued = 0.0_wp
-      do k = 1, bins_per_unit
-         continued = continued + exp(min(100.0_wp, sum(right(:, 1)*powers(0.5_wp - k))))
-      end do
-
-   contains
-
-      pure function powers(place)
-         real(wp), intent(in) :: place
-         real(wp) :: powers(3)
-
-         powers = [1.0_wp, place/bins_per_unit, (place/bins_per_unit)**2]
-      end function powers
+      right(2:, 1) = [-right(2, 1), min(0.0_wp, right(3, 1))]
+      continued = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
    end function continued
 
    !> Add a change from the moments with it.

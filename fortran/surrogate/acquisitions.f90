@@ -80,8 +80,8 @@ contains
       end do
    end subroutine choose
 
-   !> C G C, with C the covariance and G the Gram matrix of all candidates by their sensitivity, and by how much a choice t lowers the sum of
-   !> the variances, but for the factor 1/(t C t + 1/beta): t C G C t.
+   !> C G C, with C the covariance and G the Gram matrix of all candidates by their sensitivity, and by how much a choice t lowers the sum
+   !> of the variances, but for the factor 1/(t C t + 1/beta): t C G C t.
    subroutine find_reductions(design, slope, threads, lowered, reduction)
       type(design_type), intent(in) :: design
       !> See `sensitivity`, (candidate).
