@@ -18,7 +18,7 @@ module surrogate_operations
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
-   use sequential_design, only: update_posterior_mean
+   use sequential_design, only: absorb_choices, update_posterior_mean
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, evaluate_evidence, exclude_candidates, fit_learner, learner_type, &
       & leave_out, new_learner, predict_moduli, set_learner_candidates, surrogate_of
@@ -233,6 +233,7 @@ contains
          call x%out%put('log_evidence', learner%log_evidence)
       case ('values')
          ! Of the coefficients, and of the candidates where there are some.
+         call absorb_choices(learner%design)
          associate (design => learner%design)
             values = coefficient_mean(design%regression)
             call x%out%put_array('mean', values, shape(values))
@@ -240,6 +241,7 @@ contains
             if (allocated(design%variance)) call x%out%put_array('variances', design%variance, shape(design%variance))
          end associate
       case ('covariance')
+         call absorb_choices(learner%design)
          call coefficient_covariance(learner%design%regression, x%values)
       case ('set_candidates')
          call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), x%error)
