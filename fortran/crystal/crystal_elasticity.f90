@@ -13,7 +13,7 @@ module crystal_elasticity
    public :: rotation_matrix, euler_angles, rotate_stiffness, bond_matrix, voigt_index
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
       & logarithmic_mean
-   public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
+   public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
    public :: isotropic_stiffness, polycrystal_stiffness
 
    !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
@@ -153,15 +153,10 @@ contains
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
 
-      index = anisotropy_of_averages(polycrystal_averages(c))
+      associate (averages => polycrystal_averages(c))
+         index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
+      end associate
    end function anisotropy_index
-
-   !> The same from the averages.
-   pure real(wp) function anisotropy_of_averages(averages) result(index)
-      type(averages_type), intent(in) :: averages
-
-      index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
-   end function anisotropy_of_averages
 
    !> Young's modulus (GPa) and Poisson's ratio of Hill's averages.
    pure subroutine hill_young_poisson(averages, young, poisson)

@@ -110,8 +110,8 @@ contains
       end do
    end subroutine append_degree
 
-   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, ..: by the recurrence in the degree of the normalised Legendre
-   !> functions over sin^m.
+   !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, ..: by the recurrence in the degree of the normalised
+   !> Legendre functions over sin^m.
    pure subroutine evaluate_real(bandlimit, direction, values)
       integer, intent(in) :: bandlimit
       !> Unit vector.

@@ -171,7 +171,7 @@ contains
       if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
          & observable, error)
       if (allocated(error)) return
-      call new_prior(surrogate%basis, problem%class, problem%settings%prior, &
+      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
          & (1.0_wp - typical_poisson**2)*observable%isotropic_modulus(mean_measured), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior

@@ -5,7 +5,7 @@ module acquisitions
    use evidence_regression, only: symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, dot, multiply
-   use sequential_design, only: condition_on, design_type, quadratic_forms, tie
+   use sequential_design, only: absorb_choices, condition_on, design_type, quadratic_forms, tie, update_variance
    implicit none
    private
    public :: acquisition_type, acquisition_names, new_acquisition
@@ -62,29 +62,37 @@ contains
       integer, intent(out) :: chosen(:)
       !> Variance of y at each before it was chosen.
       real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: factor(:), gain(:), along(:)
-      real(wp) :: v(basis%n_terms)
+      real(wp), allocatable :: factor(:)
       integer :: k
 
       factor = sensitivity(design, basis, scale, spread, self%relative)**2
-      allocate (along, mold=factor)
       do k = 1, size(chosen)
-         gain = factor*design%variance
-         chosen(k) = first_of_largest(gain, design%available)
+         chosen(k) = most_uncertain(design, factor)
          variance(k) = design%variance(chosen(k))
          design%available(chosen(k)) = .false.
-         call condition_on(design, design%candidates(:, chosen(k)), threads, v, along)
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose
 
-   !> The lowest number of those whose values are the largest.
-   pure integer function first_of_largest(values, available)
-      !> (candidate).
-      real(wp), intent(in) :: values(:)
-      logical, intent(in) :: available(:)
+   !> The available candidate of largest factor x variance, the lowest number of equals. A variance that lacks deferred
+   !> choices is an upper bound: only candidates that might still be the largest are updated.
+   integer function most_uncertain(design, factor) result(best)
+      type(design_type), intent(inout) :: design
+      real(wp), intent(in) :: factor(:)
+      real(wp) :: threshold
+      integer :: j
 
-      first_of_largest = findloc(available .and. values >= (1.0_wp - tie)*maxval(values, mask=available), .true., 1)
-   end function first_of_largest
+      best = maxloc(factor*design%variance, 1, mask=design%available)
+      call update_variance(design, best)
+      threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
+      do j = 1, size(design%variance)
+         if (.not. design%available(j) .or. factor(j)*design%variance(j) < threshold) cycle
+         call update_variance(design, j)
+         threshold = max(threshold, (1.0_wp - tie)*factor(j)*design%variance(j))
+      end do
+      ! All that reach the last threshold are up to date.
+      best = findloc(design%available .and. factor*design%variance >= threshold, .true., 1)
+   end function most_uncertain
 
    !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
    subroutine choose_for_mean(self, design, basis, scale, spread, threads, chosen, variance)
@@ -95,8 +103,7 @@ contains
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:), along(:)
-      real(wp) :: v(basis%n_terms)
+      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
       integer :: j, k, n
 
       slope = sensitivity(design, basis, scale, spread, self%relative .or. basis%domain%has_scale())
@@ -105,44 +112,48 @@ contains
       do j = 1, size(slope)
          weighted(:, j) = slope(j)*weighted(:, j)
       end do
-      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)), along(size(slope)))
+      allocate (gram(n, n), product(n, n), lowered(n, n), reduction(size(slope)))
       gram = 0.0_wp
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       deallocate (weighted)
+      call absorb_choices(design, threads)
       ! With G the Gram matrix of all candidates by their sensitivity: t C G C t.
       call multiply(gram, design%regression%covariance, product)
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
       do k = 1, size(chosen)
          gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
-         chosen(k) = first_of_largest(gain, design%available)
+         chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))
          design%available(chosen(k)) = .false.
-         call condition_on(design, design%candidates(:, chosen(k)), threads, v, along)
-         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), v, along, threads, lowered, reduction)
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
+         if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
+         call absorb_choices(design, threads)
       end do
    end subroutine choose_for_mean
 
-   !> C G C and the reductions t C G C t after the choice s: C falls by v vᵀ, v = C s/σ,
+   !> C G C and the reductions t C G C t after the choice s that was the last to be deferred: C falls by v vᵀ, v = C s/σ,
    !> σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
-   subroutine lower_reductions(design, chosen, variance, v, along, threads, lowered, reduction)
+   subroutine lower_reductions(design, chosen, variance, threads, lowered, reduction)
       type(design_type), intent(in) :: design
-      !> The candidate s; s C s, v, (n_terms), and its product with each candidate.
+      !> The candidate s, and s C s.
       integer, intent(in) :: chosen
-      real(wp), intent(in) :: variance, v(:), along(:)
+      real(wp), intent(in) :: variance
       integer, intent(in) :: threads
       !> C G C (n_terms, n_terms); of each candidate.
       real(wp), intent(inout), contiguous :: lowered(:, :), reduction(:)
-      real(wp) :: w(size(v))
-      real(wp) :: own
+      real(wp), dimension(size(lowered, 1)) :: v, w
+      real(wp) :: own, along
       integer :: j
 
+      v = design%deferred(:, design%n_deferred)
       call symmetric_product(lowered, design%candidates(:, chosen), w)
       w = w/sqrt(variance + 1.0_wp/design%regression%beta)
       own = dot(design%candidates(:, chosen), w)/sqrt(variance + 1.0_wp/design%regression%beta)
-      !$omp parallel do num_threads(threads) schedule(static) if(threads > 1)
+      !$omp parallel do num_threads(threads) private(along) schedule(static) if(threads > 1)
       do j = 1, size(reduction)
-         reduction(j) = max(0.0_wp, reduction(j) - along(j)*(2.0_wp*dot(design%candidates(:, j), w) - own*along(j)))
+         along = dot(design%candidates(:, j), v)
+         reduction(j) = max(0.0_wp, reduction(j) - along*(2.0_wp*dot(design%candidates(:, j), w) - own*along))
       end do
       !$omp end parallel do
       w = w - 0.5_wp*own*v

@@ -95,17 +95,13 @@ contains
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
-      real(wp), allocatable :: larger(:, :), longer(:)
       integer :: j, capacity, n
 
       n = regression%n_data
       if (n + size(y) > size(regression%targets)) then
          capacity = max(n + size(y), 2*size(regression%targets))
-         allocate (larger(regression%n_terms, capacity), longer(capacity))
-         larger(:, :n) = regression%terms(:, :n)
-         longer(:n) = regression%targets(:n)
-         call move_alloc(larger, regression%terms)
-         call move_alloc(longer, regression%targets)
+         regression%terms = reshape(regression%terms, [regression%n_terms, capacity], [0.0_wp])
+         regression%targets = reshape(regression%targets, [capacity], [0.0_wp])
       end if
       do j = 1, size(y)
          regression%terms(:, n + j) = regression%prior_width*terms(:, j)
@@ -351,12 +347,8 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               if (allocated(block_of_q)) deallocate (block_of_q)
-               allocate (block_of_q(size(members), size(members)))
+               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
                do j = 1, size(members)
-                  do i = 1, size(members)
-                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
-                  end do
                   block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
                end do
             end if

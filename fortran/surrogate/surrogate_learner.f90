@@ -10,7 +10,7 @@ module surrogate_learner
       & log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
    use kinds, only: degree, wp
    use statistics, only: number_equal
-   use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
+   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
    use settings_schema, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
@@ -122,8 +122,7 @@ contains
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :), scale(:), spread(:), along(:)
-      real(wp) :: v(learner%basis%n_terms)
+      real(wp), allocatable :: terms(:, :), scale(:), spread(:)
       integer :: i
 
       if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
@@ -138,37 +137,22 @@ contains
       associate (regression => learner%design%regression)
          call add_data(regression, terms, learner%basis%to_y(modulus, scale, spread))
          if (.not. chosen) then
-            allocate (along, mold=learner%design%variance)
             if (size(modulus) <= refresh_interval) then
                do i = regression%n_data - size(modulus) + 1, regression%n_data
-                  call condition_on(learner%design, regression%terms(:, i), 1, v, along)
+                  call condition_on(learner%design, regression%terms(:, i), 1)
                end do
             end if
             call update_posterior_mean(learner%design, size(modulus) > refresh_interval, error)
             if (allocated(error)) return
          end if
       end associate
-      associate (known => learner%simulations)
-         call append_columns(known%constants, constants)
-         call append_columns(known%euler_deg, euler_deg)
+      associate (known => learner%simulations, regression => learner%design%regression)
+         ! An array constructor would be on the stack, and these may be large.
+         known%constants = reshape(known%constants, [size(constants, 1), regression%n_data], constants)
+         known%euler_deg = reshape(known%euler_deg, [3, regression%n_data], euler_deg)
          known%modulus = [known%modulus, modulus]
       end associate
    end subroutine add_simulations
-
-   !> Columns after others. An array constructor would be on the stack, and these may be large.
-   subroutine append_columns(columns, more)
-      real(wp), allocatable, intent(inout) :: columns(:, :)
-      !> As long.
-      real(wp), intent(in) :: more(:, :)
-      real(wp), allocatable :: longer(:, :)
-      integer :: n
-
-      n = size(columns, 2)
-      allocate (longer(size(columns, 1), n + size(more, 2)))
-      longer(:, :n) = columns
-      longer(:, n + 1:) = more
-      call move_alloc(longer, columns)
-   end subroutine append_columns
 
    !> Revert to an earlier design; simulations that it does not have are dropped.
    subroutine revert(learner, design)
@@ -192,6 +176,7 @@ contains
       real(wp) :: ratio(learner%basis%n_terms)
 
       associate (design => learner%design, regression => learner%design%regression)
+         call absorb_choices(design)
          ratio = 1.0_wp/regression%prior_width
          if (present(precisions)) then
             call set_precisions(regression, precisions(1), precisions(2), error)
@@ -273,6 +258,7 @@ contains
             & exit_bad_input)
          return
       end if
+      call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
@@ -296,6 +282,7 @@ contains
          call raise(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed', exit_bad_input)
          return
       end if
+      call absorb_choices(learner%design)
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
