@@ -347,8 +347,12 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
+               if (allocated(block_of_q)) deallocate (block_of_q)
+               allocate (block_of_q(size(members), size(members)))
                do j = 1, size(members)
+                  do i = 1, size(members)
+                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
+                  end do
                   block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
                end do
             end if
