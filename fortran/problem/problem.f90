@@ -216,7 +216,7 @@ contains
    end subroutine take_shared_errors
 
    !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
-   !> 'warning' what is to be told of a table.
+   !> 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.

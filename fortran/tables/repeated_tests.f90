@@ -16,7 +16,7 @@ module repeated_tests
    private
    public :: combine_tests, judge_scatter, refuse_copied_rows
 
-   !> A scatter of less probability is told of; of single grains it is divided by their number.
+   !> Of a scatter of less probability a warning says so; of single grains it is divided by their number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
