@@ -215,7 +215,8 @@ def namelists(draw):
     free = [
         v
         for v in schema()
-        if v.default != "*" and v.kind not in ("file", "source") and v.group not in ("crystals", "measurements", "prior", "knowledge")
+        if v.default != "*" and v.kind not in ("file", "choice or file")
+        and v.group not in ("crystals", "curves", "references", "measurements", "prior", "knowledge")
         and v.name not in ("symmetry", "c_min", "c_max", "anisotropy_cap", "classes", "poisson_min", "poisson_max", "stiffness_min_gpa",
                            "stiffness_max_gpa", "n_candidates", "budget", "initial", "file", "scan", "target", "model", "degree", "bandlimit",
                            "geometry", "shape", "contact_radius_um", "lattice")
