@@ -2,7 +2,8 @@
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
 !>
-!> Finished chains are on the disk until what is made of them is written: a run that was stopped goes on with them, bit for bit.
+!> Finished chains are on the disk until what is made of them is written: a run that was stopped goes on with them.
+!> Its numbers are the same.
 !>
 !> A chain follows from the target, the sampler's settings and its random stream. Its file is named by a hash of the settings and of the
 !> densities of some points, whose bits tell other measurements, another surrogate and another prior. The file has the bits of acceptance,

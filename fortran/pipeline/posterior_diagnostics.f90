@@ -179,7 +179,7 @@ contains
       call warn(warnings, 'not determined by the measurements: '//names(3:)//advice)
    end subroutine check_determined
 
-   !> What is said in &knowledge and cannot be brought together with all else.
+   !> Values of &knowledge that contradict the measurements and the rest of the knowledge.
    subroutine check_knowledge(found, warnings)
       type(extraction_type), intent(in) :: found
       type(warning_type), allocatable, intent(inout) :: warnings(:)
