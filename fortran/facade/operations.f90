@@ -25,6 +25,7 @@ module operations
    use surrogate_learner, only: learner_type
    use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
+   use table_columns, only: standard_names
    implicit none
    private
    public :: perform
@@ -121,11 +122,7 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         if (x%in%has('changes')) then
-            call read_problem(path, x%in%text('command'), problem, x%error, x%in%text('changes'))
-         else
-            call read_problem(path, x%in%text('command'), problem, x%error)
-         end if
+         call read_problem(path, x%in%text('command'), problem, x%error, x%in%text('changes'))
       case ('file.crystals')
          ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
          allocate (problem)
@@ -137,6 +134,8 @@ contains
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
+      case ('file.column_names')
+         call x%out%put('names', standard_names(x%in%text('headers')))
       case ('file.watch_signals')
          call watch_signals()
       case ('file.take_folder')

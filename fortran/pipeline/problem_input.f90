@@ -48,20 +48,17 @@ contains
       character(len=*), intent(in) :: path, command
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
-      !> A namelist whose variables take the place of the file's.
+      !> A namelist whose variables take the place of the file's; of Python, which then reads the measurements.
       character(len=*), intent(in), optional :: changes
-      type(namelist_file_type) :: namelist, stated
+      type(namelist_file_type) :: namelist
       character(len=:), allocatable :: groups
       character(len=8), allocatable :: names(:)
 
       call check_memory(blas_bytes, 'linear algebra', error)
       if (.not. allocated(error)) call read_namelist_file(path, namelist, error)
-      if (present(changes) .and. .not. allocated(error)) then
-         call parse_namelist(path, changes, stated, error)
-         if (.not. allocated(error)) call replace_entries(namelist, stated)
-      end if
+      if (present(changes) .and. .not. allocated(error)) call change_entries(path, changes, namelist, error)
       if (.not. allocated(error)) call plan_stages(namelist, command, names, groups, error)
-      if (.not. allocated(error)) call new_problem(path, namelist, command, groups, all_choices(), self, error)
+      if (.not. allocated(error)) call new_problem(path, namelist, command, groups, all_choices(), present(changes), self, error)
       if (allocated(error)) return
       if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
@@ -72,7 +69,19 @@ contains
       call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, `content`, only for what it has; `origin` takes the place of the file in messages.
+   !> Let the variables of a namelist's text `changes`, if there is any, take the place of those of `namelist`.
+   subroutine change_entries(path, changes, namelist, error)
+      character(len=*), intent(in) :: path, changes
+      type(namelist_file_type), intent(inout) :: namelist
+      type(error_type), allocatable, intent(out) :: error
+      type(namelist_file_type) :: stated
+
+      if (len_trim(changes) == 0) return
+      call parse_namelist(path, changes, stated, error)
+      if (.not. allocated(error)) call replace_entries(namelist, stated)
+   end subroutine change_entries
+
+   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes the place of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
@@ -80,7 +89,7 @@ contains
       type(namelist_file_type) :: namelist
 
       call parse_namelist(origin, content, namelist, error)
-      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', all_choices(), self, error)
+      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', all_choices(), .true., self, error)
       if (.not. allocated(error)) call check_problem(self, error)
    end subroutine problem_of_text
 

@@ -1,7 +1,7 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
@@ -13,7 +13,7 @@ import numpy as np
 from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
-from .spreadsheets import page_of as spreadsheet_page
+from .laboratory_tables import LaboratoryTable, laboratory_table
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
 
@@ -113,7 +113,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run", changes: str = ""):
         self._made_of: tuple = (type(self), (path, command, changes))
-        self._fill(call("file.problem", path=path, command=command, changes=changes or None), Path(path))
+        self._fill(call("file.problem", path=path, command=command, changes=changes), Path(path))
 
     @classmethod
     def from_keywords(
@@ -148,9 +148,15 @@ class Problem(NativeObject):
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._call("describe")
-        if "spreadsheet" in facts:
+        #: The file of measurements as it was understood, or None.
+        self.table: LaboratoryTable | None = None
+        if "table_file" in facts:
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
-            self._set_table("measurements", spreadsheet_page(place, Path(facts["spreadsheet"]), facts["measurements.sheet"]))
+            stated = [words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []]
+            self.table = laboratory_table(place, Path(facts["table_file"]), facts["measurements.sheet"], stated)
+            for note in self.table.notes if self.table else ():
+                self._set_table("warning", place + note)
+            self._set_table("measurements", self.table.page() if self.table else "")
             facts = self._call("describe")
         if "indents_um" in facts:
             # Not above: it needs scipy, which is slow to import.
@@ -238,10 +244,10 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     return Points(holder, "crystals", holder._call("describe"))
 
 
-def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points:
-    """A CSV of orientations and moduli of grains of a `symmetry`, read as `&measurements` with the variables `asked` reads it."""
+def read_measurements(path: str | os.PathLike, symmetry: str, *, lattice: Sequence[float] | None = None, **asked) -> Points:
+    """A table of orientations and moduli of grains of a `symmetry`, read as `&measurements` with the variables `asked` reads it."""
     asked = {"file": Path(path).absolute()} | asked
-    return Problem.from_keywords(os.fspath(path), problem={"symmetry": symmetry}, measurements=asked).measurements
+    return Problem.from_keywords(os.fspath(path), problem={"symmetry": symmetry, "lattice": lattice}, measurements=asked).measurements
 
 
 @cache
