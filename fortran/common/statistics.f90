@@ -47,22 +47,16 @@ contains
       real(wp), intent(out) :: mean(:), sd(:)
       !> (draw), not negative; default: all the same.
       real(wp), intent(in), optional :: weights(:)
-      real(wp) :: w, total
+      real(wp) :: w(size(draws, 2)), total
       integer :: i
 
-      total = size(draws, 2)
-      if (present(weights)) total = max(tiny(1.0_wp), sum(weights))
       w = 1.0_wp
-      mean = 0.0_wp
-      do i = 1, size(draws, 2)
-         if (present(weights)) w = weights(i)
-         mean = mean + w*draws(:, i)
-      end do
-      mean = mean/total
+      if (present(weights)) w = weights
+      total = max(tiny(1.0_wp), sum(w))
+      mean = matmul(draws, w)/total
       sd = 0.0_wp
       do i = 1, size(draws, 2)
-         if (present(weights)) w = weights(i)
-         sd = sd + w*(draws(:, i) - mean)**2
+         sd = sd + w(i)*(draws(:, i) - mean)**2
       end do
       if (.not. present(weights)) total = max(1.0_wp, total - 1.0_wp)
       sd = sqrt(sd/total)
@@ -72,18 +66,10 @@ contains
    pure function covariance_of(draws) result(covariance)
       !> (variable, draw).
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: covariance(size(draws, 1), size(draws, 1)), mean(size(draws, 1)), deviation(size(draws, 1))
-      integer :: i, j
+      real(wp) :: covariance(size(draws, 1), size(draws, 1)), deviation(size(draws, 1), size(draws, 2))
 
-      mean = sum(draws, 2)/size(draws, 2)
-      covariance = 0.0_wp
-      do i = 1, size(draws, 2)
-         deviation = draws(:, i) - mean
-         do j = 1, size(mean)
-            covariance(:, j) = covariance(:, j) + deviation*deviation(j)
-         end do
-      end do
-      covariance = covariance/max(1, size(draws, 2) - 1)
+      deviation = draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2))
+      covariance = matmul(deviation, transpose(deviation))/max(1, size(draws, 2) - 1)
    end function covariance_of
 
    !> The values in ascending order.

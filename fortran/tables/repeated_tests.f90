@@ -60,6 +60,7 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
+      !> Of each test the first one of its grain.
       integer, allocatable :: first(:)
       real(wp) :: key(2, points%n)
       integer :: column, i
@@ -76,68 +77,61 @@ contains
       key(2, :) = first_rows(points%table, column)
       first = number_equal(key)
       if (all(first == points%row)) return
-      call check_tests(class, points, column, first, error)
-      if (.not. allocated(error)) call merge_tests(points, first)
-   end subroutine combine_tests
+      call check_tests()
+      if (.not. allocated(error)) call merge_tests()
 
-   !> The tests of a grain have sds, and the orientation of its first one.
-   subroutine check_tests(class, points, column, first, error)
-      type(crystal_class_type), intent(in) :: class
-      type(points_type), intent(in) :: points
-      !> Of the grains' names; of each test the first one of its grain.
-      integer, intent(in) :: column, first(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: alike = 5.0_wp
-      type(region_type) :: region
-      real(wp) :: direction(3, points%n), angle
-      integer :: i
+   contains
 
-      if (.not. all(points%sd_gpa > 0.0_wp)) then
-         call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
-            & //'combine them the column sd_gpa is needed')
-         return
-      end if
-      call new_region(class, region)
-      if (region%dimension == 0) return
-      direction = points%directions()
-      do i = 1, points%n
-         angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
-         if (angle > alike) then
-            call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &
-               & //'line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
+      !> The tests of a grain have sds, and the orientation of its first one.
+      subroutine check_tests()
+         real(wp), parameter :: alike = 5.0_wp
+         type(region_type) :: region
+         real(wp) :: direction(3, points%n), angle
+
+         if (.not. all(points%sd_gpa > 0.0_wp)) then
+            call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
+               & //'combine them the column sd_gpa is needed')
             return
          end if
-      end do
-   end subroutine check_tests
+         call new_region(class, region)
+         if (region%dimension == 0) return
+         direction = points%directions()
+         do i = 1, points%n
+            angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
+            if (angle > alike) then
+               call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on line ' &
+                  & //to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
+               return
+            end if
+         end do
+      end subroutine check_tests
 
-   !> Weighted means; sizes and depths are plain means of what is given.
-   subroutine merge_tests(points, first)
-      type(points_type), intent(inout) :: points
-      !> Of each test the first one of its grain.
-      integer, intent(in) :: first(:)
-      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
-      integer, allocatable :: kept(:)
+      !> Weighted means; sizes and depths are plain means of what is given.
+      subroutine merge_tests()
+         real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
+         integer, allocatable :: kept(:)
 
-      kept = pack(points%row, first == points%row)
-      weight = 1.0_wp/points%sd_gpa**2
-      tests = sums(spread(1.0_wp, 1, points%n), first)
-      precision = sums(weight, first)
-      modulus = sums(weight*points%modulus_gpa, first)
-      modulus(kept) = modulus(kept)/precision(kept)
-      chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
-      points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
-      points%depth_um = means_of(points%depth_um, first, kept)
-      points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
-      points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
-      points%n = size(kept)
-      points%euler_deg = points%euler_deg(:, kept)
-      points%group = points%group(kept)
-      points%row = kept
-      points%modulus_gpa = modulus(kept)
-      points%sd_gpa = 1.0_wp/sqrt(precision(kept))
-      points%tests = nint(tests(kept))
-      points%chi_square = chi_square(kept)
-   end subroutine merge_tests
+         kept = pack(points%row, first == points%row)
+         weight = 1.0_wp/points%sd_gpa**2
+         tests = sums(spread(1.0_wp, 1, points%n), first)
+         precision = sums(weight, first)
+         modulus = sums(weight*points%modulus_gpa, first)
+         modulus(kept) = modulus(kept)/precision(kept)
+         chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
+         points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
+         points%depth_um = means_of(points%depth_um, first, kept)
+         points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
+         points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
+         points%n = size(kept)
+         points%euler_deg = points%euler_deg(:, kept)
+         points%group = points%group(kept)
+         points%row = kept
+         points%modulus_gpa = modulus(kept)
+         points%sd_gpa = 1.0_wp/sqrt(precision(kept))
+         points%tests = nint(tests(kept))
+         points%chi_square = chi_square(kept)
+      end subroutine merge_tests
+   end subroutine combine_tests
 
    !> Of each grain the sum of its tests' `values`, at the place of its first test.
    pure function sums(values, first)

@@ -8,7 +8,8 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.program.cli import main
-from bayesindent.settings.problem import read_measurements
+from bayesindent.settings.problem import Problem
+from measured_tables import read_measurements
 
 #: Grain, Bunge's angles, modulus, sd: what each of the tables says.
 ROWS = [("g1", 10.5, 20.25, 30.125, 210.5, 4.5), ("g2", 40.0, 50.0, 60.0, 220.1, 4.25), ("g3", 70.0, 80.0, 15.0, 198.0, 5.0)]
@@ -126,7 +127,8 @@ def test_indices_in_one_column(tmp_path, name, plane):
 def test_four_indices(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("plane;Er;sd\n(0001);200;4\n(11-20);190;4\n(10-10);190;4\n")
-    points = read_measurements(path, "hexagonal", lattice=[2.951, 4.684])
+    crystal = {"symmetry": "hexagonal", "lattice": [2.951, 4.684]}
+    points = Problem.from_keywords("a", problem=crystal, measurements={"file": path}).measurements
     assert directions_of(points)[:, 2] == pytest.approx([1, 0, 0], abs=1e-12)
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...settings.laboratory_tables import LaboratoryTable, meanings_of
-from ...settings.problem import read_measurements
+from ...settings.problem import Problem
 from ..command import Command
 
 __all__ = ["COMMAND"]
@@ -13,8 +13,9 @@ __all__ = ["COMMAND"]
 def table(arguments: argparse.Namespace) -> dict:
     """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
     path = arguments.table
+    crystal = {"symmetry": arguments.symmetry, "lattice": arguments.lattice}
     asked = {"sheet": arguments.sheet, "modulus_kind": arguments.modulus_kind, "columns": arguments.column, "scale": "inferred"}
-    points = read_measurements(path, arguments.symmetry, lattice=arguments.lattice, **asked)
+    points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
     # Of a pipe there is none.
     found = points.problem.table or LaboratoryTable(f"{path}: ", points.columns, meanings_of(points.columns), points.rows, [])
     return {
