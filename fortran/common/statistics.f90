@@ -53,7 +53,11 @@ contains
       w = 1.0_wp
       if (present(weights)) w = weights
       total = max(tiny(1.0_wp), sum(w))
-      mean = matmul(draws, w)/total
+      mean = 0.0_wp
+      do i = 1, size(draws, 2)
+         mean = mean + w(i)*draws(:, i)
+      end do
+      mean = mean/total
       sd = 0.0_wp
       do i = 1, size(draws, 2)
          sd = sd + w(i)*(draws(:, i) - mean)**2
@@ -66,10 +70,18 @@ contains
    pure function covariance_of(draws) result(covariance)
       !> (variable, draw).
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: covariance(size(draws, 1), size(draws, 1)), deviation(size(draws, 1), size(draws, 2))
+      real(wp) :: covariance(size(draws, 1), size(draws, 1)), mean(size(draws, 1)), deviation(size(draws, 1))
+      integer :: i, j
 
-      deviation = draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2))
-      covariance = matmul(deviation, transpose(deviation))/max(1, size(draws, 2) - 1)
+      mean = sum(draws, 2)/size(draws, 2)
+      covariance = 0.0_wp
+      do i = 1, size(draws, 2)
+         deviation = draws(:, i) - mean
+         do j = 1, size(mean)
+            covariance(:, j) = covariance(:, j) + deviation*deviation(j)
+         end do
+      end do
+      covariance = covariance/max(1, size(draws, 2) - 1)
    end function covariance_of
 
    !> The values in ascending order.

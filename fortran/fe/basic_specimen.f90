@@ -11,7 +11,7 @@ module basic_specimen
    use text, only: to_text
    implicit none
    private
-   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, core_of_contact, finest_edge, &
+   public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, core_of_contact, fineness, &
       & layers_of_ratio, graded_layers, check_plan, surface_facets, growing, to_ball, to_cylinder, closed_by_infinite, &
       & clamped_bottom, clamped_around
 
@@ -95,14 +95,6 @@ module basic_specimen
    end type specimen_type
 
 contains
-
-   !> Edge of the elements under a contact at refine = 1, um.
-   pure real(wp) function finest_edge(contact_radius)
-      !> um.
-      real(wp), intent(in) :: contact_radius
-
-      finest_edge = contact_radius/fineness
-   end function finest_edge
 
    !> The box under a contact: nothing around it yet.
    pure type(mesh_plan_type) function core_of_contact(refine, contact_radius, zone) result(plan)

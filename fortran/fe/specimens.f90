@@ -2,7 +2,7 @@
 !>
 !> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in `new_specimen`.
 module specimens
-   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, finest_edge, graded_layers, halfspace_name, &
+   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, graded_layers, halfspace_name, &
       & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages, polycrystal_stiffness
    use errors, only: error_type, refuse
@@ -98,7 +98,7 @@ contains
          return
       end select
       specimen%contact_radius = contact_radius
-      specimen%element_size = finest_edge(contact_radius)
+      specimen%element_size = contact_radius/fineness
       specimen%element = settings%simulation%element
       specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)

@@ -307,7 +307,7 @@ contains
             i = maxloc(largest, dim=1)
             if (.not. largest(i) > matters) exit
             line = line//'; '//change_text(changes(i))
-            ! In or out, the same limit is told of once.
+            ! In or out, the same limit is named once.
             where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
       end associate

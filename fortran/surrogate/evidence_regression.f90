@@ -95,13 +95,17 @@ contains
    subroutine add_data(regression, terms, y)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
+      real(wp), allocatable :: larger(:, :), longer(:)
       integer :: j, capacity, n
 
       n = regression%n_data
       if (n + size(y) > size(regression%targets)) then
          capacity = max(n + size(y), 2*size(regression%targets))
-         regression%terms = reshape(regression%terms, [regression%n_terms, capacity], [0.0_wp])
-         regression%targets = reshape(regression%targets, [capacity], [0.0_wp])
+         allocate (larger(regression%n_terms, capacity), longer(capacity))
+         larger(:, :n) = regression%terms(:, :n)
+         longer(:n) = regression%targets(:n)
+         call move_alloc(larger, regression%terms)
+         call move_alloc(longer, regression%targets)
       end if
       do j = 1, size(y)
          regression%terms(:, n + j) = regression%prior_width*terms(:, j)
@@ -212,25 +216,40 @@ contains
       real(wp), intent(in) :: least_noise
       !> alpha/beta, and ln evidence there.
       real(wp), intent(out) :: ratio, evidence
-      integer, parameter :: coarse = 240, fine = 12
-      real(wp) :: scale, low, high, x(coarse)
-      integer :: i, n, best
+      integer, parameter :: n_grid = 240
+      real(wp), parameter :: golden = 0.6180339887498949_wp
+      real(wp) :: scale, low, high, x(n_grid), a, b, c, d, fc, fd
+      integer :: i, best
 
       ! From a prior that only reins in what the data do not determine to one that the data cannot move.
       scale = log(max(maxval(spectrum%values), tiny(1.0_wp)))
       low = scale + log(1.0e-15_wp)
       high = scale + log(1.0e5_wp)
-      n = coarse
-      do
-         x(:n) = [(low + (high - low)*(i - 1)/(n - 1), i=1, n)]
-         best = maxloc([(profile(x(i)), i=1, n)], 1)
-         low = x(max(1, best - 1))
-         high = x(min(n, best + 1))
-         if (high - low < 1.0e-9_wp) exit
-         n = fine
+      x = [(low + (high - low)*(i - 1)/(n_grid - 1), i=1, n_grid)]
+      best = maxloc([(profile(x(i)), i=1, n_grid)], 1)
+      a = x(max(1, best - 1))
+      b = x(min(n_grid, best + 1))
+      c = b - golden*(b - a)
+      d = a + golden*(b - a)
+      fc = profile(c)
+      fd = profile(d)
+      do while (b - a > 1.0e-9_wp)
+         if (fc >= fd) then
+            b = d
+            d = c
+            fd = fc
+            c = b - golden*(b - a)
+            fc = profile(c)
+         else
+            a = c
+            c = d
+            fc = fd
+            d = a + golden*(b - a)
+            fd = profile(d)
+         end if
       end do
-      ratio = exp(x(best))
-      evidence = profile(x(best))
+      ratio = exp(0.5_wp*(a + b))
+      evidence = profile(log(ratio))
 
    contains
 
@@ -347,8 +366,12 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
+               if (allocated(block_of_q)) deallocate (block_of_q)
+               allocate (block_of_q(size(members), size(members)))
                do j = 1, size(members)
+                  do i = 1, size(members)
+                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
+                  end do
                   block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
                end do
             end if

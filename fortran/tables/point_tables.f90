@@ -87,8 +87,11 @@ contains
       integer, intent(in) :: i
       character(len=:), allocatable :: name
 
-      name = to_text(i)
-      if (self%named_by > 0) name = self%table%cell(self%named_by, self%row(i))
+      if (self%named_by > 0) then
+         name = self%table%cell(self%named_by, self%row(i))
+      else
+         name = to_text(i)
+      end if
    end function name
 
    !> The indented direction of each point in crystal axes, (3, n).

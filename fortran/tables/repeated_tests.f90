@@ -16,7 +16,7 @@ module repeated_tests
    private
    public :: combine_tests, judge_scatter, refuse_copied_rows
 
-   !> A scatter of less probability is told of; of single grains it is divided by their number.
+   !> Of a scatter of less probability a warning says so; of single grains it is divided by their number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
@@ -60,8 +60,8 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
-      !> Of each test the first one of its grain.
-      integer, allocatable :: first(:)
+      !> Of each test the first one of its grain; all those first ones.
+      integer, allocatable :: first(:), kept(:)
       real(wp) :: key(2, points%n)
       integer :: column, i
 
@@ -109,19 +109,18 @@ contains
       !> Weighted means; sizes and depths are plain means of what is given.
       subroutine merge_tests()
          real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
-         integer, allocatable :: kept(:)
 
          kept = pack(points%row, first == points%row)
          weight = 1.0_wp/points%sd_gpa**2
-         tests = sums(spread(1.0_wp, 1, points%n), first)
-         precision = sums(weight, first)
-         modulus = sums(weight*points%modulus_gpa, first)
+         tests = sums(spread(1.0_wp, 1, points%n))
+         precision = sums(weight)
+         modulus = sums(weight*points%modulus_gpa)
          modulus(kept) = modulus(kept)/precision(kept)
-         chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
-         points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
-         points%depth_um = means_of(points%depth_um, first, kept)
-         points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
-         points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
+         chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2)
+         points%orientation_sd_deg = means_of(points%orientation_sd_deg)
+         points%depth_um = means_of(points%depth_um)
+         points%contact_radius_um = means_of(points%contact_radius_um)
+         points%grain_radius_um = means_of(points%grain_radius_um)
          points%n = size(kept)
          points%euler_deg = points%euler_deg(:, kept)
          points%group = points%group(kept)
@@ -131,32 +130,29 @@ contains
          points%tests = nint(tests(kept))
          points%chi_square = chi_square(kept)
       end subroutine merge_tests
+
+      !> Of each grain the sum of its tests' `values`, at the place of its first test.
+      pure function sums(values)
+         real(wp), intent(in) :: values(:)
+         real(wp) :: sums(size(values))
+         integer :: i
+
+         sums = 0.0_wp
+         do i = 1, size(values)
+            sums(first(i)) = sums(first(i)) + values(i)
+         end do
+      end function sums
+
+      !> Of each grain the mean of the `values` that are given; NaN if none is.
+      pure function means_of(values) result(means)
+         real(wp), intent(in) :: values(:)
+         real(wp) :: means(size(kept)), total(size(values)), given(size(values))
+
+         total = sums(merge(values, 0.0_wp, values >= 0.0_wp))
+         given = sums(merge(1.0_wp, 0.0_wp, values >= 0.0_wp))
+         means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
+      end function means_of
    end subroutine combine_tests
-
-   !> Of each grain the sum of its tests' `values`, at the place of its first test.
-   pure function sums(values, first)
-      real(wp), intent(in) :: values(:)
-      integer, intent(in) :: first(:)
-      real(wp) :: sums(size(values))
-      integer :: i
-
-      sums = 0.0_wp
-      do i = 1, size(values)
-         sums(first(i)) = sums(first(i)) + values(i)
-      end do
-   end function sums
-
-   !> Of each grain the mean of the `values` that are given; NaN if none is.
-   pure function means_of(values, first, kept) result(means)
-      real(wp), intent(in) :: values(:)
-      !> As in `merge_tests`: of each test the first one of its grain; all those first ones.
-      integer, intent(in) :: first(:), kept(:)
-      real(wp) :: means(size(kept)), total(size(values)), given(size(values))
-
-      total = sums(merge(values, 0.0_wp, values >= 0.0_wp), first)
-      given = sums(merge(1.0_wp, 0.0_wp, values >= 0.0_wp), first)
-      means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
-   end function means_of
 
    !> Warn of tests that scatter more or less than their sds say: all together, and in single grains.
    subroutine judge_scatter(points, prefix, warnings)

@@ -174,9 +174,9 @@ contains
       number = 1
       i = 1
       do while (i <= len(table%buffer))
-         ! At the start of a line: skip it if blank or a comment.
+         ! At the start of a line: skip it if # is the first that is not blank, or if all is blank: then both places are 0.
          last = i - 2 + index(table%buffer(i:), newline)
-         if (is_skipped(table%buffer(i:last))) then
+         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), ' '//tab//return)) then
             i = last + 2
             number = number + 1
             cycle
@@ -265,15 +265,6 @@ contains
       end do
       if (index(delimiter//newline, buffer(i:i)) == 0) call refuse(error, 'text follows a closing double quote')
    end subroutine take_cell
-
-   pure logical function is_skipped(line)
-      character(len=*), intent(in) :: line
-      integer :: i
-
-      i = verify(line, ' '//tab//return)
-      is_skipped = i == 0
-      if (i > 0) is_skipped = line(i:i) == '#'
-   end function is_skipped
 
    !> The cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)
