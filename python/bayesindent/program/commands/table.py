@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...settings.laboratory_tables import LaboratoryTable, meanings_of
-from ...settings.problem import Problem
+from ...settings.problem import Problem, schema
 from ..command import Command
 
 __all__ = ["COMMAND"]
@@ -13,7 +13,9 @@ __all__ = ["COMMAND"]
 def table(arguments: argparse.Namespace) -> dict:
     """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
     path = arguments.table
-    crystal = {"symmetry": arguments.symmetry, "lattice": arguments.lattice}
+    # The last class has no symmetry.
+    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(", ")
+    crystal = {"symmetry": arguments.symmetry or classes[-1].strip("'"), "lattice": arguments.lattice}
     asked = {"sheet": arguments.sheet, "modulus_kind": arguments.modulus_kind, "columns": arguments.column, "scale": "inferred"}
     points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
     # Of a pipe there is none.
@@ -48,9 +50,7 @@ def show(document: dict) -> None:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx")
-    parser.add_argument(
-        "--symmetry", default="cubic", help="of the crystals, for directions by indices and tests of one grain (default: cubic)"
-    )
+    parser.add_argument("--symmetry", help="of the crystals, where it matters: directions by indices")
     parser.add_argument("--lattice", type=float, nargs="+", metavar="X", help="parameters of the unit cell, where indices need them")
     parser.add_argument("--sheet", default="", help="of a spreadsheet (default: the first one that has moduli)")
     parser.add_argument("--modulus-kind", metavar="KIND", help="as &measurements modulus_kind, where the header does not say it")
