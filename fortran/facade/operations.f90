@@ -25,6 +25,7 @@ module operations
    use surrogate_learner, only: learner_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
+   use table_columns, only: standard_names
    implicit none
    private
    public :: perform
@@ -126,7 +127,7 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error)
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), .true., problem, x%error)
       case ('file.crystals')
          ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
          allocate (problem)
@@ -138,6 +139,8 @@ contains
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
+      case ('file.column_names')
+         call x%out%put('names', standard_names(x%in%text('headers')))
       case ('file.watch_signals')
          call watch_signals()
       case ('file.take_folder')

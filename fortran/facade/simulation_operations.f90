@@ -311,7 +311,7 @@ contains
          call out%put('warnings', self%warnings)
          call out%put('stages', join(self%stages, ' '))
       end if
-      if (allocated(self%spreadsheet)) call out%put('spreadsheet', self%spreadsheet)
+      if (allocated(self%table_file)) call out%put('table_file', self%table_file)
       if (allocated(self%indents)) then
          call out%put('map', self%map)
          call out%put_array('indents_um', self%positions, shape(self%positions))

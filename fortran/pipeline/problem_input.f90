@@ -15,9 +15,11 @@ module problem_input
 contains
 
    !> Read the file `path` for a stage or for 'run'.
-   subroutine read_problem(path, command, changes, self, error)
+   subroutine read_problem(path, command, changes, from_python, self, error)
       !> A file; a stage, or 'run'; a namelist whose variables take the place of the file's, or ''.
       character(len=*), intent(in) :: path, command, changes
+      !> Whether Python reads the file of the measurements.
+      logical, intent(in) :: from_python
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(namelist_file_type) :: namelist, stated
@@ -31,7 +33,7 @@ contains
          if (.not. allocated(error)) call replace_entries(namelist, stated)
       end if
       if (.not. allocated(error)) call plan_stages(namelist, command, names, groups, error)
-      if (.not. allocated(error)) call new_problem(path, namelist, command, groups, self, error)
+      if (.not. allocated(error)) call new_problem(path, namelist, command, groups, from_python, self, error)
       if (allocated(error)) return
       if (size(names) == 0) then
          call refuse(error, place(path, 'problem', '')//'nothing to do; &crystals asks for simulations, &design for a surrogate, ' &
@@ -42,7 +44,7 @@ contains
       call check_problem(self, error)
    end subroutine read_problem
 
-   !> The problem of a namelist's text, `content`, only for what it has; `origin` takes the place of the file in messages.
+   !> The problem of a namelist's text, `content`, only for what it has, for Python; `origin` takes the place of the file in messages.
    subroutine problem_of_text(origin, content, self, error)
       character(len=*), intent(in) :: origin, content
       type(problem_type), intent(out) :: self
@@ -50,7 +52,7 @@ contains
       type(namelist_file_type) :: namelist
 
       call parse_namelist(origin, content, namelist, error)
-      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', self, error)
+      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', .true., self, error)
       if (.not. allocated(error)) call check_problem(self, error)
    end subroutine problem_of_text
 

@@ -41,8 +41,8 @@ module problem
       type(points_type), allocatable :: crystals, measurements, candidates
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
-      !> Measurements in a spreadsheet, which Python turns into text (see `set_table`): its path. Unallocated: there is none.
-      character(len=:), allocatable :: spreadsheet
+      !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
+      character(len=:), allocatable :: table_file
       !> Measurements that wait for the orientations that Python takes from a map, the path of the map, and the positions, um, (n, 2).
       type(table_type), allocatable :: indents
       character(len=:), allocatable :: map
@@ -71,12 +71,14 @@ module problem
 contains
 
    !> The settings of a parsed namelist, with the tables that they name.
-   subroutine new_problem(path, namelist, command, needed, self, error)
+   subroutine new_problem(path, namelist, command, needed, from_python, self, error)
       !> A file, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(namelist_file_type), intent(in) :: namelist
       !> See `problem_type`.
       character(len=*), intent(in) :: command, needed
+      !> Whether Python reads the file of the measurements.
+      logical, intent(in) :: from_python
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
@@ -111,12 +113,13 @@ contains
       if (.not. allocated(error)) call check_settings(path, self%settings, self%class, error)
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
-      call load_tables(self, error)
+      call load_tables(self, from_python, error)
    end subroutine new_problem
 
    !> Read the tables that the groups name.
-   subroutine load_tables(self, error)
+   subroutine load_tables(self, from_python, error)
       type(problem_type), intent(inout) :: self
+      logical, intent(in) :: from_python
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
       character(len=:), allocatable :: file, prefix
@@ -153,8 +156,8 @@ contains
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file)) then
             file = resolve_path(self%folder, s%measurements%file)
-            if (any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
-               self%spreadsheet = file
+            if (from_python .or. any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
+               self%table_file = file
             else
                call read_table(file, table, error)
                call take_measurements(self, table, error)
@@ -215,8 +218,8 @@ contains
          & //error%message
    end subroutine take_shared_errors
 
-   !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
-   !> 'warning' what is to be said of a table.
+   !> A table that is no file; of measurements in one the plain table that was made of it, or nothing where it is plain; of 'ebsd' a row
+   !> for each measurement. Of 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
@@ -229,7 +232,11 @@ contains
          call warn(self%warnings, page)
          return
       end if
-      call parse_table(page, parsed, error)
+      if (table == 'measurements' .and. len(page) == 0) then
+         call read_table(self%table_file, parsed, error)
+      else
+         call parse_table(page, parsed, error)
+      end if
       select case (table)
       case ('stiffness')
          call take_stiffness(self, parsed, place(self%path, 'knowledge', 'stiffness'), error)
@@ -238,7 +245,7 @@ contains
          call set_measurements(self, self%indents, error)
       case default
          ! Rows that are lines of no file are counted from 1, without the header.
-         if (.not. allocated(self%spreadsheet)) parsed%line = [(i, i=1, parsed%rows)]
+         if (.not. allocated(self%table_file)) parsed%line = [(i, i=1, parsed%rows)]
          call take_measurements(self, parsed, error)
       end select
    end subroutine set_table

@@ -80,8 +80,8 @@ contains
       logical :: usable
       integer :: i
 
-      call read_problem(path, command, '', self, error)
-      if (.not. allocated(error) .and. allocated(self%spreadsheet)) call raise(error, place(path, 'measurements', 'file') &
+      call read_problem(path, command, '', .false., self, error)
+      if (.not. allocated(error) .and. allocated(self%table_file)) call raise(error, place(path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
          & //'its sheet as CSV', exit_bad_input)
       if (.not. allocated(error) .and. allocated(self%map)) call raise(error, place(path, 'measurements', 'ebsd') &

@@ -13,11 +13,11 @@ module table_columns
    use kinds, only: degree, pi, wp
    use spelling, only: suggestion
    use tables, only: longest_name, table_type
-   use text, only: join, lower, split_list, to_text
+   use text, only: join, lower, newline, split_list, to_text
    implicit none
    private
-   public :: find_column, find_modulus, column_list, nearest_to, check_unit, column_hint, name_columns, degrees, find_ways, &
-      & read_directions, angles_of_direction
+   public :: find_column, find_modulus, standard_names, column_list, nearest_to, check_unit, column_hint, name_columns, degrees, &
+      & find_ways, read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
@@ -34,20 +34,21 @@ module table_columns
       & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
       & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa), &
       & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa), &
-      & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff', gpa), &
+      & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, ' &
+      & //'e_reduced', gpa), &
       & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
-      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, error, err, uncertainty, standard_deviation, ' &
-      & //'standard_error, sem, sigma, modulus_sd, modulus_std, er_sd, er_std, e_r_sd, e_r_std', gpa), &
+      & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, standard_deviation, ' &
+      & //'standard_error, sem, sigma', gpa), &
       & column_type('orientation_sd_deg', 'orientation_sd', degrees), &
-      & column_type('depth_um', '', um), &
-      & column_type('depth_nm', '', ' nm '), &
+      & column_type('depth_um', 'depth', um), &
+      & column_type('depth_nm', 'depth', ' nm '), &
       & column_type('contact_radius_um', '', um), &
       & column_type('zero_sd_nm', '', ' nm '), &
       & column_type('grain_radius_um', '', um), &
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &
-      & column_type('grain', 'grain_id, grain_number, grain_no, grain_no_', ''), &
+      & column_type('grain', 'grain_id, grain_number, grain_no', ''), &
       & column_type('test', 'test_id, test_number', ''), &
       & column_type('reference', '', ''), &
       & column_type('session', '', ''), &
@@ -103,15 +104,48 @@ contains
          & //column_list(table)//nearest_to(table, name))
    end subroutine find_column
 
-   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit.
+   !> Whether a name is another one of row `i` of `known_columns`, whatever its unit; of a depth the unit decides. That of an sd may begin
+   !> with the name of a modulus.
    pure logical function is_other_name(name, i)
       character(len=*), intent(in) :: name
       integer, intent(in) :: i
       character(len=:), allocatable :: word, unit
+      integer :: j, k
 
       call split_name(name, word, unit)
+      if (known_columns(i)%name == 'sd_gpa') then
+         do k = 2, len(word) - 1
+            if (word(k:k) /= '_') cycle
+            if (.not. any([(any(split_list(known_columns(j)%others) == word(:k - 1)), j=plain, last_modulus)])) cycle
+            word = word(k + 1:)
+            exit
+         end do
+      end if
       is_other_name = any(split_list(known_columns(i)%others) == word)
+      if (word == 'depth') is_other_name = is_other_name .and. index(known_columns(i)%units, ' '//unit//' ') > 0
    end function is_other_name
+
+   !> What headers, a line each, mean: names of `known_columns` or of ways to state directions; '' is nothing that is read.
+   pure function standard_names(headers) result(names)
+      character(len=*), intent(in) :: headers
+      character(len=longest_name), allocatable :: names(:)
+      integer :: first, last, i
+
+      allocate (names(0))
+      first = 1
+      do while (first <= len(headers))
+         last = first - 2 + index(headers(first:)//newline, newline)
+         names = [names, repeat(' ', longest_name)]
+         associate (header => headers(first:last), name => names(size(names)))
+            if (any([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] == lower(header))) &
+               & name = lower(header)
+            do i = size(known_columns), 1, -1
+               if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
+            end do
+         end associate
+         first = last + 2
+      end do
+   end function standard_names
 
    !> The unit that a column's name or the row of units says, if any, is one of `units`.
    subroutine check_unit(table, column, units, error)
@@ -158,6 +192,10 @@ contains
       end do
       k = index(word, '''')
       if (k > 0) word = word(:k - 1)//word(k + 1:)
+      do while (index(word//' ', '__') + index(word//' ', '_ ') > 1)
+         k = max(index(word//' ', '__'), index(word//' ', '_ '))
+         word = word(:k - 1)//word(k + 1:)
+      end do
       k = index(word, '_', back=.true.)
       if (k > 1 .and. len(unit) == 0) then
          if (index(unit_words, ' '//word(k + 1:)//' ') > 0) then

@@ -72,7 +72,6 @@ REFUSED = {
     "MPa in the header": (named("Er (MPa)", "sd_gpa"), {}, "column Er (MPa): the unit mpa is not read; allowed gpa"),
     "MPa in a row of units": (page().replace("\n", "\ndeg,deg,deg,MPa,MPa\n", 1), {}, "the unit mpa is not read; allowed gpa"),
     "MPa without a word": (page(rows=[(*row[:3], 1000 * row[3], row[4]) for row in ROWS]), {}, "210500.0 GPa looks like MPa"),
-    "an error in per cent": (named("Er (GPa)", "error (%)"), {}, "column error (%): the unit % is not read; allowed gpa"),
     "radians": (page(rows=RADIANS), {}, "these look like radians, and degrees are needed; if they are radians say angles = 'radians'"),
     "radians in the header": (page(header=["phi1 (rad)", "Phi (rad)", "phi2 (rad)", "Er", "sd"]), {}, "is in radians; degrees are needed"),
     "a modulus of no kind": (named("modulus_gpa", "sd_gpa"), {}, f"does not say which modulus was measured, nor does modulus_kind; {CHOICES}"),
@@ -85,15 +84,11 @@ REFUSED = {
     ),
     "two columns for the sd": (page(header=[*HEADER[:4], "std", "error"], rows=[(*row, 4.0) for row in ROWS]), {}, "std and error are both sd_gpa"),
     "no sd": (page(header=HEADER[:4], rows=[row[:4] for row in ROWS]), {}, "the column sd_gpa is missing; it may be absent only with scale"),
-    "an empty sd": (page().replace("4.5\n", "\n"), {}, "line 2, column sd_gpa: the cell is empty; a number is needed"),
     "a name misspelt": (named("Er", "sdt_gpa"), {}, "sdt_gpa: did you mean sd_gpa?"),
     "an angle misspelt": (page(header=["ph1_deg", *HEADER[1:]]), {}, "ph1_deg: did you mean phi1_deg?"),
     "dots for thousands": (page(";", decimal=",").replace("210,5", "1.210,5"), {}, "'1.210,5' is not a number"),
-    "a word for a number": (page().replace("210.5", "n/a"), {}, "line 2, column indentation_modulus_gpa: 'n/a' is not a number"),
     "no header": (page().split("\n", 1)[1], {}, "line 1: numbers where the header row with the names of the columns must be"),
     "a cell too many": (page().replace("4.5\n", "4.5,7\n"), {}, "line 2: 6 cells where the header has 5"),
-    "Latin-1": (page(header=["phi1 (°)", *HEADER[1:]]).encode("latin-1"), {}, "is not UTF-8 (save the file as UTF-8)"),
-    "UTF-16 (Excel's Unicode text)": (page("\t").encode("utf-16"), {}, "the file is not plain text (save it as UTF-8)"),
 }  # fmt: skip
 KIND_OF = {"Er": 1, "E_r": 1, "er_gpa": 1, "educed": 1, "effective": 1, "E_IT": 2, "sample": 2}
 

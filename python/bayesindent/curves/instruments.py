@@ -8,7 +8,7 @@ import numpy as np
 
 from ..common.result_files import as_csv
 from ..core import InputError
-from ..settings.spreadsheets import reader_of
+from ..settings.laboratory_tables import reader_of
 
 __all__ = ["as_file", "read_curves", "tdm_settings"]
 

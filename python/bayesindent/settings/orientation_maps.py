@@ -18,7 +18,7 @@ from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .spreadsheets import reader_of
+from .laboratory_tables import reader_of
 
 __all__ = ["page_of"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
-from .spreadsheets import page_of as spreadsheet_page
+from .laboratory_tables import LaboratoryTable, laboratory_table
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
 
@@ -158,9 +158,15 @@ class Problem(NativeObject):
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._facts()
-        if "spreadsheet" in facts:
+        #: The file of measurements as it was understood, or None.
+        self.table: LaboratoryTable | None = None
+        if "table_file" in facts:
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
-            self._set_table("measurements", spreadsheet_page(place, Path(facts["spreadsheet"]), facts["measurements.sheet"]))
+            stated = [words.partition("=")[2].strip() for words in facts.get("measurements.columns") or []]
+            self.table = laboratory_table(place, Path(facts["table_file"]), facts["measurements.sheet"], stated)
+            for note in self.table.notes if self.table else ():
+                self._set_table("warning", place + note)
+            self._set_table("measurements", self.table.page() if self.table else "")
             facts = self._facts()
         if "indents_um" in facts:
             # Not above: it needs scipy, which is slow to import.

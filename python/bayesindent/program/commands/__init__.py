@@ -3,12 +3,13 @@
 from importlib import import_module
 
 from ...settings.problem import stages
-from . import compare, completion, init, predict, report, run, source_tree
+from . import compare, completion, init, predict, report, run, source_tree, table
 
 __all__ = ["COMMANDS"]
 
 COMMANDS = (
     init.COMMAND,
+    table.COMMAND,
     run.COMMAND,
     *(import_module(f".{row.name}", __package__).COMMAND for row in stages() if row.name != run.COMMAND.name),
     predict.COMMAND,

@@ -1,6 +1,7 @@
 """`run`: all that a namelist asks for."""
 
 import argparse
+import sys
 
 from ...common.progress import Progress
 from ...surrogate.surrogate import places
@@ -17,6 +18,8 @@ def run(arguments: argparse.Namespace) -> dict:
     if arguments.check:
         return check(problem_of(arguments), arguments)
     problem, output = prepare(arguments)
+    if problem.table and not arguments.quiet:
+        print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
     known, progress = {command.name: command for command in COMMANDS}, Progress(not arguments.quiet)
     documents: dict[str, dict] = {}
     for name in problem.stages:

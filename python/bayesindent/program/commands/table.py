@@ -1,0 +1,68 @@
+"""`table`: what is read of a table of measurements, before anything is computed."""
+
+import argparse
+from pathlib import Path
+
+from ...settings.laboratory_tables import LaboratoryTable, meanings_of
+from ...settings.problem import Problem, schema
+from ..command import Command
+
+__all__ = ["COMMAND"]
+
+
+def table(arguments: argparse.Namespace) -> dict:
+    """Columns and what each is taken for, the kind of modulus, the grains, and the rows left out."""
+    path = arguments.table
+    # The last class has no symmetry.
+    classes = next(variable.allowed for variable in schema() if variable.name == "symmetry").split(", ")
+    crystal = {"symmetry": arguments.symmetry or classes[-1].strip("'"), "lattice": arguments.lattice}
+    asked = {"sheet": arguments.sheet, "modulus_kind": arguments.modulus_kind, "columns": arguments.column, "scale": "inferred"}
+    points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
+    # Of a pipe there is none.
+    found = points.problem.table or LaboratoryTable(f"{path}: ", points.columns, meanings_of(points.columns), points.rows, [])
+    return {
+        "file": str(path),
+        "sheet": found.sheet or None,
+        "columns": [{"header": name, "read_as": meaning or None} for name, meaning in zip(found.names, found.meanings, strict=True)],
+        "modulus_kind": points.modulus_kind,
+        "grains": len(points),
+        "left_out": {str(line): reason for line, reason in found.left_out.items()},
+        "results": [
+            {"grain": name, "euler_deg": euler, "modulus_gpa": modulus, "sd_gpa": sd}
+            for name, euler, modulus, sd in zip(
+                points.names or [None] * len(points), points.euler_deg, points.modulus_gpa,
+                [None] * len(points) if points.sd_gpa is None else points.sd_gpa, strict=True,
+            )
+        ],
+        "words": found.words(len(points)),
+        "warnings": points.problem.warnings,
+    }  # fmt: skip
+
+
+def show(document: dict) -> None:
+    print("\n".join(document["words"]))
+    print(f"{'grain':<12} {'phi1':>8} {'Phi':>8} {'phi2':>8} {document['modulus_kind']:>20} {'sd':>8}   (degrees, GPa)")
+    for number, row in enumerate(document["results"], 1):
+        sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
+        angles = " ".join(f"{angle:8.2f}" for angle in row["euler_deg"])
+        print(f"{row['grain'] or number:<12} {angles} {row['modulus_gpa']:>20.2f} {sd:>8}")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("table", metavar="FILE", type=Path, help="a table of measurements: .csv, .txt, .xlsx")
+    parser.add_argument("--symmetry", help="of the crystals, where it matters: directions by indices")
+    parser.add_argument("--lattice", type=float, nargs="+", metavar="X", help="parameters of the unit cell, where indices need them")
+    parser.add_argument("--sheet", default="", help="of a spreadsheet (default: the first one that has moduli)")
+    parser.add_argument("--modulus-kind", metavar="KIND", help="as &measurements modulus_kind, where the header does not say it")
+    parser.add_argument("--column", action="append", metavar="'NAME = HEADER'", help="as &measurements columns; may be repeated")
+
+
+COMMAND = Command(
+    "table",
+    "what is read of a table of measurements",
+    "It shows the columns and what each is taken for, the rows that are left out, and the grains. Nothing is computed.",
+    action=table,
+    arguments=add_arguments,
+    show=show,
+    then=lambda arguments, document: f"&measurements file = '{arguments.table}' in a namelist (bayesindent init writes one)",
+)

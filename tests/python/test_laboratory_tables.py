@@ -1,0 +1,279 @@
+"""Tables as instruments and people write them: the numbers of the plain table, or a refusal with line, column and remedy."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from measured_tables import read_measurements
+
+import bayesindent as bi
+from bayesindent.program.cli import main
+from bayesindent.settings.problem import Problem
+
+#: Grain, Bunge's angles, modulus, sd: what each of the tables says.
+ROWS = [("g1", 10.5, 20.25, 30.125, 210.5, 4.5), ("g2", 40.0, 50.0, 60.0, 220.1, 4.25), ("g3", 70.0, 80.0, 15.0, 198.0, 5.0)]
+NAMES = ["grain", "phi1_deg", "Phi_deg", "phi2_deg", "Er (GPa)", "sd (GPa)"]
+
+
+def lines(rows=ROWS, names=NAMES, mark=","):
+    return [mark.join(map(str, row)) for row in (names, *rows)]
+
+
+def text(*args, **more):
+    return "\n".join(lines(*args, **more)) + "\n"
+
+
+def changed(column, function, **more):
+    """The table with a function of one of its columns as the text of its cells."""
+    return text([[function(value) if k == column else value for k, value in enumerate(row)] for row in ROWS], **more)
+
+
+PLAIN = lines()
+#: The text, and what a warning says; '' where the table counts as plain.
+READ = {
+    "plain": (text(), ""),
+    "metadata above the header": ("Operator: J. Doe\nDate,2025-03-01\nTemperature (C),23.5\n\n" + text(), "the header is on line 5"),
+    "a title above": ("Er of copper\n" + text(), "the header is on line 2"),
+    "metadata above, semicolons and decimal commas": ("Probe;TI 990\nArea;24,5\n" + text(mark=";").replace(".", ","), "the header is on line 3"),
+    "metadata above, tabs": ("Probe\tTI 990\n" + text(mark="\t"), "the header is on line 2"),
+    "metadata and a row of units": ("Probe: diamond\n" + "\n".join([PLAIN[0], ",deg,deg,deg,GPa,GPa", *PLAIN[1:]]), "the header is on line 2"),
+    "a mean at the end": (text() + "Mean,,,,209.5,4.6\n", "statistics of the table: line 5"),
+    "Mean, Std. Dev., % COV": (text() + "Mean,,,,209.5,\nStd. Dev.,,,,11.1,\n% COV,,,,5.3,\n", "statistics of the table: lines 5, 6, 7"),
+    "Average and Standard deviation": (text() + "\nAverage,,,,209.5,\nStandard deviation,,,,11.1,\n", "lines 6, 7"),
+    "min and max": (text() + "Min,,,,198,\nMAX,,,,220.1,\n", "lines 5, 6"),
+    "an incomplete row": (text() + "g4,1,2,3,,\n", "1 of 4 rows left out, a value is missing: line 5"),
+    "n/a for a modulus": (text() + "g4,1,2,3,n/a,4\n", "a value is missing: line 5"),
+    "a dash for an angle": ("\n".join([*PLAIN[:2], "g0,-,2,3,200,4", *PLAIN[2:]]), "a value is missing: line 3"),
+    "#DIV/0! for an sd": (text() + "g4,1,2,3,200,#DIV/0!\n", "a value is missing: line 5"),
+    "an empty sd": (text() + "g4,1,2,3,200,\n", "a value is missing: line 5"),
+    "1.797e308 is no value": (text() + "g4,1,2,3,1.797e308,4\n", "a value is missing: line 5"),
+    "degree signs in cells": (changed(2, lambda value: f"{value}°"), None),
+    "GPa in cells": (changed(4, lambda value: f"{value} GPa"), None),
+    "units without a blank": (changed(4, lambda value: f"{value}GPa"), None),
+    "an sd after ±": (text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
+    "an sd after +/-": (text([(*row[:4], f"{row[4]}+/-{row[5]}") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
+    "± and the unit": (text([(*row[:4], f"{row[4]} ± {row[5]} GPa") for row in ROWS], NAMES[:5]), "what follows ± is its sd"),
+    "± with decimal commas": (text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5], ";").replace(".", ","), "±"),
+    "per cent in cells": (changed(5, lambda value: value).replace("4.5\n", "2.137767220902613 %\n"), None),
+    "per cent in the header": (
+        text([(*row[:5], 100 * row[5] / row[4]) for row in ROWS], [*NAMES[:5], "sd (%)"]), "per cent of the modulus",
+    ),
+    "UTF-16 with its mark": (text(mark="\t").encode("utf-16"), "read as UTF-16"),
+    "UTF-16, big-endian": (b"\xfe\xff" + text(mark="\t").encode("utf-16-be"), "read as UTF-16"),
+    "Windows-1252": (text(names=["grain", "phi1 (°)", "Phi (°)", "phi2 (°)", "Er (GPa)", "sd (GPa)"]).encode("cp1252"), "Windows-1252"),
+    "a remark in Windows-1252": (text([(*row, "Körnung") for row in ROWS], [*NAMES, "remark"]).encode("cp1252"), "Windows-1252"),
+    "E*": (text(names=[*NAMES[:4], "E* (GPa)", "sd"]), ""),
+    "Ereduced": (text(names=[*NAMES[:4], "Ereduced [GPa]", "sd"]), ""),
+    "E_reduced": (text(names=[*NAMES[:4], "E_reduced", "sd"]), ""),
+    "Reduced Modulus StdDev [GPa]": (text(names=[*NAMES[:4], "Reduced Modulus [GPa]", "Reduced Modulus StdDev [GPa]"]), ""),
+    "Er std": (text(names=[*NAMES[:4], "Er", "Er std"]), ""),
+    "er_sd_gpa": (text(names=[*NAMES[:4], "er_gpa", "er_sd_gpa"]), ""),
+    "a depth (nm)": (text([(*row, 95.0) for row in ROWS], [*NAMES, "depth (nm)"]), ""),
+    "a depth (µm)": (text([(*row, 0.095) for row in ROWS], [*NAMES, "depth (µm)"]), ""),
+    "spellings of a grain": (text([("G 1", *ROWS[0][1:]), ("g2", *ROWS[1][1:]), ("G3", *ROWS[2][1:])]), ""),
+    "Mean Er": (text(names=[*NAMES[:4], "Mean Er (GPa)", "sd"]), None),
+    "a wide header over names": (
+        "\n".join(["grain,Euler angles,,,Reduced modulus,", ",phi1,Phi,phi2,Mean (GPa),SD (GPa)", *PLAIN[1:]]), "together are the header",
+    ),
+    "a footer": (text() + "Measured by J. Doe\n", "1 of 4 rows left out, a remark: line 5"),
+    "rows of empty cells between": (text().replace("\n", "\n,,,,,\n", 2), ""),
+    "three kinds of dress at once": (
+        ("Sample: Cu\n" + text([(*row[:4], f"{row[4]} ± {row[5]}") for row in ROWS], NAMES[:5]) + "Mean,,,,209.5\n").encode("cp1252"), "±",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_laboratorys_table_is_the_plain_one(tmp_path, name):
+    content, words = READ[name]
+    path = tmp_path / "a.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    points = read_measurements(path, "cubic")
+    assert points.modulus_kind == "effective_modulus"
+    found = np.column_stack([points.euler_deg, points.modulus_gpa, points.sd_gpa])
+    assert found == pytest.approx(np.array([row[1:] for row in ROWS]), rel=1e-12)
+    told = " ".join(points.problem.warnings)
+    if words:
+        assert words in told
+    if words == "":
+        assert points.problem.table.is_plain and not told
+
+
+DIRECTIONS = {
+    "[uvw] with blanks": ["[1 0 2]", "[1 1 1]", "[0 0 1]"],
+    "[uvw] without": ["[102]", "[111]", "[001]"],
+    "<uvw>": ["<102>", "<111>", "<001>"],
+    "a minus": ["[1 0 -2]", "[-1 1 1]", "[0 0 -1]"],
+    "a minus without blanks": ["[10-2]", "[-111]", "[00-1]"],
+    "a bar": ["[102\u0304]", "[1\u030511]", "[001\u0304]"],
+    "commas": ["[1,0,2]", "[1,1,1]", "[0,0,1]"],
+}
+
+
+@pytest.mark.parametrize("name", DIRECTIONS)
+@pytest.mark.parametrize("plane", [False, True])
+def test_indices_in_one_column(tmp_path, name, plane):
+    """In a cubic crystal direction and plane normal are one."""
+    cells = [cell.translate(str.maketrans("[]<>", "(){}")) if plane else cell for cell in DIRECTIONS[name]]
+    path = tmp_path / "a.csv"
+    path.write_text("orientation;Er;sd\n" + "".join(f"{cell};200;4\n" for cell in cells), encoding="utf-8")
+    points = read_measurements(path, "cubic")
+    sign = -1.0 if "bar" in name or "minus" in name else 1.0
+    expected = np.array([[1, 0, 2 * sign], [sign, 1, 1], [0, 0, sign]])
+    assert directions_of(points) == pytest.approx(expected / np.linalg.norm(expected, axis=1, keepdims=True), abs=1e-12)
+
+
+def test_four_indices(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("plane;Er;sd\n(0001);200;4\n(11-20);190;4\n(10-10);190;4\n")
+    crystal = {"symmetry": "hexagonal", "lattice": [2.951, 4.684]}
+    points = Problem.from_keywords("a", problem=crystal, measurements={"file": path}).measurements
+    assert directions_of(points)[:, 2] == pytest.approx([1, 0, 0], abs=1e-12)
+
+
+def directions_of(points):
+    """The sample's z in crystal axes, from Bunge's angles."""
+    phi, phi2 = np.radians(points.euler_deg[:, 1]), np.radians(points.euler_deg[:, 2])
+    return np.column_stack([np.sin(phi2) * np.sin(phi), np.cos(phi2) * np.sin(phi), np.cos(phi)])
+
+
+TESTS = {"g1": [205.0, 211.0, 208.0], "g2": [220.0, 216.0], "g3": [198.0]}
+
+
+def test_repeats_without_sds_are_means_with_a_pooled_error(tmp_path):
+    """By hand: the variance within grains is (18 + 8)/(2 + 1)."""
+    path = tmp_path / "a.csv"
+    rows = [(name, *row[1:4], value) for name, row in zip(TESTS, ROWS) for value in TESTS[name]]
+    path.write_text(text(rows, NAMES[:5]))
+    points = read_measurements(path, "cubic")
+    pooled = np.sqrt(26 / 3)
+    assert points.modulus_gpa == pytest.approx([208, 218, 198]) and points.sd_gpa == pytest.approx(pooled / np.sqrt([3, 2, 1]))
+    assert "6 tests of 3 grains became means with standard errors; the sd of a test is 2.94 GPa" in points.problem.warnings[0]
+
+
+def test_many_repeats_have_their_own_error(tmp_path):
+    values = {"a": np.linspace(190, 210, 12), "b": np.array([250.0, 252.0])}
+    path = tmp_path / "a.csv"
+    path.write_text(text([(name, *ROWS[k][1:4], value) for k, name in enumerate(values) for value in values[name]], NAMES[:5]))
+    points = read_measurements(path, "cubic")
+    pooled = np.sqrt((11 * values["a"].var(ddof=1) + 2.0) / 12)
+    assert points.sd_gpa == pytest.approx([values["a"].std(ddof=1) / np.sqrt(12), pooled / np.sqrt(2)])
+
+
+def test_a_standard_deviation_of_n_tests(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard deviation (GPa)", "N"]))
+    points = read_measurements(path, "cubic")
+    assert points.sd_gpa == pytest.approx([row[5] / 3 for row in ROWS]) and "the standard error of the mean" in points.problem.warnings[0]
+    path.write_text(text([(*row, 9) for row in ROWS], [*NAMES[:5], "Standard error (GPa)", "N"]))
+    assert read_measurements(path, "cubic").sd_gpa == pytest.approx([row[5] for row in ROWS])
+
+
+def test_spellings_of_one_grain(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(text([("G1", *ROWS[0][1:]), ("g1", *ROWS[0][1:4], 212.0, 4.5), ("G 1", *ROWS[0][1:4], 209.0, 4.5)]))
+    points = read_measurements(path, "cubic")
+    assert len(points) == 1 and points.names == ["G1"]
+    assert "taken for one grain: g1 and G1, G 1 and G1" in " ".join(points.problem.warnings)
+
+
+REFUSED = {
+    "words for numbers, all at once": (text() + "g4,1,2,3,abc,4\ng5,1,x,3,200,4\n", "2 cells are no numbers: line 5, column Er (GPa): 'abc'; line 6, column Phi_deg: 'x'"),
+    "a modulus in no known column": (text(names=[*NAMES[:4], "value", "sd"]), "no column is a modulus"),
+    "E alone": (text(names=[*NAMES[:4], "E (GPa)", "sd"]), "does not say which modulus was measured"),
+    "no sds and no repeats": (text([row[:5] for row in ROWS], NAMES[:5]), "the column sd_gpa is missing"),
+    "three and four indices": ("d,Er,sd\n[1 0 2],200,4\n[1 1 -2 0],210,4\n[0 0 1],190,4\n", "three indices, or all of four"),
+    "directions and planes": ("d,Er,sd\n[1 0 2],200,4\n(1 1 2),210,4\n[0 0 1],190,4\n", "directions [..] or planes (..)"),
+    "depths without a unit": (text([(*row, "95 nm", 0.5) for row in ROWS], [*NAMES, "depth_um", "zero_sd_nm"]).replace("0.5", "x", 3), "cells are no numbers"),
+    "a cell too few": (text() + "g4,1,2,200,4\n", "line 5: 5 cells where the header has 6"),
+    "a cell too many": (text() + "g4,1,2,3,200,4,7\n", "7 cells where the header has 6"),
+    "megapascal": (text([(*row[:4], 1000 * row[4], row[5]) for row in ROWS]), "looks like MPa"),
+    "MPa in cells": (changed(4, lambda value: f"{1000 * value} MPa"), "cells are no numbers"),
+    "dots for thousands": (text(mark=";").replace("210.5", "1.210,5").replace("220.1", "1.220,1"), "cells are no numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals_name_line_and_remedy(tmp_path, name):
+    path = tmp_path / "a.csv"
+    path.write_text(REFUSED[name][0])
+    with pytest.raises(bi.InputError, match=re.escape(REFUSED[name][1])) as error:
+        read_measurements(path, "cubic")
+    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+
+
+def test_lines_of_the_core_are_those_of_the_file(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("a title\n" + text() + "Mean,,,,209.5,\ng4,1,200,3,200,4\n")
+    with pytest.raises(bi.InputError, match="line 7, column Phi_deg: 200"):
+        read_measurements(path, "cubic")
+
+
+class TestSpreadsheets:
+    openpyxl = pytest.importorskip("openpyxl")
+
+    def book(self, path, **sheets):
+        made = self.openpyxl.Workbook()
+        made.remove(made.active)
+        for name, rows in sheets.items():
+            sheet = made.create_sheet(name)
+            for row in rows:
+                sheet.append(row)
+        made.save(path)
+        return path
+
+    def test_the_sheet_with_moduli(self, tmp_path):
+        path = self.book(
+            tmp_path / "a.xlsx",
+            notes=[["copper"], ["polished"]],
+            data=[["made by", "J. Doe"], NAMES, *ROWS, ["Mean", None, None, None, 209.5]],
+        )
+        points = read_measurements(path, "cubic")
+        assert points.modulus_gpa.tolist() == [row[4] for row in ROWS]
+
+    def test_two_sheets_with_moduli(self, tmp_path):
+        path = self.book(tmp_path / "a.xlsx", notes=[["copper"]], a=[NAMES, *ROWS], b=[NAMES, *ROWS])
+        with pytest.raises(bi.InputError, match="the sheets a, b have moduli; state sheet = 'a' or another"):
+            read_measurements(path, "cubic")
+        assert len(read_measurements(path, "cubic", sheet="b")) == 3
+
+    def test_formulas_without_a_value(self, tmp_path):
+        path = self.book(tmp_path / "a.xlsx", data=[NAMES, *ROWS, ["g4", 1, 2, 3, "=E2+1", 4]])
+        with pytest.raises(bi.InputError, match=r"formulas without a stored value \(E5\): open it in a spreadsheet program and save it"):
+            read_measurements(path, "cubic")
+
+    def test_merged_headers(self, tmp_path):
+        rows = [
+            ["grain", "Euler angles (deg)", None, None, "Reduced modulus", None],
+            [None, "phi1", "Phi", "phi2", "Mean (GPa)", "Std. Dev. (GPa)"],
+            *ROWS,
+        ]
+        points = read_measurements(self.book(tmp_path / "a.xlsx", data=rows), "cubic")
+        assert points.sd_gpa.tolist() == [row[5] for row in ROWS] and points.euler_deg[:, 0].tolist() == [row[1] for row in ROWS]
+
+
+def test_the_command_shows_what_is_read(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    path.write_text("Operator: J. Doe\n" + text([(*row, "x") for row in ROWS], [*NAMES, "remark"]) + "Mean,,,,209.5,,\n")
+    assert main(["table", str(path), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    read_as = {column["header"]: column["read_as"] for column in document["columns"]}
+    assert read_as["Er (GPa)"] == "effective_modulus_gpa" and read_as["remark"] is None
+    assert document["grains"] == 3 and document["left_out"] == {"6": "statistics of the table"}
+    assert [row["modulus_gpa"] for row in document["results"]] == [row[4] for row in ROWS]
+    assert main(["table", str(path)]) == 0
+    assert "left out: line 6 (statistics of the table)" in capsys.readouterr().out
+    assert main(["table", str(tmp_path / "b.csv")]) == 2
+
+
+def test_a_hundred_thousand_rows(tmp_path):
+    """Tests of 200 grains: the means are those of numpy."""
+    values = np.random.default_rng(3).normal(200, 5, (200, 500))
+    angles = np.random.default_rng(4).uniform(1, 170, (200, 3))
+    rows = [(f"g{k}", *angles[k], value) for k in range(200) for value in values[k]]
+    path = tmp_path / "a.csv"
+    path.write_text(text(rows, NAMES[:5]))
+    points = read_measurements(path, "triclinic")
+    assert points.modulus_gpa == pytest.approx(values.mean(axis=1), rel=1e-9)
+    assert points.sd_gpa == pytest.approx(values.std(axis=1, ddof=1) / np.sqrt(500), rel=1e-9)
