@@ -29,6 +29,8 @@ module settings_schema
       real(wp), allocatable :: lattice(:)
       logical :: synthetic = .false.
       integer :: seed = 0
+      real(wp), allocatable :: density_kg_m3
+      real(wp) :: density_sd_kg_m3 = 0.0_wp
    end type problem_settings_type
 
    type, extends(group_settings_type) :: crystals_settings_type
@@ -193,6 +195,8 @@ contains
       call v%text('title', s%problem%title, kind_text, '', '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'whether the data are made up; every figure then says so')
       call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
+      call v%optional_real('density_kg_m3', s%problem%density_kg_m3, '[10, 1e5]', 'kg/m3', &
+         & 'density of the material; speeds of waves need it')
 
       call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
       call v%text('points', s%crystals%points, kind_file, '*', '', &

@@ -31,6 +31,8 @@ module point_tables
       !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
+      !> Direction of propagation of surface waves, from sample x, degrees, (n); unallocated: the table has none.
+      real(wp), allocatable :: propagation_deg(:)
       !> Moduli and their sds, GPa, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
       !> Of measurements: which modulus was measured.
@@ -52,6 +54,9 @@ module point_tables
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
    real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
+   !> Of directions of propagation.
+   real(wp), parameter :: turns_allowed(2) = [-360.0_wp, 360.0_wp]
+   character(len=*), parameter :: no_turn = ' degrees; allowed -360 to 360'
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
@@ -77,6 +82,9 @@ contains
       if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
       if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .true., no_modulus, &
          & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
+      if (.not. allocated(error) .and. column > 0) call read_numbers(points%table, column, turns_allowed, .false., no_turn, &
+         & points%propagation_deg, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 

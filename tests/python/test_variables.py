@@ -54,6 +54,7 @@ def written(folder, groups: dict, command: str = "run") -> bi.Problem:
     folder.mkdir(exist_ok=True)
     (folder / "points.csv").write_text(POINTS)
     (folder / "others.csv").write_text(POINTS.replace("10,20,30", "0,45,0"))
+    (folder / "along.csv").write_text(POINTS.replace("phi2_deg\n", "phi2_deg,propagation_deg\n").replace("10,20,30", "10,20,30,15"))
     (folder / "grains.csv").write_text(CSV)
     for name, header, row in TABLES:
         (folder / f"{name}.csv").write_text(f"{header}\n{row}\n")
@@ -76,6 +77,13 @@ def files(folder, groups):
     assert main(["simulate", str(problem.path), "--output", str(folder / "out")]) == 0
     kept = {path.name for path in (folder / "out").iterdir()}
     return sorted(kept), [line.split(",")[:7] for line in (folder / "out" / "moduli.csv").read_text().splitlines()]
+
+
+def files_of_theory(folder, groups):
+    """What `theory` says of a direction of propagation."""
+    problem = written(folder, merged({"crystals": {"points": "along.csv"}}, groups))
+    assert main(["theory", str(problem.path), "--output", str(folder / "out")]) == 0
+    return (folder / "out" / "theory.csv").read_text()
 
 
 def built(folder, groups):
@@ -228,6 +236,7 @@ EFFECTS = {
         "title": (reported, {}, "mine"),
         "synthetic": (reported, {}, True),
         "seed": (sampled, {}, 2),
+        "density_kg_m3": (files_of_theory, {"problem": {"symmetry": "cubic"}}, 8960.0),
     },
     "crystals": {"points": (files, {}, "others.csv")},
     "curves": {
