@@ -176,6 +176,7 @@ contains
                call add_table(problem%measurements)
                if (allocated(problem%shared_digest)) content = content//problem%shared_digest
             end if
+            call add_table(problem%velocities)
          case ('design')
             call add_table(problem%candidates)
          case ('next')

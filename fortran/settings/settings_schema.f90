@@ -81,11 +81,11 @@ module settings_schema
    end type design_settings_type
 
    type, extends(group_settings_type) :: measurements_settings_type
-      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood, shared_errors
+      character(len=:), allocatable :: file, sheet, ebsd, modulus_kind, angles, scale, likelihood, shared_errors, velocities
       character(len=longest_item), allocatable :: columns(:)
       real(wp) :: indenter_modulus_gpa = 0.0_wp, indenter_nu = 0.0_wp, sample_nu = 0.0_wp, calibration_sd = 0.0_wp, &
          & orientation_sd_deg = 0.0_wp, misalignment_sd_deg = 0.0_wp, scatter_sd = 0.0_wp, student_dof = 0.0_wp, &
-         & zero_sd_nm = 0.0_wp, yield_gpa = 0.0_wp
+         & zero_sd_nm = 0.0_wp, yield_gpa = 0.0_wp, velocity_calibration_sd = 0.0_wp
    end type measurements_settings_type
 
    type, extends(group_settings_type) :: curves_settings_type
@@ -195,8 +195,8 @@ contains
       call v%text('title', s%problem%title, kind_text, '', '', 'a title for the report')
       call v%logical('synthetic', s%problem%synthetic, '.false.', 'whether the data are made up; every figure then says so')
       call v%integer('seed', s%problem%seed, '1', '[0, 2147483647]', 'seed of all random numbers; same seed, same results')
-      call v%optional_real('density_kg_m3', s%problem%density_kg_m3, '[10, 1e5]', 'kg/m3', &
-         & 'density of the material; speeds of waves need it')
+      call v%optional_real('density_kg_m3', s%problem%density_kg_m3, '[10, 1e5]', 'kg/m3', 'density; speeds of waves need it')
+      call v%real('density_sd_kg_m3', s%problem%density_sd_kg_m3, '0.0', '[0, 1e4]', 'kg/m3', 'its sd, which all speeds share')
 
       call v%group('crystals', s%crystals%given, 'The crystals that `simulate` and `theory` indent.')
       call v%text('points', s%crystals%points, kind_file, '*', '', &
@@ -319,6 +319,10 @@ contains
 
       call visit_curves(v, s%curves, s%references)
       call v%group('measurements', s%measurements%given, 'The measured moduli (Step 2).')
+      call v%text('velocities', s%measurements%velocities, kind_file, 'unset', '', 'CSV of angles, propagation_deg (in the ' &
+         & //'surface, from x), rayleigh_velocity_m_s and sd_m_s; with it file may be absent')
+      call v%real('velocity_calibration_sd', s%measurements%velocity_calibration_sd, '0.0', '[0, 0.5]', '', &
+         & 'relative sd of a calibration factor that all speeds of a group share (column group; without it, all)')
       call v%text('file', s%measurements%file, kind_file, '*', '', &
          & 'table of the grains, CSV or .xlsx: Bunge-Euler angles, a modulus and its standard deviation; &curves need none')
       call v%text('shared_errors', s%measurements%shared_errors, kind_file, 'unset', '', &

@@ -110,6 +110,17 @@ def density(folder, groups):
     return posterior.evaluate(x)[0].round(9).tolist()
 
 
+def density_of_waves(folder, groups):
+    """The density of Step 2 with speeds at a few points."""
+    speeds = "phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group\n0,0,0,0,2012,10,a\n0,10,20,5,2050,10,a\n"
+    folder.mkdir(exist_ok=True)
+    (folder / "speeds.csv").write_text(speeds)
+    (folder / "faster.csv").write_text(speeds.replace("2012", "2040"))
+    defaults = {"problem": {"symmetry": "cubic", "density_kg_m3": 8960.0}, "measurements": {"velocities": "speeds.csv"}}
+    problem = written(folder, merged(defaults, groups), "extract")
+    return Posterior(problem, bi.Surrogate.load("halfspace")).evaluate([[168.4, 121.4, 75.4]])[0].round(9).tolist()
+
+
 def read(folder, groups):
     """The table of measurements as it is understood."""
     defaults = {"problem": {"symmetry": "cubic"}, "measurements": {"file": "grains.csv"} | KIND}
@@ -237,6 +248,7 @@ EFFECTS = {
         "synthetic": (reported, {}, True),
         "seed": (sampled, {}, 2),
         "density_kg_m3": (files_of_theory, {"problem": {"symmetry": "cubic"}}, 8960.0),
+        "density_sd_kg_m3": (density_of_waves, {}, 100.0),
     },
     "crystals": {"points": (files, {}, "others.csv")},
     "curves": {
@@ -333,6 +345,8 @@ EFFECTS = {
         "reuse": None,  # test_build: a surrogate of what other models chose
     },
     "measurements": {
+        "velocities": (density_of_waves, {}, "faster.csv"),
+        "velocity_calibration_sd": (density_of_waves, {}, 0.02),
         "file": (read, {}, "fewer.csv"),
         "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook

@@ -29,13 +29,16 @@ def problem_of(
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
+    tables: dict[str, dict | None] = {"file": None, "velocities": None}
+    velocities = variables.pop("velocities", None)
+    for name, given in (("file", measurements), ("velocities", velocities)):
+        if isinstance(given, str | os.PathLike):
+            asked["measurements"][name] = given
+        elif given is not None or (name == "file" and velocities is None):
+            tables[name] = measurements_of(given)
+    density = {name: variables.pop(name) for name in ("density_kg_m3", "density_sd_kg_m3") if name in variables}
     for name, value in variables.items():
         asked[groups.get(name, "measurements")][name] = value
-    table = None
-    if isinstance(measurements, str | os.PathLike):
-        asked["measurements"]["file"] = measurements
-    else:
-        table = measurements_of(measurements)
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
     page = ""
@@ -50,7 +53,13 @@ def problem_of(
         elif stiffness is not None:
             page = stiffness_page(origin, symmetry, *stiffness)
     return Problem.from_keywords(
-        origin, table, page, problem={"symmetry": symmetry, "lattice": lattice, "seed": seed}, execution={"workers": workers}, **asked
+        origin,
+        tables["file"],
+        page,
+        tables["velocities"],
+        problem={"symmetry": symmetry, "lattice": lattice, "seed": seed} | density,
+        execution={"workers": workers},
+        **asked,
     )
 
 
