@@ -201,7 +201,7 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       !> Of the draws, what is no chance.
-      real(wp), parameter :: some = 0.01_wp
+      real(wp), parameter :: some = 0.05_wp
       integer, parameter :: most_rounds = 4
       type(problem_type) :: pilot
       type(posterior_type) :: posterior

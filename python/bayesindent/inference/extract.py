@@ -166,10 +166,16 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     likelihood = by_kind(per_grain, "log_likelihood", "log(1/{})")
     replicated = by_kind(per_grain, "replicated")
     before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
+    sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
     conditions = {
         "euler_deg": (("grain", "angle"), found["euler_deg"][:n], {"units": "degree"}),
-        "sd": (("grain",), np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)[:n], gpa),
-    } | ({"velocity_sd": (("wave",), found["sd_gpa"][n:], {"units": "m/s"})} if len(found["sd_gpa"]) > n else {})
+        "sd": (("grain",), sd[:n], gpa),
+    }
+    if len(sd) > n:
+        conditions |= {
+            "velocity_euler_deg": (("wave", "angle"), found["euler_deg"][n:], {"units": "degree"}),
+            "velocity_sd": (("wave",), sd[n:], {"units": "m/s"}),
+        }
     bounds = zip(found["lower"].tolist(), found["upper"].tolist())
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
     facts |= {

@@ -127,6 +127,15 @@ def tables(results: Results) -> dict[str, Table]:
                 for row, item in enumerate(results.predicted, start=1)
             ],
         ),
+        "velocities": Table(
+            "The Rayleigh velocity in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
+            "posterior predicts it without the noise.",
+            ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
+            [
+                [str(item.get("grain", row)), orientation(item["euler_deg"]), *numbers(item, propagation_deg=1, measured=1, measured_sd=1, mean=1, sd=1)]
+                for row, item in enumerate(results.velocities, start=1)
+            ],
+        ),
     }
     return {name: table for name, table in found.items() if table.rows}
 
