@@ -2,7 +2,7 @@
 
 import numpy as np
 
-__all__ = ["bunge", "rayleigh", "slowest_bulk", "tensor"]
+__all__ = ["Waves", "bunge", "rayleigh", "slowest_bulk", "tensor"]
 
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
@@ -88,3 +88,39 @@ def rayleigh(c, euler_deg, propagation_deg):
         middle = (low + high) / 2
         low, high = (low, middle) if least(middle)[0] < 0 else (middle, high)
     return low, abs(least(low)[1] @ n) ** 2
+
+
+class Waves:
+    """rho v^2 (GPa) of detected waves of many directions of a crystal at once, by the Illinois rule on the determinant of the impedance."""
+
+    def __init__(self, euler_deg, propagation_deg):
+        self.m, self.n = np.swapaxes([directions(*row) for row in zip(euler_deg, propagation_deg, strict=True)], 0, 1)
+
+    def __call__(self, c):
+        t = tensor(c)
+        q, r, s = (np.einsum("dk,kijl,dl->dij", a, t, b) for a, b in ((self.m, self.m), (self.m, self.n), (self.n, self.n)))
+        inverse, top = np.linalg.inv(s), np.linalg.eigvalsh(q)[:, 0]
+        across = inverse @ np.swapaxes(r, 1, 2)
+
+        def determinant(modulus):
+            """-1 above the limiting speed."""
+            third = r @ across - q + modulus[:, None, None] * np.eye(3)
+            p, waves = np.linalg.eig(np.block([[-across, inverse], [third, -np.swapaxes(across, 1, 2)]]))
+            order = np.argsort(-p.imag, axis=1)[:, :3]
+            waves = np.take_along_axis(waves, order[:, None, :], axis=2)
+            z = -1j * waves[:, 3:] @ np.linalg.inv(waves[:, :3])
+            decays = np.take_along_axis(p.imag, order, axis=1).min(axis=1) > 1e-9
+            return np.where(decays, np.linalg.det(z).real, np.nan)
+
+        low, high = np.zeros(len(top)), top.copy()
+        start = determinant(low)
+        below, above = np.ones(len(top)), -np.ones(len(top))
+        for step in range(16):
+            middle = (low * above - high * below) / (above - below) if step > 3 else (low + 2 * high) / 3
+            found = determinant(middle) / start
+            found = np.where(np.isnan(found), -1.0, found)
+            up = found > 0
+            above = np.where(up, np.where(low > 0, above / 2, above), found)
+            below = np.where(up, found, np.where(high < top, below / 2, below))
+            low, high = np.where(up, middle, low), np.where(up, high, middle)
+        return (low * above - high * below) / (above - below)

@@ -141,7 +141,8 @@ def crystal_rows(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[dict[str, 
         raise InputError(f"crystals {matrices.shape[:-2]} and angles {angles.shape[:-1]} do not broadcast") from None
     if 0 in shape:
         raise InputError("there are no crystals")
-    return {"stiffness": np.broadcast_to(matrices, (*shape, 6, 6)), "euler_deg": np.broadcast_to(angles, (*shape, 3))}, shape
+    stiffness = np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6)
+    return {"stiffness": stiffness, "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3)}, shape
 
 
 def halfspace_modulus(stiffness: ArrayLike, euler_deg: ArrayLike, *, circular: bool = False, threads: int = 1) -> np.ndarray:

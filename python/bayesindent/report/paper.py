@@ -132,7 +132,11 @@ def tables(results: Results) -> dict[str, Table]:
             "posterior predicts it without the noise.",
             ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
             [
-                [str(item.get("grain", row)), orientation(item["euler_deg"]), *numbers(item, propagation_deg=1, measured=1, measured_sd=1, mean=1, sd=1)]
+                [
+                    str(item.get("grain", row)),
+                    orientation(item["euler_deg"]),
+                    *numbers(item, propagation_deg=1, measured=1, measured_sd=1, mean=1, sd=1),
+                ]
                 for row, item in enumerate(results.velocities, start=1)
             ],
         ),

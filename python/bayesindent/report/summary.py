@@ -21,7 +21,10 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
         if results.predicted:
-            rows += [("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"), ("Modulus", modulus_kind(results))]
+            rows += [
+                ("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"),
+                ("Modulus", modulus_kind(results)),
+            ]
         if results.velocities:
             rows.append(("Velocities", f"Rayleigh waves in {with_count(len(results.velocities), 'direction')}"))
     if simulated:

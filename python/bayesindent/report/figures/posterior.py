@@ -6,7 +6,21 @@ import numpy as np
 
 from ..formatting import number, product_label, quantities_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, parity_panels, sd_axes, unique_legend
+from .style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    MARKERS,
+    RED,
+    SKY,
+    Picture,
+    density_axes,
+    grid_of_constants,
+    panels,
+    parity_panels,
+    sd_axes,
+    unique_legend,
+)
 
 __all__ = [
     "chi_square", "error_budget", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
