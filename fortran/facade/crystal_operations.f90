@@ -135,7 +135,7 @@ contains
       real(wp), pointer :: given(:, :)
 
       given => x%in%columns('propagation_deg', 1)
-      call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), x%threads(), waves, x%error)
+      call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), waves, x%error)
       if (allocated(x%error)) return
       given => x%in%columns('density_kg_m3', 1)
       x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &

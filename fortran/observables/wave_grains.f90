@@ -71,7 +71,7 @@ contains
 
       n = self%moduli%n_independent
       call self%moduli%evaluate_independent(c, modulus(:n))
-      call surface_waves(self%surface, c, waves)
+      call surface_waves(self%surface, reshape(c, [6, 6, 1]), waves)
       modulus(n + 1:self%n_independent) = wave_speed(waves%modulus, self%density)
    end subroutine evaluate_independent
 
@@ -115,7 +115,7 @@ contains
       logical :: is_detected(self%surface%n)
       type(wave_type) :: waves(self%surface%n)
 
-      call surface_waves(self%surface, c, waves)
+      call surface_waves(self%surface, reshape(c, [6, 6, 1]), waves)
       is_detected = waves%is_detected()
    end function is_detected
 end module wave_grains

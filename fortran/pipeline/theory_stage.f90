@@ -38,8 +38,7 @@ contains
          if (.not. allocated(error) .and. allocated(points%propagation_deg) &
             & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
             allocate (waves(points%n))
-            call rayleigh_waves(points%stiffness, points%euler_deg, points%propagation_deg, &
-               & thread_count(self%problem%settings%execution%workers), waves, error)
+            call rayleigh_waves(points%stiffness, points%euler_deg, points%propagation_deg, waves, error)
             velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
          end if
          ! What is not allocated is not present.

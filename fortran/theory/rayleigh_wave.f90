@@ -13,7 +13,7 @@
 !> "Modulus" of a wave is rho v^2.
 module rayleigh_wave
    use crystal_elasticity, only: check_stiffness, rotation_matrix
-   use errors, only: error_type, raise
+   use errors, only: error_type
    use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, multiply_transposed, plane_products, &
       & transposed
    use kinds, only: degree, pi, wp
@@ -83,37 +83,43 @@ contains
       end do
    end subroutine new_surface
 
-   !> The waves of all directions of a stable crystal.
+   !> The waves of all directions of a stable crystal, or of a crystal for each.
    pure subroutine surface_waves(surface, c, waves)
       type(surface_type), intent(in) :: surface
-      real(wp), intent(in) :: c(6, 6)
+      !> (6, 6, 1 or n), GPa.
+      real(wp), intent(in) :: c(:, :, :)
       !> (n).
       type(wave_type), intent(out) :: waves(:)
       type(wave_type) :: found(lanes)
-      real(wp) :: one(9, 9), both(6, 6)
-      integer :: block, first
+      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      integer :: block, first, lane
 
-      call contraction_maps(c, one, both)
+      call contraction_maps(c(:, :, 1), one, both)
       do block = 1, size(surface%mn, 3)
-         call find_waves(matmul(surface%mm(:, :, block), both), matmul(surface%mn(:, :, block), one), &
-            & matmul(surface%nn(:, :, block), both), surface%normal(:, :, block), found)
          first = lanes*(block - 1)
+         mm = matmul(surface%mm(:, :, block), both)
+         mn = matmul(surface%mn(:, :, block), one)
+         nn = matmul(surface%nn(:, :, block), both)
+         do lane = 1, merge(lanes, 0, size(c, 3) > 1)
+            call contraction_maps(c(:, :, min(surface%n, first + lane)), one, both)
+            mm(lane, :) = matmul(surface%mm(lane, :, block), both)
+            mn(lane, :) = matmul(surface%mn(lane, :, block), one)
+            nn(lane, :) = matmul(surface%nn(lane, :, block), both)
+         end do
+         call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
          waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
       end do
    end subroutine surface_waves
 
-   !> The wave of each of many crystals in one direction, on `threads` threads; the error is that of the first that has one.
-   subroutine rayleigh_waves(stiffness, euler_deg, propagation_deg, threads, waves, error)
+   !> The wave of each of many crystals in one direction; the error is that of the first that has one.
+   subroutine rayleigh_waves(stiffness, euler_deg, propagation_deg, waves, error)
       !> GPa (6, 6, n), Bunge-Euler angles (3, n) and direction of propagation from sample x (n), degrees.
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), propagation_deg(:)
-      integer, intent(in) :: threads
       !> (n).
       type(wave_type), intent(out) :: waves(:)
       type(error_type), allocatable, intent(out) :: error
       type(surface_type) :: surface
-      type(wave_type) :: found(lanes)
-      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
-      integer :: block, lane, i
+      integer :: i
 
       do i = 1, size(waves)
          call check_stiffness(stiffness(:, :, i), error)
@@ -123,22 +129,7 @@ contains
          end if
       end do
       call new_surface(degree*euler_deg, degree*propagation_deg, surface)
-      !$omp parallel do num_threads(threads) schedule(dynamic, 16) private(found, one, both, mm, mn, nn, lane, i)
-      do block = 1, size(surface%mn, 3)
-         do lane = 1, lanes
-            i = min(surface%n, lanes*(block - 1) + lane)
-            call contraction_maps(stiffness(:, :, i), one, both)
-            mm(lane, :) = matmul(surface%mm(lane, :, block), both)
-            mn(lane, :) = matmul(surface%mn(lane, :, block), one)
-            nn(lane, :) = matmul(surface%nn(lane, :, block), both)
-         end do
-         call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
-         i = lanes*(block - 1)
-         waves(i + 1:min(i + lanes, surface%n)) = found(:min(lanes, surface%n - i))
-      end do
-      !$omp end parallel do
-      if (any(.not. waves%modulus > 0.0_wp)) call raise(error, 'crystal '//to_text(findloc(waves%modulus > 0.0_wp, .false., 1)) &
-         & //': no surface wave was found; its stiffness is nearly unstable')
+      call surface_waves(surface, stiffness, waves)
    end subroutine rayleigh_waves
 
    !> Secants, kept between a point below the root and one above it.

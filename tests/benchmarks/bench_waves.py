@@ -49,7 +49,7 @@ def slopes(symmetry, stiffness, angles, along):
     return [((values[0] - values[1]) / (2 * STEP)).T / sd for values, sd in ((moduli, 0.02), (speeds, 0.005))]
 
 
-def informations(moduli, speeds):
+def combined(moduli, speeds):
     """Of the cases, each with an error that is common to all of one kind where it says so."""
 
     def with_common(rows, sds):
@@ -79,7 +79,7 @@ def main(argv=None) -> int:
         names = bi.constants(row["symmetry"])
         stiffness = bi.stiffness(row["symmetry"], **{name: float(row[name] or 0) for name in names})
         moduli, speeds = slopes(row["symmetry"], stiffness, angles, along)
-        found = informations(moduli, speeds)
+        found = combined(moduli, speeds)
         counts = [np.sum(PRIOR**2 * np.linalg.eigvalsh(information) > 1) for information in found]
         values = PRIOR * np.sqrt(np.linalg.eigvalsh(found[2])[::-1])
         print(row["name"], row["symmetry"], len(names), len(speeds), *counts, " ".join(f"{value:.1f}" for value in values), sep=",")

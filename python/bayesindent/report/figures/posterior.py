@@ -221,8 +221,8 @@ def grain_comparison(results: Results) -> Picture:
 
 def velocities(results: Results) -> Picture:
     """Measured speeds of surface waves against what the posterior predicts."""
-    found = present(results.velocities)
-    rows = [[item[name] for name in ("propagation_deg", "measured", "measured_sd", "mean", "sd")] for item in found]
+    names = ("propagation_deg", "measured", "measured_sd", "mean", "sd")
+    rows = [[item[name] for name in names] for item in present(results.velocities)]
     _, measured, error, mean, sd = np.array(rows).T
     figure, left, right = parity_panels(3.4, mean, measured)
     left.errorbar(mean, measured, error, sd, "o", ms=3.5, lw=0.8, color=BLUE)
@@ -230,13 +230,8 @@ def velocities(results: Results) -> Picture:
     sd_axes(right)
     right.plot(mean, (measured - mean) / error, "o", ms=3.5, color=BLUE)
     right.set(xlabel="predicted Rayleigh velocity (m/s)", ylabel="(measured - predicted) / sd")
-    left_out = results.documents["extract"].get("velocities_left_out", 0)
-    return Picture(
-        figure,
-        f"Measured against predicted speeds of surface waves in {len(rows)} directions.",
-        f"Rayleigh velocity in {len(rows)} directions, measured and as the posterior predicts it; {left_out} measured ones were left out.",
-        (["propagation_deg", "measured_m_s", "measured_sd_m_s", "predicted_m_s", "predicted_sd_m_s"], rows),
-    )
+    text = f"Rayleigh velocity in {len(rows)} directions, measured and as the posterior predicts it"
+    return Picture(figure, f"{text}.", f"{text}; {results.documents['extract']['velocities_left_out']} were left out.", ([*names], rows))
 
 
 def traces(results: Results) -> Picture:
