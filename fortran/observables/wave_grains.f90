@@ -18,7 +18,7 @@ module wave_grains
       integer, allocatable, private :: of_moduli(:), of_waves(:)
       type(surface_type), private :: surface
    contains
-      procedure :: set_grains, evaluate_independent, evaluate_columns, expand, read_up_to, is_detected
+      procedure :: set_grains, evaluate_independent, evaluate_columns, expand, read_up_to
    end type wave_grains_type
 
 contains
@@ -107,15 +107,4 @@ contains
       self%full_above = anisotropy
       call self%moduli%read_up_to(anisotropy)
    end subroutine read_up_to
-
-   !> Whether the wave of each speed is the one that a measurement shows, see `rayleigh_wave`.
-   pure function is_detected(self, c)
-      class(wave_grains_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-      logical :: is_detected(self%surface%n)
-      type(wave_type) :: waves(self%surface%n)
-
-      call surface_waves(self%surface, reshape(c, [6, 6, 1]), waves)
-      is_detected = waves%is_detected()
-   end function is_detected
 end module wave_grains

@@ -187,7 +187,7 @@ contains
             call document%put('euler_deg', table%euler_deg(:, i))
             if (i > found%posterior%n_moduli) call document%put('propagation_deg', table%propagation_deg(i))
             if (table%named_by > 0) call document%put('grain', table%name(i))
-            if (allocated(table%tests)) then
+            if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
                call document%put('tests', table%tests(i))
                call document%put('chi_square_of_tests', table%chi_square(i))
             end if

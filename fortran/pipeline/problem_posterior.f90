@@ -13,13 +13,13 @@ module problem_posterior
    use namelist_file, only: place
    use observables, only: new_observable, observable_type
    use problem, only: problem_type
+   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    use velocity_tables, only: append_velocities
-   use wave_grains, only: wave_grains_type
    implicit none
    private
    public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, sample_posterior, &
@@ -206,48 +206,38 @@ contains
       type(problem_type) :: pilot
       type(posterior_type) :: posterior
       type(chains_type) :: chains
-      logical, allocatable :: kept(:)
+      type(surface_type) :: surface
+      type(wave_type), allocatable :: waves(:)
+      real(wp), allocatable :: weak(:)
       integer :: i, round
 
       if (.not. allocated(problem%velocities)) return
-      allocate (kept(problem%velocities%n), source=.true.)
+      associate (speeds => problem%velocities)
+         allocate (waves(speeds%n), weak(speeds%n))
+         weak = 0.0_wp
+         call new_surface(speeds%euler_deg*degree, speeds%propagation_deg*degree, surface)
+      end associate
       pilot = problem
       if (allocated(pilot%kept_in)) deallocate (pilot%kept_in)
       pilot%settings%measurements%likelihood = 'student'
       pilot%settings%measurements%student_dof = 2.0_wp
       do round = 1, most_rounds
-         call append_velocities(pilot%measurements, problem%velocities, kept)
-         if (round > 1) pilot%settings%measurements = problem%settings%measurements
+         call append_velocities(pilot%measurements, problem%velocities, weak <= some)
          if (pilot%measurements%n == 0) exit
          call new_problem_posterior(pilot, surrogate, .false., posterior, error)
          if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
          if (allocated(error)) return
-         associate (detected => detected_share(posterior, chains%draws(:, :, 1)))
-            i = count(kept)
-            kept = unpack(detected >= 1.0_wp - some, kept, .false.)
-         end associate
-         if (round > 1 .and. count(kept) == i) exit
-      end do
-      call append_velocities(problem%measurements, problem%velocities, kept)
-   end subroutine omit_weak_waves
-
-   !> Of the draws of a posterior the share at which the wave of each speed is the one that is detected.
-   function detected_share(posterior, draws) result(detected)
-      type(posterior_type), intent(in) :: posterior
-      real(wp), intent(in) :: draws(:, :)
-      real(wp) :: detected(posterior%n_grains - posterior%n_moduli)
-      integer :: i
-
-      detected = 0.0_wp
-      select type (grains => posterior%grains)
-      type is (wave_grains_type)
-         do i = 1, size(draws, 2)
-            associate (found => grains%is_detected(posterior%stiffness(draws(:, i))))
-               where (found(:size(detected))) detected = detected + 1.0_wp/size(draws, 2)
-            end associate
+         ! What was left out once stays out.
+         weak = merge(0.0_wp, 1.0_wp, weak <= some)
+         do i = 1, size(chains%draws, 2)
+            call surface_waves(surface, reshape(posterior%stiffness(chains%draws(:, i, 1)), [6, 6, 1]), waves)
+            weak = weak + merge(0.0_wp, 1.0_wp, waves%is_detected())/size(chains%draws, 2)
          end do
-      end select
-   end function detected_share
+         if (round > 1 .and. count(weak <= some) == posterior%n_grains - posterior%n_moduli) exit
+         pilot%settings%measurements = problem%settings%measurements
+      end do
+      call append_velocities(problem%measurements, problem%velocities, weak <= some)
+   end subroutine omit_weak_waves
 
    !> The chains that &sampler asks for.
    subroutine sample_posterior(problem, posterior, chains, error)

@@ -36,9 +36,7 @@ contains
          & //'deviation is above 0, up to 30000 m/s', points%sd_gpa, error)
       call read_optional(table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
       if (.not. allocated(error)) call find_column(table, 'grain', points%named_by, error)
-      if (allocated(error)) return
-      call read_groups(points)
-      allocate (points%depth_um(points%n), points%contact_radius_um(points%n), points%grain_radius_um(points%n), source=nan)
+      if (.not. allocated(error)) call read_groups(points)
    end subroutine read_velocities
 
    !> Let rows of speeds follow the moduli, with groups of their own, in place of those that are there; without moduli they are all.
@@ -65,14 +63,9 @@ contains
       points%modulus_gpa = [points%modulus_gpa(:n), velocities%modulus_gpa(rows)]
       points%sd_gpa = [points%sd_gpa(:n), velocities%sd_gpa(rows)]
       points%orientation_sd_deg = [points%orientation_sd_deg(:n), velocities%orientation_sd_deg(rows)]
-      points%depth_um = [points%depth_um(:n), velocities%depth_um(rows)]
-      points%contact_radius_um = [points%contact_radius_um(:n), velocities%contact_radius_um(rows)]
-      points%grain_radius_um = [points%grain_radius_um(:n), velocities%grain_radius_um(rows)]
       points%group = [points%group(:n), maxval([0, points%group(:n)]) + velocities%group(rows)]
       points%row = [points%row(:n), velocities%row(rows)]
       points%propagation_deg = [(nan, i=1, n), velocities%propagation_deg(rows)]
-      if (allocated(points%tests)) points%tests = [points%tests(:n), (1, i=1, size(rows))]
-      if (allocated(points%chi_square)) points%chi_square = [points%chi_square(:n), (0.0_wp, i=1, size(rows))]
       if (allocated(points%wave_names)) deallocate (points%wave_names)
       allocate (points%wave_names(size(rows)))
       do i = 1, size(rows)
