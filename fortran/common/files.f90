@@ -182,7 +182,7 @@ contains
       call c_add_to_file(self%handle, content, len(content))
    end subroutine add
 
-   !> To the disk, then in its place; after a failure, which is told now, there is no new file.
+   !> To the disk, then in its place; after a failure, which is reported now, there is no new file.
    subroutine finish(self, error)
       class(new_file_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error

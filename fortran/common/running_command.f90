@@ -69,7 +69,7 @@ module running_command
 
 contains
 
-   !> Make an output folder and have it alone: wait for another process, or refuse in words that name it. Then a signal is told in its log,
+   !> Make an output folder and have it alone: wait for another process, or refuse in words that name it. Then a signal is in its log,
    !> too, and what killed processes left unfinished there is gone.
    subroutine take_folder(path, patience, resumes, error)
       character(len=*), intent(in) :: path

@@ -66,8 +66,8 @@ module fe_indentation
    integer, parameter :: window_depths = 25
    !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
    real(wp), parameter :: edge_bias = 0.31_wp
-   !> The largest refined zone of a mesh relative to the default, and the most and the least that it grows by at a time.
-   real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp, least_widening = 1.25_wp
+   !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
+   real(wp), parameter :: widest = 4.0_wp, most_widening = 2.0_wp
 
 contains
 
@@ -204,9 +204,10 @@ contains
       call simulate_depths(model, c, two_meshes, step, result, error)
       elements = result%elements
       do while (result%left_zone > 0)
-         ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is.
+         ! The contact fitted at the depth before: at the last one it is about as much longer as a circle's radius is. Of one that left
+         ! at the first depth nothing is known.
          associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), i => result%left_zone)
-            zone = zone*max(least_widening, min(most_widening, maxval(radius)/max(radius(max(1, i - 1)), tiny(1.0_wp))))
+            zone = zone*merge(most_widening, min(most_widening, maxval(radius)/radius(max(1, i - 1))), i == 1)
          end associate
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
