@@ -12,7 +12,7 @@ module posterior_focus
    use kinds, only: degree, wp
    use machine, only: thread_count
    use problem, only: problem_type
-   use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, sample_aside
+   use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, omit_weak_waves, sample_aside
    use samplers, only: chains_type
    use statistics, only: flattened
    use prior_sensitivity, only: limit_type, list_limits
@@ -178,8 +178,11 @@ contains
       !> Of harmonics.
       integer, parameter :: rough_degree = 12
       type(chains_type) :: chains
+      type(problem_type) :: used
 
-      call new_problem_posterior(problem, surrogate, .false., posterior, error)
+      used = problem
+      call omit_weak_waves(used, surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, .false., posterior, error)
       if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
       if (.not. allocated(error)) call sample_aside(problem, posterior, focus_run, chains, error)
       if (.not. allocated(error)) draws = flattened(chains%draws)

@@ -90,7 +90,7 @@ def measured(name, n, density, seed, noise=1.0):
     return symmetry, constants, table, waves | {"rayleigh_velocity_m_s": speed[kept] * (1 + noise * 0.005 * rng.normal(size=len(kept)))}
 
 
-@pytest.mark.parametrize("name", ["copper", "Ti"])
+@pytest.mark.parametrize("name", ["copper", "Ti", "quartz"])
 def test_the_density_is_that_of_stroh(name):
     """Normal errors of moduli and speeds, with a calibration factor of each and the density that all speeds share."""
     symmetry, constants, table, waves = measured(name, 6, 5000.0, 3)
