@@ -9,40 +9,17 @@
 #include <utility>
 #include <vector>
 
-enum bayesindent_cholesky_status {
-  bayesindent_cholesky_ok = 0,
-  bayesindent_cholesky_indefinite = 1,
-  bayesindent_cholesky_no_memory = 2,
-  bayesindent_cholesky_bad_input = 3,
-  bayesindent_cholesky_internal = 4
-};
-
-// The procedures of BLAS and LAPACK that the factorisation calls.
-extern "C" {
-void spotrf_(const char *, const int *, float *, const int *, int *);
-void strsv_(const char *, const char *, const char *, const int *, const float *, const int *, float *, const int *);
-void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
-            const float *, float *, const int *);
-void strtri_(const char *, const char *, const int *, float *, const int *, int *);
-void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *, float *,
-            const int *);
-void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
-            const float *, const int *, const float *, float *, const int *);
-}
-
 namespace bayesindent {
 
 using integer = std::int32_t;
 // Of the factor. A modulus needs four digits and single precision gives it more (docs/simulation.md); solutions are refined.
 using real = float;
 
+// As the Fortran side has them.
+enum status : integer { ok, indefinite, no_memory, internal };
+
 // Columns that a front factors at a time.
 constexpr integer panel_width = 48;
-
-// Thrown where the work cannot be done.
-struct refusal {
-  bayesindent_cholesky_status status;
-};
 
 // The numbers of one matrix at a time, owned by one thread.
 struct workspace {
@@ -53,34 +30,16 @@ struct workspace {
 };
 
 // A pattern with its elimination order, supernodes and memory plan; constant but for the pool of workspaces.
-class analysis {
-public:
-  // The lower triangle in compressed columns, the group of each unknown, and how many are eliminated last.
+struct analysis {
+  // The lower triangle in compressed columns, the group of each unknown, and how many are eliminated last. Throws a `status`.
   analysis(integer n, const integer *start, const integer *row, const integer *group, integer kept);
 
-  // A workspace of the pool, or a new one if it takes less than `free_bytes`; refused for lack of memory.
-  std::unique_ptr<workspace> acquire(double free_bytes);
-  void release(std::unique_ptr<workspace> used);
-  // A status; where a pivot fails, `unknown` is its unknown.
-  bayesindent_cholesky_status factor(workspace &work, const double *values, integer *unknown) const;
-  void kept_factor(const workspace &work, double *factor) const;
-  // Overwrite a right-hand side with the solution.
-  void solve(workspace &work, double *x) const;
-
-  double entries = 0.0, operations = 0.0, bytes = 0.0;
-
-private:
   integer columns_of(integer s) const { return first[s + 1] - first[s]; }
   integer rows_of(integer s) const { return static_cast<integer>(row_start[s + 1] - row_start[s]); }
   std::size_t update_size(integer s) const {
     const std::size_t m = rows_of(s) - columns_of(s);
     return m * m;
   }
-  // The update matrix of a supernode, `below` entries above the foot of its stack.
-  real *update_matrix(workspace &work, integer s, std::size_t below) const {
-    return parity[s] == upper ? work.arena.get() + arena_size - below - update_size(s) : work.stack.get() + below;
-  }
-  void add_child(const real *update, integer child, integer parent, real *into, bool columns) const;
 
   // Steps of the constructor.
   void find_supernodes(const integer *start, const integer *row, const integer *group);
@@ -95,13 +54,14 @@ private:
   std::vector<std::size_t> row_start;         // of each supernode in `rows`
   std::vector<integer> rows;                  // rows of each supernode, its own columns first
   std::vector<std::size_t> block_start;       // of each supernode's columns in the factor
-  std::vector<integer> parent;                // -1 at a root
   std::vector<integer> relative;              // place of each row of `rows` in the parent's rows
   std::vector<std::vector<integer>> children; // of each supernode, in elimination order
   std::vector<unsigned char> parity;          // of the depth of each supernode in the tree
   // Entries of the matrix that each supernode receives, and their places in its columns.
   std::vector<std::vector<std::pair<integer, integer>>> entries_of;
   std::size_t arena_size = 0, stack_size = 0, panel_size = 0, column_size = 0;
+  // Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
+  double sizes[3] = {0.0, 0.0, 0.0};
   int upper = 0; // parity of the stack in the arena
   std::mutex pool_lock;
   std::vector<std::unique_ptr<workspace>> pool;

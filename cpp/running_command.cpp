@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
-#include <dirent.h>
 #include <fcntl.h>
+#include <filesystem>
 #include <mutex>
 #include <string>
 #include <sys/file.h>
@@ -74,17 +74,17 @@ void add_time(line_buffer &line) {
   const sys_days day = floor<days>(local);
   const year_month_day date{day};
   const hh_mm_ss time{local - day};
-  struct part {
-    long number;
-    int digits;
-    const char *after;
-  };
-  for (const part &one :
-       {part{static_cast<int>(date.year()), 4, "-"}, part{static_cast<unsigned>(date.month()), 2, "-"},
-        part{static_cast<unsigned>(date.day()), 2, " "}, part{time.hours().count(), 2, ":"}, part{time.minutes().count(), 2, ":"},
-        part{time.seconds().count(), 2, ","}, part{now.tv_nsec / 1000000, 3, ""}}) {
-    line.add(one.number, one.digits);
-    line.add(one.after);
+  const long numbers[] = {static_cast<int>(date.year()),
+                          static_cast<unsigned>(date.month()),
+                          static_cast<unsigned>(date.day()),
+                          time.hours().count(),
+                          time.minutes().count(),
+                          time.seconds().count(),
+                          now.tv_nsec / 1000000};
+  const char *const before[] = {"", "-", "-", " ", ":", ":", ","};
+  for (int i = 0; i < 7; ++i) {
+    line.add(before[i]);
+    line.add(numbers[i], i == 0 ? 4 : i == 6 ? 3 : 2);
   }
 }
 
@@ -146,15 +146,13 @@ std::atomic<int> innermost{0};
 std::atomic<bool> progress_wanted{false}, line_stands{false};
 
 // Remove the files of a folder that begin with a prefix, if so says a question about the rest of the name.
-template <typename question> void remove_files(const char *folder, const char *prefix, question removed) {
-  DIR *listing = opendir(folder);
-  if (listing == nullptr)
-    return;
-  const std::size_t length = std::strlen(prefix);
-  while (const dirent *entry = readdir(listing))
-    if (std::strncmp(entry->d_name, prefix, length) == 0 && removed(entry->d_name + length))
-      unlinkat(dirfd(listing), entry->d_name, 0);
-  closedir(listing);
+template <typename question> void remove_files(const char *folder, const std::string &prefix, question removed) {
+  std::error_code failed;
+  for (std::filesystem::directory_iterator entry(folder, failed), end; !failed && entry != end; entry.increment(failed)) {
+    const std::string name = entry->path().filename().string();
+    if (name.starts_with(prefix) && removed(name.c_str() + prefix.size()))
+      unlink(entry->path().c_str());
+  }
 }
 
 // From now on SIGINT, SIGTERM and SIGHUP end the process with status 128 + signal, unless they are ignored: one line on standard

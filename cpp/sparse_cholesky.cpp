@@ -1,89 +1,246 @@
-// Sparse Cholesky factorisation of many matrices with one pattern: a C interface, for Fortran, with handles and statuses for the
-// classes behind.
+// Sparse Cholesky factorisation of many matrices with one pattern: a C interface, for Fortran.
 //
 // The lower triangle of a symmetric matrix is given in compressed columns, 0-based, diagonal included. The last `kept`
 // unknowns are eliminated last, so that the trailing block of the factor is that of their Schur complement.
 // An analysis is read-only once made and may be shared by threads; each thread acquires a workspace of its own.
 #include "multifrontal.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <new>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
 
-extern "C" void openblas_set_num_threads(int) __attribute__((weak));
+// The procedures of BLAS and LAPACK that the factorisation calls.
+extern "C" {
+void spotrf_(const char *, const int *, float *, const int *, int *);
+void strsv_(const char *, const char *, const char *, const int *, const float *, const int *, float *, const int *);
+void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *, const float *, const int *,
+            const float *, float *, const int *);
+void strtri_(const char *, const char *, const int *, float *, const int *, int *);
+void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *, const int *, const float *, float *,
+            const int *);
+void sgemm_(const char *, const char *, const int *, const int *, const int *, const float *, const float *, const int *,
+            const float *, const int *, const float *, float *, const int *);
+void openblas_set_num_threads(int) __attribute__((weak));
+}
 
-using bayesindent::analysis;
-using bayesindent::workspace;
+using namespace bayesindent;
+
+namespace {
+
+// Factor the `own` columns of a front of `height` rows, in place, block column by block column, so that nearly all the work
+// is matrix products: also the triangular solves, by the inverse of the small diagonal block. Returns the 1-based column whose
+// pivot failed, or 0.
+integer factor_columns(real *block, integer height, integer own, real *panel) {
+  const real one = 1.0, minus = -1.0, zero = 0.0;
+  real inverse[panel_width * panel_width];
+  for (integer j = 0; j < own; j += panel_width) {
+    const integer width = std::min(panel_width, own - j), tall = height - j, below = tall - width;
+    real *const diagonal = block + static_cast<std::size_t>(j) * height + j;
+    if (j > 0)
+      sgemm_("N", "T", &tall, &width, &j, &minus, block + j, &height, block + j, &height, &one, diagonal, &height);
+    int info = 0;
+    spotrf_("L", &width, diagonal, &height, &info);
+    for (integer i = 0; info == 0 && i < width; ++i) {
+      if (!std::isfinite(diagonal[static_cast<std::size_t>(i) * height + i]))
+        info = i + 1;
+    }
+    if (info != 0)
+      return j + std::abs(info);
+    if (below == 0)
+      continue;
+    for (integer c = 0; c < width; ++c) {
+      std::fill(inverse + c * width, inverse + c * width + c, 0.0);
+      std::copy(diagonal + static_cast<std::size_t>(c) * height + c, diagonal + static_cast<std::size_t>(c) * height + width,
+                inverse + c * width + c);
+      std::copy(diagonal + static_cast<std::size_t>(c) * height + width, diagonal + static_cast<std::size_t>(c) * height + tall,
+                panel + static_cast<std::size_t>(c) * below);
+    }
+    strtri_("L", "N", &width, inverse, &width, &info);
+    sgemm_("N", "T", &below, &width, &width, &one, panel, &below, inverse, &width, &zero, diagonal + width, &height);
+  }
+  return 0;
+}
+
+// Add a child's update matrix to its parent: the part in the parent's own columns, or the part in its update matrix.
+void add_child(const analysis &self, const real *update, integer d, integer k, real *into, bool columns) {
+  const integer m = self.rows_of(d) - self.columns_of(d), own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+  const integer *place = self.relative.data() + self.row_start[d] + self.columns_of(d);
+  const integer split = static_cast<integer>(std::lower_bound(place, place + m, own) - place);
+  const integer from = columns ? 0 : split, to = columns ? split : m;
+  for (integer j = from; j < to; ++j) {
+    const real *source = update + static_cast<std::size_t>(j) * m;
+    real *column =
+        columns ? into + static_cast<std::size_t>(place[j]) * height : into + static_cast<std::size_t>(place[j] - own) * rest - own;
+    integer i = j;
+    while (i < m) {
+      // Rows come in runs: add a run at a time.
+      const integer shift = place[i] - i;
+      integer end = i + 1;
+      while (end < m && place[end] - end == shift)
+        ++end;
+      real *run = column + shift;
+      for (; i < end; ++i)
+        run[i] += source[i];
+    }
+  }
+}
+
+// The update matrix of a supernode, `below` entries above the foot of its stack.
+real *update_matrix(const analysis &self, workspace &work, integer s, std::size_t below) {
+  return self.parity[s] == self.upper ? work.arena.get() + self.arena_size - below - self.update_size(s) : work.stack.get() + below;
+}
+
+} // namespace
 
 extern "C" {
 
-// `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of a node share their neighbours, and the ordering
-// works on nodes. Returns null on failure, with the reason in `status`.
-void *bayesindent_cholesky_new(std::int32_t n, const std::int32_t *column_start, const std::int32_t *row, const std::int32_t *group,
-                               std::int32_t kept, std::int32_t *status) {
-  *status = bayesindent_cholesky_ok;
-  if (n < 1 || kept < 0 || kept > n) {
-    *status = bayesindent_cholesky_bad_input;
-    return nullptr;
-  }
+// Order and analyse a pattern. `group[i]` numbers (from 0) the mesh node of unknown i: unknowns of a node share their neighbours,
+// and the ordering works on nodes. The sizes are the entries of the factor, the floating point operations of one factorisation, and
+// the bytes of one workspace. Returns null on failure, with the reason in `outcome`.
+void *bayesindent_cholesky_new(integer n, const integer *column_start, const integer *row, const integer *group, integer kept,
+                               double *sizes, integer *outcome) {
   // Threads of BLAS under threads of ours oversubscribe the machine.
   if (openblas_set_num_threads != nullptr)
     openblas_set_num_threads(1);
+  analysis *made = nullptr;
+  *outcome = ok;
   try {
-    return new analysis(n, column_start, row, group, kept);
-  } catch (const bayesindent::refusal &reason) {
-    *status = reason.status;
+    made = new analysis(n, column_start, row, group, kept);
+    std::copy_n(made->sizes, 3, sizes);
+  } catch (const status &reason) {
+    *outcome = reason;
   } catch (const std::bad_alloc &) {
-    *status = bayesindent_cholesky_no_memory;
+    *outcome = no_memory;
   } catch (...) {
-    *status = bayesindent_cholesky_internal;
+    *outcome = internal;
   }
-  return nullptr;
-}
-
-// What is free goes back to the system, where the C library can: an analysis needs much for a short time.
-void bayesindent_return_memory() {
 #ifdef __GLIBC__
+  // What is free goes back to the system: an analysis needs much for a short time.
   malloc_trim(0);
 #endif
+  return made;
 }
 
-void bayesindent_cholesky_delete(void *handle) { delete static_cast<analysis *>(handle); }
+void bayesindent_cholesky_delete(analysis *self) { delete self; }
 
-// Entries of the factor, floating point operations of one factorisation, and bytes of one workspace.
-void bayesindent_cholesky_size(const void *handle, double *entries, double *operations, double *bytes) {
-  const auto *self = static_cast<const analysis *>(handle);
-  *entries = self->entries;
-  *operations = self->operations;
-  *bytes = self->bytes;
-}
-
-// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where memory does not suffice.
-void *bayesindent_cholesky_acquire(void *handle, double free_bytes) {
-  try {
-    return static_cast<analysis *>(handle)->acquire(free_bytes).release();
-  } catch (...) {
-    return nullptr;
+// A workspace: a released one, else a new one if less than `free_bytes` suffice. Returns null where memory does not suffice. Memory
+// is written as it is allocated: what is free then counts all that other threads were given.
+workspace *bayesindent_cholesky_acquire(analysis *self, double free_bytes) {
+  const std::lock_guard<std::mutex> guard(self->pool_lock);
+  if (self->pool.empty()) {
+    if (self->sizes[2] > free_bytes)
+      return nullptr;
+    try {
+      auto work = std::make_unique<workspace>();
+      work->arena = std::make_unique<real[]>(self->arena_size);
+      work->stack = std::make_unique<real[]>(self->stack_size);
+      work->panel = std::make_unique<real[]>(self->panel_size);
+      work->column = std::make_unique<real[]>(self->column_size);
+      return work.release();
+    } catch (const std::bad_alloc &) {
+      return nullptr;
+    }
   }
+  workspace *const work = self->pool.back().release();
+  self->pool.pop_back();
+  return work;
 }
 
-void bayesindent_cholesky_release(void *handle, void *work) {
-  static_cast<analysis *>(handle)->release(std::unique_ptr<workspace>(static_cast<workspace *>(work)));
+void bayesindent_cholesky_release(analysis *self, workspace *work) {
+  const std::lock_guard<std::mutex> guard(self->pool_lock);
+  self->pool.emplace_back(work);
 }
 
-// Factor the matrix with these values (order of `row`). On `indefinite`, `unknown` is the 0-based unknown whose pivot failed.
-std::int32_t bayesindent_cholesky_factor(const void *handle, void *work, const double *values, std::int32_t *unknown) {
-  return static_cast<const analysis *>(handle)->factor(*static_cast<workspace *>(work), values, unknown);
+// Factor the matrix with these values (order of `row`). If it is indefinite, `unknown` is the 0-based unknown whose pivot failed.
+// Multifrontal: each supernode is a dense front to which its children add their updates. Big BLAS-3 calls throughout.
+integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, const double *values, integer *unknown) {
+  const analysis &self = *handle;
+  const real minus = -1.0, zero = 0.0;
+  std::size_t depth[2] = {0, 0};
+  for (integer k = 0; k < self.supernodes; ++k) {
+    const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+    const int mine = self.parity[k], theirs = 1 - mine;
+    real *const block = work->arena.get() + self.block_start[k];
+    std::fill(block, block + static_cast<std::size_t>(own) * height, 0.0);
+    for (const auto &[entry, target] : self.entries_of[k])
+      block[target] = static_cast<real>(values[entry]);
+    std::size_t base = depth[theirs];
+    for (const integer d : self.children[k])
+      base -= self.update_size(d);
+    const auto add_children = [&](real *into, bool columns) {
+      std::size_t at = base;
+      for (const integer d : self.children[k]) {
+        add_child(self, update_matrix(self, *work, d, at), d, k, into, columns);
+        at += self.update_size(d);
+      }
+    };
+    add_children(block, true);
+    const integer failed = factor_columns(block, height, own, work->panel.get());
+    if (failed != 0) {
+      *unknown = self.unknown_at[self.first[k] + failed - 1];
+      return indefinite;
+    }
+    if (rest > 0) {
+      real *const front = update_matrix(self, *work, k, depth[mine]);
+      ssyrk_("L", "N", &rest, &own, &minus, block + own, &height, &zero, front, &rest);
+      add_children(front, false);
+      depth[mine] += self.update_size(k);
+    }
+    depth[theirs] = base;
+  }
+  return ok;
 }
 
 // The lower Cholesky factor (kept x kept, column-major, zeros above) of the Schur complement of the kept unknowns.
-void bayesindent_cholesky_kept_factor(const void *handle, const void *work, double *factor) {
-  static_cast<const analysis *>(handle)->kept_factor(*static_cast<const workspace *>(work), factor);
+void bayesindent_cholesky_kept_factor(const analysis *handle, const workspace *work, double *factor) {
+  const analysis &self = *handle;
+  const integer offset = self.n - self.kept;
+  std::fill(factor, factor + static_cast<std::size_t>(self.kept) * self.kept, 0.0);
+  for (integer k = self.supernodes - 1; k >= 0 && self.first[k + 1] > offset; --k) {
+    const integer height = self.rows_of(k);
+    for (integer j = std::max(self.first[k], offset); j < self.first[k + 1]; ++j) {
+      const real *column = work->arena.get() + self.block_start[k] + static_cast<std::size_t>(j - self.first[k]) * height;
+      for (integer i = j - self.first[k]; i < height; ++i)
+        factor[static_cast<std::size_t>(j - offset) * self.kept + self.rows[self.row_start[k] + i] - offset] = column[i];
+    }
+  }
 }
 
 // Overwrite the right-hand side `x` with the solution.
-void bayesindent_cholesky_solve(const void *handle, void *work, double *x) {
-  static_cast<const analysis *>(handle)->solve(*static_cast<workspace *>(work), x);
+void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double *x) {
+  const analysis &self = *handle;
+  const real one = 1.0, minus = -1.0, zero = 0.0;
+  const int step = 1;
+  real *const y = work->column.get(), *const part = y + self.n;
+  for (integer k = 0; k < self.n; ++k)
+    y[k] = x[self.unknown_at[k]];
+  for (integer k = 0; k < self.supernodes; ++k) {
+    const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+    const real *block = work->arena.get() + self.block_start[k];
+    const integer *below = self.rows.data() + self.row_start[k] + own;
+    strsv_("L", "N", "N", &own, block, &height, y + self.first[k], &step);
+    if (rest == 0)
+      continue;
+    sgemv_("N", &rest, &own, &one, block + own, &height, y + self.first[k], &step, &zero, part, &step);
+    for (integer i = 0; i < rest; ++i)
+      y[below[i]] -= part[i];
+  }
+  for (integer k = self.supernodes - 1; k >= 0; --k) {
+    const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+    const real *block = work->arena.get() + self.block_start[k];
+    const integer *below = self.rows.data() + self.row_start[k] + own;
+    if (rest > 0) {
+      for (integer i = 0; i < rest; ++i)
+        part[i] = y[below[i]];
+      sgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + self.first[k], &step);
+    }
+    strsv_("L", "T", "N", &own, block, &height, y + self.first[k], &step);
+  }
+  for (integer k = 0; k < self.n; ++k)
+    x[self.unknown_at[k]] = y[k];
 }
 }

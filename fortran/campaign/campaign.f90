@@ -5,12 +5,11 @@
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use files, only: checksum
-   use campaign_file, only: begin_transaction, database_type, end_transaction, name_file, open_campaign_file, raise_damaged, &
-      & statement_type
-   use errors, only: error_type
+   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, statement_type
+   use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
-   use text, only: number_ok, number_text, read_integer, read_real, to_text
+   use text, only: number_ok, number_text, quoted, read_integer, read_real, to_text
    implicit none
    private
    public :: campaign_type, row_type, campaign_name
@@ -39,7 +38,8 @@ module campaign
       character(len=:), allocatable, private :: identity
       type(database_type), private :: file
       type(statement_type), private :: lookup, insertion
-      integer(i8), private :: physics = 0
+      !> The number of the physics in the file.
+      character(len=:), allocatable, private :: physics
       !> Rows on their way to the disk, and since when the first of them waits.
       type(row_type), allocatable, private :: waiting(:)
       integer, private :: n_waiting = 0
@@ -53,7 +53,9 @@ module campaign
 
    !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
    character(len=*), parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, message, ' &
-      & //'indentation_modulus_gpa, elements, seconds, depth_um, force_mn, checksum'
+      & //'depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
+   !> Those from the second on are texts, all but the last two of which are there in every row.
+   integer, parameter :: n_texts = 8, n_needed = 6
    character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE physics_id = ? AND symmetry = ? ' &
       & //'AND constants = ? AND euler_deg = ?'
    character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
@@ -83,12 +85,13 @@ contains
       self%path = path
       self%identity = identity
       call open_campaign_file(path, self%file, error)
-      if (.not. allocated(error)) call find_physics(self, identity, error)
+      if (.not. allocated(error)) call self%file%run('INSERT OR IGNORE INTO physics (identity) VALUES (' &
+         & //quoted(identity, '''')//')', error)
+      if (.not. allocated(error)) call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
+         & self%physics, error)
       if (.not. allocated(error)) call self%file%prepare(lookup, self%lookup, error)
       if (.not. allocated(error)) call self%file%prepare(insertion, self%insertion, error)
-      if (.not. allocated(error)) return
-      call name_file(self%path, error)
-      call self%close()
+      if (allocated(error)) call self%close()
    end subroutine open_campaign
 
    !> Close the file; a closed campaign may be closed again.
@@ -105,28 +108,6 @@ contains
 
       call self%close()
    end subroutine finalize_campaign
-
-   !> The number of the physics of an identity, which is entered if it is new.
-   subroutine find_physics(self, identity, error)
-      type(campaign_type), intent(inout) :: self
-      character(len=*), intent(in) :: identity
-      type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: statements(2) = [character(len=60) :: &
-         & 'INSERT OR IGNORE INTO physics (identity) VALUES (?)', 'SELECT id FROM physics WHERE identity = ?']
-      type(statement_type) :: statement
-      logical :: found
-      integer :: i
-
-      do i = 1, 2
-         call self%file%prepare(trim(statements(i)), statement, error)
-         if (allocated(error)) return
-         call statement%bind(1, identity)
-         call statement%step(found, error)
-         if (found) self%physics = statement%integer(1)
-         call statement%finish()
-         if (allocated(error)) return
-      end do
-   end subroutine find_physics
 
    !> All rows of this physics, of one symmetry or, of '', of all, in order of choice.
    subroutine rows(self, symmetry, found, error)
@@ -149,7 +130,7 @@ contains
          call statement%step(more, error)
          if (more) then
             deallocate (found)
-            allocate (found(statement%integer(14)))
+            allocate (found(nint(statement%real(14))))
          end if
       end if
       do i = 1, size(found)
@@ -157,7 +138,6 @@ contains
          if (.not. allocated(error)) call statement%step(more, error)
       end do
       call statement%finish()
-      call name_file(self%path, error)
    end subroutine rows
 
    !> The row of a point, if it is there.
@@ -179,7 +159,6 @@ contains
       call self%lookup%step(found, error)
       if (found) call self%read_row(self%lookup, row, error)
       call self%lookup%reset()
-      call name_file(self%path, error)
    end subroutine find
 
    !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
@@ -188,56 +167,43 @@ contains
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: message, words
+      type(warning_type) :: texts(n_texts)
       logical :: is_done, found
+      integer :: i
 
       associate (to => self%insertion, outcome => row%outcome)
          is_done = outcome%status == outcome_done
-         message = ''
-         if (allocated(outcome%message) .and. .not. is_done) message = outcome%message
+         call get_texts(row, texts)
          call to%bind(1, self%physics)
-         if (row%position >= 0) call to%bind(2, int(row%position, i8))
-         words = self%identity
-         call bind_word(3, trim(row%symmetry))
-         call bind_word(4, list_text(row%constants))
-         call bind_word(5, list_text(row%euler_deg))
-         call bind_word(6, trim(merge(told//'     ', simulated, row%imported)))
-         call bind_word(7, trim(merge(done//'  ', failed, is_done)))
-         call bind_word(8, message)
-         call bind_curve(12, outcome%depth)
-         call bind_curve(13, outcome%force)
-         if (is_done) call to%bind(9, outcome%modulus)
-         if (outcome%elements > 0) call to%bind(10, int(outcome%elements, i8))
-         if (outcome%seconds > 0.0_wp) call to%bind(11, outcome%seconds)
-         call to%bind(14, row_checksum(words, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, outcome%seconds))
+         if (row%position >= 0) call to%bind(2, to_text(row%position))
+         do i = 1, n_texts
+            if (i <= n_needed .or. len(texts(i)%text) > 0) call to%bind(2 + i, texts(i)%text)
+         end do
+         if (is_done) call to%bind(11, outcome%modulus)
+         if (outcome%elements > 0) call to%bind(12, to_text(outcome%elements))
+         if (outcome%seconds > 0.0_wp) call to%bind(13, outcome%seconds)
+         call to%bind(14, row_checksum(self%identity, texts, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, &
+            & outcome%seconds))
          call to%step(found, error)
          call to%reset()
       end associate
-      call name_file(self%path, error)
-
-   contains
-
-      subroutine bind_word(i, word)
-         integer, intent(in) :: i
-         character(len=*), intent(in) :: word
-
-         call self%insertion%bind(i, word)
-         words = words//separator//word
-      end subroutine bind_word
-
-      subroutine bind_curve(i, values)
-         integer, intent(in) :: i
-         real(wp), allocatable, intent(in) :: values(:)
-
-         if (allocated(values)) then
-            if (size(values) > 0) then
-               call bind_word(i, list_text(values))
-               return
-            end if
-         end if
-         words = words//separator
-      end subroutine bind_curve
    end subroutine add
+
+   !> The texts of a row.
+   subroutine get_texts(row, texts)
+      type(row_type), intent(in) :: row
+      type(warning_type), intent(out) :: texts(n_texts)
+
+      texts(1)%text = trim(row%symmetry)
+      texts(2)%text = list_text(row%constants)
+      texts(3)%text = list_text(row%euler_deg)
+      texts(4)%text = trim(merge(told//'     ', simulated, row%imported))
+      texts(5)%text = trim(merge(done//'  ', failed, row%outcome%status == outcome_done))
+      texts(6)%text = ''
+      if (allocated(row%outcome%message) .and. row%outcome%status /= outcome_done) texts(6)%text = row%outcome%message
+      texts(7)%text = list_text(row%outcome%depth)
+      texts(8)%text = list_text(row%outcome%force)
+   end subroutine get_texts
 
    !> Store a row now, or, if it took next to no time, such as the theory's, when there are many of them or some seconds have passed.
    subroutine add_soon(self, row, error)
@@ -277,18 +243,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call self%file%run(begin_transaction, error)
-      call name_file(self%path, error)
    end subroutine begin_change
 
    !> Keep what was changed, unless there is an error.
    subroutine end_change(self, error)
       class(campaign_type), intent(inout) :: self
       type(error_type), allocatable, intent(inout) :: error
-      logical :: failed
 
-      failed = allocated(error)
       call end_transaction(self%file, error)
-      if (.not. failed) call name_file(self%path, error)
    end subroutine end_change
 
    !> The `position` of a row to come.
@@ -300,10 +262,8 @@ contains
       integer :: outcome
 
       position = 0
-      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//to_text(self%physics), &
-         & found, error)
+      call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = '//self%physics, found, error)
       if (.not. allocated(error)) call read_integer(found, position, outcome)
-      call name_file(self%path, error)
    end subroutine next_position
 
    !> The identities of the other physics in the file that have rows, one a line.
@@ -313,9 +273,8 @@ contains
       character(len=:), allocatable, intent(out) :: identities
       type(error_type), allocatable, intent(out) :: error
 
-      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//to_text(self%physics) &
+      call self%file%value('SELECT GROUP_CONCAT(identity, CHAR(10)) FROM physics WHERE id <> '//self%physics &
          & //' AND id IN (SELECT physics_id FROM simulation)', identities, error)
-      call name_file(self%path, error)
    end subroutine other_physics
 
    !> The row that a statement is at.
@@ -324,94 +283,92 @@ contains
       type(statement_type), intent(in) :: statement
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
+      type(warning_type) :: texts(n_texts)
       real(wp), allocatable :: angles(:)
-      character(len=:), allocatable :: word, words
+      character(len=:), allocatable :: digits
       logical :: good(5)
+      integer :: i
 
-      words = self%identity
-      row%position = int(statement%integer(1))
-      call read_word(2)
-      row%symmetry = word
-      call read_list(3, row%constants, good(1))
-      call read_list(4, angles, good(2))
-      call read_word(5)
-      row%imported = word == told
-      call read_word(6)
-      row%outcome%status = merge(outcome_done, outcome_failed, word == done)
-      call read_word(7)
-      row%outcome%message = word
-      row%outcome%modulus = statement%real(8)
-      row%outcome%elements = int(statement%integer(9))
-      row%outcome%seconds = statement%real(10)
-      call read_list(11, row%outcome%depth, good(3))
-      call read_list(12, row%outcome%force, good(4))
+      do i = 1, n_texts
+         call statement%text(1 + i, texts(i)%text)
+      end do
+      row%position = nint(statement%real(1))
+      row%symmetry = texts(1)%text
+      call read_list(texts(2)%text, row%constants, good(1))
+      call read_list(texts(3)%text, angles, good(2))
+      row%imported = texts(4)%text == told
+      row%outcome%status = merge(outcome_done, outcome_failed, texts(5)%text == done)
+      row%outcome%message = texts(6)%text
+      call read_list(texts(7)%text, row%outcome%depth, good(3))
+      call read_list(texts(8)%text, row%outcome%force, good(4))
+      row%outcome%modulus = statement%real(10)
+      row%outcome%elements = nint(statement%real(11))
+      row%outcome%seconds = statement%real(12)
       ! Rows of the first version of the layout have none.
-      call statement%text(13, word)
-      good(5) = len(word) == 0
-      if (.not. good(5)) good(5) = word == row_checksum(words, row%outcome%modulus, row%outcome%elements, row%outcome%seconds)
+      call statement%text(13, digits)
+      good(5) = len(digits) == 0
+      if (.not. good(5)) good(5) = digits == row_checksum(self%identity, texts, row%outcome%modulus, row%outcome%elements, &
+         & row%outcome%seconds)
       if (all(good) .and. size(angles) == size(row%euler_deg)) then
          row%euler_deg = angles
       else
          call raise_damaged(self%path, 'the row of position '//to_text(row%position)//' was changed', error)
       end if
-
-   contains
-
-      subroutine read_word(i)
-         integer, intent(in) :: i
-
-         call statement%text(i, word)
-         words = words//separator//word
-      end subroutine read_word
-
-      !> The numbers of a JSON list, none of NULL.
-      subroutine read_list(i, values, good)
-         integer, intent(in) :: i
-         real(wp), allocatable, intent(out) :: values(:)
-         logical, intent(out) :: good
-         integer :: j, n, first, last, outcome
-
-         call read_word(i)
-         n = 0
-         if (len(word) > 2) n = 1 + count([(word(j:j) == ',', j=1, len(word))])
-         allocate (values(n), source=0.0_wp)
-         good = .true.
-         first = 2
-         do j = 1, n
-            ! Numbers are separated by a comma and a blank, the last ends before the bracket.
-            last = first + index(word(first:), ',') - 2
-            if (j == n) last = len(word) - 1
-            call read_real(word(first:last), values(j), outcome)
-            good = good .and. outcome == number_ok
-            first = min(last + 3, len(word))
-         end do
-      end subroutine read_list
    end subroutine read_row
 
-   !> The checksum of a row: of the identity of its physics and its texts, in `words`, and of its numbers, to the last bit.
-   pure function row_checksum(words, modulus, elements, seconds) result(digits)
-      character(len=*), intent(in) :: words
+   !> The numbers of a JSON list, none of an empty text.
+   pure subroutine read_list(list, values, good)
+      character(len=*), intent(in) :: list
+      real(wp), allocatable, intent(out) :: values(:)
+      logical, intent(out) :: good
+      integer :: j, n, first, last, outcome
+
+      n = 0
+      if (len(list) > 2) n = 1 + count([(list(j:j) == ',', j=1, len(list))])
+      allocate (values(n), source=0.0_wp)
+      good = .true.
+      first = 2
+      do j = 1, n
+         ! Numbers are separated by a comma and a blank, the last ends before the bracket.
+         last = first + index(list(first:), ',') - 2
+         if (j == n) last = len(list) - 1
+         call read_real(list(first:last), values(j), outcome)
+         good = good .and. outcome == number_ok
+         first = min(last + 3, len(list))
+      end do
+   end subroutine read_list
+
+   !> The checksum of a row: of the identity of its physics, its texts, and its numbers, to the last bit.
+   pure function row_checksum(identity, texts, modulus, elements, seconds) result(digits)
+      character(len=*), intent(in) :: identity
+      type(warning_type), intent(in) :: texts(:)
       !> GPa; number; s. Each is 0 where there is none.
       real(wp), intent(in) :: modulus, seconds
       integer, intent(in) :: elements
       character(len=16) :: digits
+      character(len=:), allocatable :: words
+      integer :: i
 
+      words = identity
+      do i = 1, size(texts)
+         words = words//separator//texts(i)%text
+      end do
       digits = checksum(words//separator//to_text(transfer(modulus, 1_i8))//separator//to_text(max(0, elements))//separator &
          & //to_text(transfer(max(0.0_wp, seconds), 1_i8)))
    end function row_checksum
 
-   !> Numbers as the file spells them: a JSON list, every double to its last bit.
+   !> Numbers as the file spells them: a JSON list, every double to its last bit; empty if there are none.
    pure function list_text(values) result(list)
-      real(wp), intent(in) :: values(:)
+      real(wp), intent(in), optional :: values(:)
       character(len=:), allocatable :: list
       integer :: i
 
-      list = '['
+      list = ''
+      if (.not. present(values)) return
       do i = 1, size(values)
-         if (i > 1) list = list//', '
-         list = list//number_text(values(i))
+         list = list//', '//number_text(values(i))
       end do
-      list = list//']'
+      if (size(values) > 0) list = '['//list(3:)//']'
    end function list_text
 
 end module campaign

@@ -3,29 +3,30 @@
 !> Database files are read and written through libsqlite3. What the machine could not do (a lock, the disk) is an error of its own kind. One
 !> thread at a time may use a database. A statement that gave a row keeps the file locked until `reset`.
 module campaign_file
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_int64_t, c_intptr_t, &
-      & c_null_char, c_null_ptr, c_ptr, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_null_char, &
+      & c_null_ptr, c_ptr, c_size_t
    use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
-   use kinds, only: i8, wp
+   use kinds, only: wp
    use text, only: newline
    implicit none
    private
-   public :: open_campaign_file, begin_transaction, end_transaction, name_file, raise_damaged, database_type, statement_type
+   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, statement_type
 
    !> Result codes of the library that are not errors, and those for which the machine is to blame: permission, busy, locked, memory,
    !> read-only, interrupt, input and output, full, cannot open.
    integer, parameter :: ok = 0, row_code = 100, done_code = 101, of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14]
    integer, parameter :: read_only = 8, full = 13
-   integer(c_int), parameter :: read_write_create = 6_c_int
    !> SQLITE_TRANSIENT in place of a destructor: the library copies a text at once.
    integer(c_intptr_t), parameter :: transient = -1_c_intptr_t
    !> How long to wait for another process, ms.
-   integer(c_int), parameter :: patience = 60000_c_int
+   character(len=*), parameter :: be_patient = 'PRAGMA busy_timeout = 60000'
 
    type :: database_type
       private
       type(c_ptr) :: handle = c_null_ptr
+      !> Of the campaign, for messages.
+      character(len=:), allocatable :: path
    contains
       procedure :: open => open_database, close => close_database, run, value, prepare
       procedure, private :: fail
@@ -34,11 +35,13 @@ module campaign_file
    type :: statement_type
       private
       type(c_ptr) :: handle = c_null_ptr
+      type(database_type) :: database
       integer(c_int) :: bound = 0
    contains
-      procedure, private :: bind_text, bind_integer, bind_real
-      generic :: bind => bind_text, bind_integer, bind_real
-      procedure :: step, integer => column_integer, real => column_real, text => column_text, reset, finish
+      procedure, private :: bind_text, bind_real
+      !> Columns that are integers take texts of them.
+      generic :: bind => bind_text, bind_real
+      procedure :: step, real => column_real, text => column_text, reset, finish
    end type statement_type
 
    abstract interface
@@ -47,36 +50,23 @@ module campaign_file
          !> Of a database or a statement.
          type(c_ptr), value :: handle
       end function code_of
-      type(c_ptr) function pointer_of(handle) bind(c)
-         import :: c_ptr
-         !> Of a database or a statement.
-         type(c_ptr), value :: handle
-      end function pointer_of
-      integer(c_int) function code_of_number(handle, i) bind(c)
-         import :: c_int, c_ptr
-         !> Of a database or a statement.
-         type(c_ptr), value :: handle
-         !> Parameter or column of it, or ms.
-         integer(c_int), value :: i
-      end function code_of_number
    end interface
    procedure(code_of), bind(c, name='sqlite3_close_v2') :: c_close
    procedure(code_of), bind(c, name='sqlite3_step') :: c_step
    procedure(code_of), bind(c, name='sqlite3_reset') :: c_reset
    procedure(code_of), bind(c, name='sqlite3_clear_bindings') :: c_clear_bindings
    procedure(code_of), bind(c, name='sqlite3_finalize') :: c_finalize
-   procedure(pointer_of), bind(c, name='sqlite3_errmsg') :: c_message
-   procedure(pointer_of), bind(c, name='sqlite3_db_handle') :: c_database
-   procedure(code_of_number), bind(c, name='sqlite3_busy_timeout') :: c_busy_timeout
 
    interface
-      integer(c_int) function c_open(path, handle, flags, vfs) bind(c, name='sqlite3_open_v2')
+      integer(c_int) function c_open(path, handle) bind(c, name='sqlite3_open')
          import :: c_char, c_int, c_ptr
          character(kind=c_char), intent(in) :: path(*)
          type(c_ptr), intent(out) :: handle
-         integer(c_int), value :: flags
-         type(c_ptr), value :: vfs
       end function c_open
+      type(c_ptr) function c_message(handle) bind(c, name='sqlite3_errmsg')
+         import :: c_ptr
+         type(c_ptr), value :: handle
+      end function c_message
       integer(c_int) function c_exec(handle, sql, callback, argument, message) bind(c, name='sqlite3_exec')
          import :: c_char, c_int, c_ptr
          type(c_ptr), value :: handle, callback, argument, message
@@ -96,23 +86,12 @@ module campaign_file
          integer(c_int), value :: i, bytes
          integer(c_intptr_t), value :: destructor
       end function c_bind_text
-      integer(c_int) function c_bind_int64(statement, i, number) bind(c, name='sqlite3_bind_int64')
-         import :: c_int, c_int64_t, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-         integer(c_int64_t), value :: number
-      end function c_bind_int64
       integer(c_int) function c_bind_double(statement, i, number) bind(c, name='sqlite3_bind_double')
          import :: c_double, c_int, c_ptr
          type(c_ptr), value :: statement
          integer(c_int), value :: i
          real(c_double), value :: number
       end function c_bind_double
-      integer(c_int64_t) function c_column_int64(statement, i) bind(c, name='sqlite3_column_int64')
-         import :: c_int, c_int64_t, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-      end function c_column_int64
       real(c_double) function c_column_double(statement, i) bind(c, name='sqlite3_column_double')
          import :: c_double, c_int, c_ptr
          type(c_ptr), value :: statement
@@ -174,11 +153,10 @@ contains
       class(database_type), intent(inout) :: self
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
-      integer(c_int) :: code
 
-      code = c_open(path//c_null_char, self%handle, read_write_create, c_null_ptr)
-      if (code == ok) code = c_busy_timeout(self%handle, patience)
-      call self%fail(code, error)
+      if (.not. allocated(self%path)) self%path = path
+      call self%fail(c_open(path//c_null_char, self%handle), error)
+      if (.not. allocated(error)) call self%run(be_patient, error)
    end subroutine open_database
 
    !> Close the file; what was not committed is not done.
@@ -225,10 +203,11 @@ contains
       type(statement_type), intent(out) :: statement
       type(error_type), allocatable, intent(out) :: error
 
+      statement%database = self
       call self%fail(c_prepare(self%handle, sql//c_null_char, -1_c_int, statement%handle, c_null_ptr), error)
    end subroutine prepare
 
-   !> The error of a result code in the words of the library, if it is one.
+   !> The error of a result code in the words of the library, if it is one, and with the file.
    subroutine fail(self, code, error)
       class(database_type), intent(in) :: self
       integer(c_int), intent(in) :: code
@@ -241,6 +220,7 @@ contains
       if (iand(int(code), 255) == full) reason = 'the disk is full'
       if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
       call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
+      call name_file(self%path, error)
    end subroutine fail
 
    !> Bind the parameter with number `i`, from 1, to a `value`.
@@ -251,15 +231,6 @@ contains
 
       self%bound = max(self%bound, c_bind_text(self%handle, i, value//c_null_char, len(value, c_int), transient))
    end subroutine bind_text
-
-   !> Bind the parameter with number `i`, from 1, to a `value`.
-   subroutine bind_integer(self, i, value)
-      class(statement_type), intent(inout) :: self
-      integer, intent(in) :: i
-      integer(i8), intent(in) :: value
-
-      self%bound = max(self%bound, c_bind_int64(self%handle, i, value))
-   end subroutine bind_integer
 
    !> Bind the parameter with number `i`, from 1, to a `value`.
    subroutine bind_real(self, i, value)
@@ -275,23 +246,13 @@ contains
       class(statement_type), intent(inout) :: self
       logical, intent(out) :: found
       type(error_type), allocatable, intent(out) :: error
-      type(database_type) :: database
       integer(c_int) :: code
 
       code = self%bound
       if (code == ok) code = c_step(self%handle)
       found = code == row_code
-      database%handle = c_database(self%handle)
-      call database%fail(code, error)
+      call self%database%fail(code, error)
    end subroutine step
-
-   !> Column `i`, from 1, of the present row; NULL is 0.
-   integer(i8) function column_integer(self, i)
-      class(statement_type), intent(in) :: self
-      integer, intent(in) :: i
-
-      column_integer = c_column_int64(self%handle, i - 1)
-   end function column_integer
 
    !> Column `i`, from 1, of the present row; NULL is 0.
    real(wp) function column_real(self, i)
@@ -352,71 +313,68 @@ contains
       type(database_type), intent(inout) :: file
       type(error_type), allocatable, intent(out) :: error
 
+      file%path = path
       if (len(folder_of(path)) > 0) call make_folder(folder_of(path), error)
       if (allocated(error)) return
-      if (.not. file_exists(path)) call create(path, error)
+      if (.not. file_exists(path)) call create()
       if (.not. allocated(error)) call file%open(path, error)
       if (.not. allocated(error)) call file%run('PRAGMA synchronous = FULL', error)
-      if (.not. allocated(error)) call verify(path, file, error)
-      if (.not. allocated(error)) call migrate(file, error)
+      if (.not. allocated(error)) call verify()
+      if (.not. allocated(error)) call migrate()
       call name_file(path, error)
+
+   contains
+
+      !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
+      subroutine create()
+         type(database_type) :: part
+
+         part%path = path
+         ! A file of our own, whatever is there of this name.
+         call replace_file(name_beside(path), '', error)
+         if (.not. allocated(error)) call part%open(name_beside(path), error)
+         if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
+         call part%close()
+         call place_new_file(path, whole=.not. allocated(error))
+      end subroutine create
+
+      !> That the file is a whole campaign of a version that is known.
+      subroutine verify()
+         character(len=:), allocatable :: found
+
+         call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
+         if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
+         if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
+         if (allocated(error)) return
+         if (found /= application_id) then
+            call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
+            return
+         end if
+         call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
+         if (allocated(error)) return
+         if (len(found) > 0) then
+            call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
+            return
+         end if
+         call file%value('PRAGMA integrity_check(1)', found, error)
+         ! The first line of a complaint is a heading.
+         if (found == 'ok' .or. allocated(error)) return
+         found = found(index(found, newline, back=.true.) + 1:)
+         call raise_damaged(path, found, error)
+      end subroutine verify
+
+      !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
+      subroutine migrate()
+         character(len=:), allocatable :: version
+
+         call file%value('PRAGMA user_version', version, error)
+         if (allocated(error) .or. version == layout_version) return
+         call file%run(begin_transaction, error)
+         if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
+         if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
+         call end_transaction(file, error)
+      end subroutine migrate
    end subroutine open_campaign_file
-
-   !> Make a file beside, and give it its name if no other process did so first: a campaign is never half a file.
-   subroutine create(path, error)
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      type(database_type) :: file
-
-      ! A file of our own, whatever is there of this name.
-      call replace_file(name_beside(path), '', error)
-      if (.not. allocated(error)) call file%open(name_beside(path), error)
-      if (.not. allocated(error)) call file%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
-      call file%close()
-      call place_new_file(path, whole=.not. allocated(error))
-   end subroutine create
-
-   !> That the file is a whole campaign of a version that is known.
-   subroutine verify(path, file, error)
-      character(len=*), intent(in) :: path
-      type(database_type), intent(in) :: file
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
-
-      call file%value('SELECT COUNT(*) FROM sqlite_master', found, error)
-      if (found == '0' .and. .not. allocated(error)) call raise_damaged(path, 'it is empty', error)
-      if (.not. allocated(error)) call file%value('PRAGMA application_id', found, error)
-      if (allocated(error)) return
-      if (found /= application_id) then
-         call refuse(error, path//': is a database, but not a campaign of bayesindent; choose another output folder')
-         return
-      end if
-      call file%value('SELECT user_version FROM pragma_user_version WHERE user_version > '//layout_version, found, error)
-      if (allocated(error)) return
-      if (len(found) > 0) then
-         call refuse(error, path//': was written by a newer version (format '//found//', known: '//layout_version//')')
-         return
-      end if
-      call file%value('PRAGMA integrity_check(1)', found, error)
-      ! The first line of a complaint is a heading.
-      if (found == 'ok' .or. allocated(error)) return
-      found = found(index(found, newline, back=.true.) + 1:)
-      call raise_damaged(path, found, error)
-   end subroutine verify
-
-   !> Bring a file of an earlier version to the present one. Another process may do so at the same time.
-   subroutine migrate(file, error)
-      type(database_type), intent(in) :: file
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: version
-
-      call file%value('PRAGMA user_version', version, error)
-      if (allocated(error) .or. version == layout_version) return
-      call file%run(begin_transaction, error)
-      if (.not. allocated(error)) call file%value('PRAGMA user_version', version, error)
-      if (version /= layout_version .and. .not. allocated(error)) call file%run(from_version_1, error)
-      call end_transaction(file, error)
-   end subroutine migrate
 
    !> Keep what was changed since `begin_transaction` was run, or nothing after an `error`.
    subroutine end_transaction(file, error)

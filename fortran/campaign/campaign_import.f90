@@ -83,64 +83,64 @@ contains
       !> How many were not there.
       integer, intent(out) :: n_new
       type(error_type), allocatable, intent(out) :: error
-      integer :: first, i
+      !> The position of the first that is new.
+      integer :: first
+      integer :: i
 
       n_new = 0
       call self%begin_change(error)
       if (.not. allocated(error)) call self%next_position(first, error)
       do i = 1, size(modulus)
          if (allocated(error)) exit
-         call import_row(self, class, constants(:, i), euler_deg(:, i), modulus(i), first, n_new, error)
+         call import_row(constants(:, i), euler_deg(:, i), modulus(i))
          if (.not. allocated(error)) cycle
          if (error%status == exit_bad_input) error%message = 'row '//to_text(i)//error%message
       end do
       call self%end_change(error)
       if (allocated(error)) n_new = 0
+
+   contains
+
+      !> Import one result.
+      subroutine import_row(constants, euler_deg, modulus)
+         real(wp), intent(in) :: constants(:), euler_deg(:), modulus
+         type(row_type) :: row
+         character(len=:), allocatable :: crystal
+         logical :: found
+         integer :: k
+
+         if (.not. (ieee_is_finite(modulus) .and. modulus > 0.0_wp)) then
+            call refuse(error, ': modulus_gpa is '//lower(to_text(modulus))//'; it must be positive')
+            return
+         end if
+         call self%find(class%name, constants, euler_deg, row, found, error)
+         if (allocated(error)) return
+         if (.not. found) then
+            row%position = first + n_new
+            n_new = n_new + 1
+            row%symmetry = class%name
+            row%constants = constants
+            row%euler_deg = euler_deg
+            row%imported = .true.
+            row%outcome%status = outcome_done
+            row%outcome%modulus = modulus
+            call self%add(row, error)
+            return
+         end if
+         crystal = ''
+         do k = 1, class%n_constants
+            crystal = crystal//', '//class%constants(k)//' '//to_text(constants(k))
+         end do
+         crystal = ' ('//crystal(3:)//'): '
+         if (row%outcome%status == outcome_failed) then
+            call refuse(error, crystal//'the campaign has this point as failed ('//row%outcome%message//'); a stored row is ' &
+               & //'never changed: leave the row out, or import into a new campaign')
+         else if (abs(row%outcome%modulus - modulus) > same*modulus) then
+            call refuse(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has ' &
+               & //to_text(row%outcome%modulus)//' GPa '//trim(merge('in an earlier row', 'in the campaign  ', &
+               & row%position >= first))//'; one of them is wrong or of another physics: leave one out, or import ' &
+               & //'into a new campaign')
+         end if
+      end subroutine import_row
    end subroutine import_rows
-
-   !> Import one result; `first` is the position of the first, of which `n_new` were new.
-   subroutine import_row(self, class, constants, euler_deg, modulus, first, n_new, error)
-      type(campaign_type), intent(inout) :: self
-      type(crystal_class_type), intent(in) :: class
-      real(wp), intent(in) :: constants(:), euler_deg(:), modulus
-      integer, intent(in) :: first
-      integer, intent(inout) :: n_new
-      type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: row
-      character(len=:), allocatable :: crystal
-      logical :: found
-      integer :: k
-
-      if (.not. (ieee_is_finite(modulus) .and. modulus > 0.0_wp)) then
-         call refuse(error, ': modulus_gpa is '//lower(to_text(modulus))//'; it must be positive')
-         return
-      end if
-      call self%find(class%name, constants, euler_deg, row, found, error)
-      if (allocated(error)) return
-      if (.not. found) then
-         row%position = first + n_new
-         n_new = n_new + 1
-         row%symmetry = class%name
-         row%constants = constants
-         row%euler_deg = euler_deg
-         row%imported = .true.
-         row%outcome%status = outcome_done
-         row%outcome%modulus = modulus
-         call self%add(row, error)
-         return
-      end if
-      crystal = ''
-      do k = 1, class%n_constants
-         crystal = crystal//', '//class%constants(k)//' '//to_text(constants(k))
-      end do
-      crystal = ' ('//crystal(3:)//'): '
-      if (row%outcome%status == outcome_failed) then
-         call refuse(error, crystal//'the campaign has this point as failed ('//row%outcome%message//'); a stored row is never ' &
-            & //'changed: leave the row out, or import into a new campaign')
-      else if (abs(row%outcome%modulus - modulus) > same*modulus) then
-         call refuse(error, crystal//'modulus_gpa is '//to_text(modulus)//', but the same point has ' &
-            & //to_text(row%outcome%modulus)//' GPa '//trim(merge('in an earlier row', 'in the campaign  ', &
-            & row%position >= first))//'; one of them is wrong or of another physics: leave one out, or import into a new campaign')
-      end if
-   end subroutine import_row
 end module campaign_import

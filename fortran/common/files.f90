@@ -1,7 +1,7 @@
 !> Whole files in, whole files out, the paths between them, and the checksum by which a change is seen.
 module files
    use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, c_null_ptr, c_ptr
-   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use errors, only: error_type, machine_failure, raise, refuse
    use kinds, only: i8
    use text, only: to_text
    implicit none
@@ -87,28 +87,27 @@ contains
 
       inquire (file=path, exist=here)
       if (len_trim(path) == 0) then
-         call raise(error, 'the name of the file is empty', exit_bad_input)
+         call refuse(error, 'the name of the file is empty')
       else if (is_folder(path)) then
-         call raise(error, 'is a folder; a file is needed', exit_bad_input)
+         call refuse(error, 'is a folder; a file is needed')
       else if (.not. here) then
-         call raise(error, 'the file does not exist', exit_bad_input)
+         call refuse(error, 'the file does not exist')
       else
          call read_bytes(path, content, error)
       end if
       if (allocated(error)) return
       wrong = not_utf8(content)
       if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
-         call raise(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not text: save its sheet as CSV', &
-            & exit_bad_input)
+         call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not text: save its sheet as CSV')
       else if (index(content, achar(0)) > 0 .or. wrong == 1) then
-         call raise(error, 'the file is not plain text (save it as UTF-8)', exit_bad_input)
+         call refuse(error, 'the file is not plain text (save it as UTF-8)')
       else if (wrong > 0) then
-         call raise(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
+         call refuse(error, 'line '//to_text(1 + count([(content(i:i) == achar(10), i=1, wrong)])) &
             & //': byte '//to_text(wrong - index(content(:wrong - 1), achar(10), back=.true.)) &
-            & //' is not UTF-8 (save the file as UTF-8)', exit_bad_input)
+            & //' is not UTF-8 (save the file as UTF-8)')
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
-         if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call raise(error, 'the file is empty', exit_bad_input)
+         if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) call refuse(error, 'the file is empty')
       end if
    end subroutine read_text_file
 
@@ -123,9 +122,9 @@ contains
       outcome = c_read_file(path//c_null_char, largest, n)
       allocate (character(len=n) :: content)
       call c_take_bytes(content)
-      if (outcome == 1) call raise(error, 'the file cannot be opened for reading', exit_bad_input)
-      if (outcome == 2) call raise(error, 'the file cannot be read', exit_bad_input)
-      if (n > largest) call raise(error, 'the file is too large; at most '//to_text(largest)//' bytes', exit_bad_input)
+      if (outcome == 1) call refuse(error, 'the file cannot be opened for reading')
+      if (outcome == 2) call refuse(error, 'the file cannot be read')
+      if (n > largest) call refuse(error, 'the file is too large; at most '//to_text(largest)//' bytes')
    end subroutine read_bytes
 
    !> Place of the first byte that UTF-8 does not allow there, 0 where there is none.
@@ -233,11 +232,8 @@ contains
       character(len=*), intent(in) :: folder, name
       character(len=:), allocatable :: path
 
-      if (index(name, '/') == 1) then
-         path = name
-      else
-         path = folder//name
-      end if
+      path = name
+      if (index(name, '/') /= 1) path = folder//name
    end function resolve_path
 
    !> The absolute path of a file that is there, else as it is.

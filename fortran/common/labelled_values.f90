@@ -8,7 +8,7 @@
 !> Reading is strict: the next line has the expected label, values are finite, counts hold, and the last line is a checksum of all
 !> before it. After the first error nothing more is done. To describe them they are given as named values instead.
 module labelled_values
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use files, only: checksum, printable
    use kinds, only: i8, wp
    use named_values, only: named_values_type
@@ -212,11 +212,8 @@ contains
       character(len=*), intent(in) :: reason
 
       if (allocated(self%error)) return
-      if (self%reading) then
-         call raise(self%error, 'line '//to_text(self%line)//': '//reason, exit_bad_input)
-      else
-         call raise(self%error, reason, exit_bad_input)
-      end if
+      call refuse(self%error, reason)
+      if (self%reading) self%error%message = 'line '//to_text(self%line)//': '//reason
    end subroutine fail
 
    !> A finite number.

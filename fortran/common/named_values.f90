@@ -6,7 +6,7 @@
 !> the axes reversed. What is given is a `value`, `values` of an array, or `words`.
 module named_values
    use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
-   use errors, only: error_type, exit_bad_input, raise, warning_type
+   use errors, only: error_type, refuse, warning_type
    use kinds, only: i8, wp
    implicit none
    private
@@ -229,7 +229,7 @@ contains
       if (kind == 'i' .or. kind == 'b') then
          value = int(transfer(content, 0_i8))
       else
-         call raise(self%error, 'the integer '''//name//''' is missing', exit_bad_input)
+         call refuse(self%error, 'the integer '''//name//''' is missing')
       end if
    end function integer_of
 
@@ -260,7 +260,7 @@ contains
 
       call find(self, name, kind, content)
       if (kind /= 't') then
-         call raise(self%error, 'the text '''//name//''' is missing', exit_bad_input)
+         call refuse(self%error, 'the text '''//name//''' is missing')
          value = ''
          return
       end if
@@ -282,7 +282,7 @@ contains
       if (kind == 'r') then
          call c_f_pointer(c_loc(content), values, [size(content)/8])
       else
-         call raise(self%error, 'the numbers '''//name//''' are missing', exit_bad_input)
+         call refuse(self%error, 'the numbers '''//name//''' are missing')
          allocate (values(0))
       end if
    end function reals_of

@@ -52,9 +52,6 @@ module running_command
       !> The loop is at its end.
       subroutine end_progress() bind(c, name='bayesindent_end_progress')
       end subroutine end_progress
-   end interface
-
-   interface
       !> From now on; threads may do so at the same time.
       subroutine listen() bind(c, name='bayesindent_listen')
       end subroutine listen

@@ -47,22 +47,20 @@ contains
       real(wp), intent(out) :: mean(:), sd(:)
       !> (draw), not negative; default: all the same.
       real(wp), intent(in), optional :: weights(:)
-      real(wp) :: w, total
+      real(wp) :: w(size(draws, 2)), total
       integer :: i
 
-      total = size(draws, 2)
-      if (present(weights)) total = max(tiny(1.0_wp), sum(weights))
       w = 1.0_wp
+      if (present(weights)) w = weights
+      total = max(tiny(1.0_wp), sum(w))
       mean = 0.0_wp
       do i = 1, size(draws, 2)
-         if (present(weights)) w = weights(i)
-         mean = mean + w*draws(:, i)
+         mean = mean + w(i)*draws(:, i)
       end do
       mean = mean/total
       sd = 0.0_wp
       do i = 1, size(draws, 2)
-         if (present(weights)) w = weights(i)
-         sd = sd + w*(draws(:, i) - mean)**2
+         sd = sd + w(i)*(draws(:, i) - mean)**2
       end do
       if (.not. present(weights)) total = max(1.0_wp, total - 1.0_wp)
       sd = sqrt(sd/total)

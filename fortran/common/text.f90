@@ -18,6 +18,9 @@ module text
    !> Forms of a real: the fewest digits that bring it back, ten at most for people, some significant ones, some decimals.
    integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
+   !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
+   integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
+
    interface to_text
       module procedure integer_to_text, long_to_text, real_to_text, digits_to_text, logical_to_text
    end interface to_text
@@ -30,12 +33,6 @@ module text
          ! allow(C072)
          character(kind=c_char), intent(out) :: text(*)
       end subroutine c_write
-   end interface
-
-   !> What became of a text: a finite number; NaN, Infinity or an overflow; no number at all.
-   integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2
-
-   interface
       pure subroutine c_read_integer(text, length, value, outcome) bind(c, name='bayesindent_read_integer')
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: text(*)

@@ -55,9 +55,9 @@ module crystal_class
       real(wp), allocatable :: generators(:, :, :)
       !> Fold of each generator, 0 for infinite order, (n).
       integer, allocatable :: folds(:)
-      !> Where the stiffness is not zero: entry (row, column) gains factor times a constant.
-      integer, allocatable, private :: row(:), column(:), constant(:)
-      real(wp), allocatable, private :: factor(:)
+      !> Where the upper triangle of the stiffness is not zero: entry (row, column) gains factor times a constant.
+      integer, allocatable :: row(:), column(:), constant(:)
+      real(wp), allocatable :: factor(:)
    contains
       procedure :: stiffness, constants_of, includes
    end type crystal_class_type
@@ -184,14 +184,10 @@ contains
             call solve_upper(gram, solution(:, k))
          end do
       end if
-      if (any(abs(matmul(equations(:, other), solution) + equations(:, named)) > 1.0e-6_wp)) then
-         call raise(error, 'the constants of a '//self%name//' crystal do not span its stiffnesses')
-         return
-      end if
       map = 0.0_wp
       map(other, :) = snapped(solution)
-      if (any(abs(map(other, :) - solution) > 1.0e-6_wp)) then
-         call raise(error, 'an entry of a '//self%name//' stiffness is no multiple of half a constant')
+      if (any(abs(matmul(equations(:, other), map(other, :)) + equations(:, named)) > 1.0e-6_wp)) then
+         call raise(error, 'the constants of a '//self%name//' crystal, and their halves, do not span its stiffnesses')
          return
       end if
       do i = 1, self%n_constants
@@ -200,21 +196,13 @@ contains
       allocate (self%row(0), self%column(0), self%constant(0), self%factor(0))
       do k = 1, 21
          do i = 1, self%n_constants
-            if (abs(map(k, i)) > 0.0_wp) call append(first(k), second(k))
-            if (abs(map(k, i)) > 0.0_wp .and. first(k) /= second(k)) call append(second(k), first(k))
+            if (.not. abs(map(k, i)) > 0.0_wp) cycle
+            self%row = [self%row, first(k)]
+            self%column = [self%column, second(k)]
+            self%constant = [self%constant, i]
+            self%factor = [self%factor, map(k, i)]
          end do
       end do
-
-   contains
-
-      subroutine append(row_of_entry, column_of_entry)
-         integer, intent(in) :: row_of_entry, column_of_entry
-
-         self%row = [self%row, row_of_entry]
-         self%column = [self%column, column_of_entry]
-         self%constant = [self%constant, i]
-         self%factor = [self%factor, map(k, i)]
-      end subroutine append
    end subroutine derive_map
 
    pure function entry_name(row, column) result(name)
@@ -234,7 +222,10 @@ contains
 
       c = 0.0_wp
       do k = 1, size(self%factor)
-         c(self%row(k), self%column(k)) = c(self%row(k), self%column(k)) + self%factor(k)*constants(self%constant(k))
+         associate (i => self%row(k), j => self%column(k))
+            c(i, j) = c(i, j) + self%factor(k)*constants(self%constant(k))
+            c(j, i) = c(i, j)
+         end associate
       end do
    end function stiffness
 

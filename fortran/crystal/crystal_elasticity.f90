@@ -6,15 +6,18 @@ module crystal_elasticity
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: wp
+   use small_matrices, only: factor_definite, solve_lower, solve_upper
    use text, only: to_text
    implicit none
    private
    public :: rotation_matrix, euler_angles, rotate_stiffness, bond_matrix, voigt_index
    public :: is_stable, check_stiffness, compliance, averages_type, polycrystal_averages, anisotropy_index, log_anisotropy, &
       & logarithmic_mean
-   public :: kelvin_form, stiffness_of_kelvin, diagonalise, anisotropy_of_averages, hill_young_poisson
+   public :: kelvin_form, stiffness_of_kelvin, diagonalise, hill_young_poisson
    public :: isotropic_stiffness, polycrystal_stiffness
 
+   !> Of a stable crystal a pivot of the stiffness is a larger share of its entry.
+   real(wp), parameter :: resolution = 1.0e-12_wp
    !> Voigt index of a pair of Cartesian indices.
    integer, parameter :: voigt_index(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
 
@@ -89,67 +92,27 @@ contains
    pure logical function is_stable(c)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: inverse(6, 6)
+      real(wp) :: factor(6, 6)
 
-      call invert_factor(c, inverse, is_stable)
+      factor = c
+      call factor_definite(factor, resolution, is_stable)
    end function is_stable
-
-   !> The inverse of the lower Cholesky factor L of c, so that the compliance is s(i, j) = sum over k of inverse(k, i)
-   !> inverse(k, j). Short loops of our own: a call of LAPACK takes longer than the work.
-   pure subroutine invert_factor(c, inverse, stable)
-      !> GPa.
-      real(wp), intent(in) :: c(6, 6)
-      !> Lower triangular, GPa^-1/2; what is above the diagonal is not set.
-      real(wp), intent(out) :: inverse(6, 6)
-      !> Whether c is positive definite; if not, `inverse` is not finished.
-      logical, intent(out) :: stable
-      real(wp) :: l(6, 6), total
-      integer :: i, j, k
-
-      stable = .false.
-      do j = 1, 6
-         total = c(j, j)
-         do k = 1, j - 1
-            total = total - l(j, k)**2
-         end do
-         if (.not. total > 1.0e-12_wp*abs(c(j, j))) return
-         inverse(j, j) = 1.0_wp/sqrt(total)
-         do i = j + 1, 6
-            total = c(i, j)
-            do k = 1, j - 1
-               total = total - l(i, k)*l(j, k)
-            end do
-            l(i, j) = total*inverse(j, j)
-         end do
-         do i = 1, j - 1
-            total = 0.0_wp
-            do k = i, j - 1
-               total = total - l(j, k)*inverse(k, i)
-            end do
-            inverse(j, i) = total*inverse(j, j)
-         end do
-      end do
-      stable = .true.
-   end subroutine invert_factor
 
    !> Compliance of a stable crystal, 1/GPa, in Voigt's order with its factors of two and four; NaN of another.
    pure function compliance(c) result(s)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: s(6, 6), inverse(6, 6)
-      integer :: i, j
+      real(wp) :: s(6, 6), factor(6, 6)
+      integer :: j
       logical :: stable
 
-      call invert_factor(c, inverse, stable)
-      if (.not. stable) then
-         s = ieee_value(1.0_wp, ieee_quiet_nan)
-         return
-      end if
-      do j = 1, 6
-         do i = 1, j
-            s(i, j) = dot_product(inverse(j:, i), inverse(j:, j))
-            s(j, i) = s(i, j)
-         end do
+      factor = c
+      call factor_definite(factor, resolution, stable)
+      s = merge(0.0_wp, ieee_value(1.0_wp, ieee_quiet_nan), stable)
+      do j = 1, merge(6, 0, stable)
+         s(j, j) = 1.0_wp
+         call solve_lower(factor, s(:, j))
+         call solve_upper(factor, s(:, j))
       end do
    end function compliance
 
@@ -190,15 +153,10 @@ contains
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
 
-      index = anisotropy_of_averages(polycrystal_averages(c))
+      associate (averages => polycrystal_averages(c))
+         index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
+      end associate
    end function anisotropy_index
-
-   !> The same from the averages.
-   pure real(wp) function anisotropy_of_averages(averages) result(index)
-      type(averages_type), intent(in) :: averages
-
-      index = 5.0_wp*averages%shear_voigt/averages%shear_reuss + averages%bulk_voigt/averages%bulk_reuss - 6.0_wp
-   end function anisotropy_of_averages
 
    !> Young's modulus (GPa) and Poisson's ratio of Hill's averages.
    pure subroutine hill_young_poisson(averages, young, poisson)

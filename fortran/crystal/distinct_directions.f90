@@ -34,11 +34,13 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(region_type), intent(out) :: region
       real(wp), allocatable :: corners(:, :)
-      integer :: g, i, n
+      integer :: i, n
 
       region%dimension = max(0, 2 - count(class%folds == 0))
       allocate (region%triangles(3, 3, 0))
-      call close_group(class%generators(:, :, pack([(g, g=1, size(class%folds))], class%folds > 0)), region%group)
+      region%group = group_rotations(class, 1)
+      n = size(region%group, 3)
+      region%group = reshape(region%group, [3, 3, 2*n], -region%group)
       if (region%dimension == 1) then
          region%axis = abs(axis_of(class%generators(:, :, findloc(class%folds, 0, dim=1))))
          region%axis = region%axis/norm2(region%axis)
@@ -60,7 +62,7 @@ contains
    function group_rotations(class, order) result(rotations)
       type(crystal_class_type), intent(in) :: class
       integer, intent(in) :: order
-      real(wp), allocatable :: rotations(:, :, :), generators(:, :, :), group(:, :, :)
+      real(wp), allocatable :: rotations(:, :, :), generators(:, :, :)
       logical, allocatable :: retained(:)
       integer :: g, infinite
 
@@ -71,8 +73,7 @@ contains
          retained(infinite) = .true.
          generators(:, :, infinite) = rotation_about(axis_of(generators(:, :, infinite)), 2.0_wp*pi/order)
       end if
-      call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), group)
-      rotations = group(:, :, pack([(g, g=1, size(group, 3))], [(determinant(group(:, :, g)) > 0.0_wp, g=1, size(group, 3))]))
+      call close_group(generators(:, :, pack([(g, g=1, size(retained))], retained)), rotations)
    end function group_rotations
 
    !> The axis of a rotation, of no particular length.
@@ -83,21 +84,14 @@ contains
       axis = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]
    end function axis_of
 
-   pure real(wp) function determinant(a)
-      real(wp), intent(in) :: a(3, 3)
-
-      determinant = a(1, 1)*(a(2, 2)*a(3, 3) - a(2, 3)*a(3, 2)) - a(1, 2)*(a(2, 1)*a(3, 3) - a(2, 3)*a(3, 1)) &
-         & + a(1, 3)*(a(2, 1)*a(3, 2) - a(2, 2)*a(3, 1))
-   end function determinant
-
-   !> All products of the generators and the inversion.
+   !> All products of the generators.
    pure subroutine close_group(generators, group)
       real(wp), intent(in) :: generators(:, :, :)
       real(wp), allocatable, intent(out) :: group(:, :, :)
       real(wp) :: product(3, 3)
       integer :: i, g, k
 
-      group = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1, -1, 0, 0, 0, -1, 0, 0, 0, -1]*1.0_wp, [3, 3, 2])
+      group = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
       i = 0
       do while (i < size(group, 3))
          i = i + 1

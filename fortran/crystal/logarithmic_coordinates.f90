@@ -30,9 +30,8 @@ module logarithmic_coordinates
       integer :: n = 0
       !> Orthonormal symmetric matrices (6, 6, n).
       real(wp), allocatable :: basis(:, :, :)
-      !> Entries (row, column, basis matrix) of another, sparse basis of the same space, lower triangles, and their values.
-      integer, allocatable, private :: entries(:, :)
-      real(wp), allocatable, private :: values(:)
+      !> Its constants are coordinates in another, sparse basis of the same space.
+      type(crystal_class_type), private :: class
    contains
       procedure :: to_logarithms, from_logarithms, log_volume, log_volume_at, saturating
    end type log_coordinates_type
@@ -61,7 +60,8 @@ contains
       real(wp) :: matrix(6, 6), unit(class%n_constants)
       integer :: i, k
 
-      allocate (self%basis(6, 6, class%n_constants), self%entries(3, 0), self%values(0))
+      self%class = class
+      allocate (self%basis(6, 6, class%n_constants))
       matrix = 0.0_wp
       matrix(:3, :3) = 1.0_wp/3.0_wp
       call append(matrix)
@@ -74,24 +74,9 @@ contains
          unit = 0.0_wp
          unit(k) = 1.0_wp
          call append(kelvin_form(class%stiffness(unit)))
-         call list_entries(k, kelvin_form(class%stiffness(unit)))
       end do
 
    contains
-
-      pure subroutine list_entries(k, matrix)
-         integer, intent(in) :: k
-         real(wp), intent(in) :: matrix(6, 6)
-         integer :: i, j
-
-         do j = 1, 6
-            do i = j, 6
-               if (abs(matrix(i, j)) < spanned) cycle
-               self%entries = reshape([self%entries, i, j, k], [3, size(self%values) + 1])
-               self%values = [self%values, matrix(i, j)]
-            end do
-         end do
-      end subroutine list_entries
 
       pure subroutine append(matrix)
          real(wp), intent(in) :: matrix(6, 6)
@@ -190,10 +175,12 @@ contains
    pure real(wp) function log_volume(self, frame)
       class(log_coordinates_type), intent(in) :: self
       type(log_frame_type), intent(in) :: frame
+      real(wp), parameter :: kelvin(6) = [1.0_wp, 1.0_wp, 1.0_wp, root_2, root_2, root_2]
       real(wp) :: parts(21, self%n), gram(self%n, self%n), pairs(21), weights(21), half, quotient
       integer :: i, j, k
 
-      associate (values => frame%values, vectors => frame%vectors)
+      associate (values => frame%values, vectors => frame%vectors, row => self%class%row, column => self%class%column, &
+         & constant => self%class%constant)
          k = 0
          do j = 1, 6
             do i = 1, j
@@ -205,16 +192,16 @@ contains
             end do
          end do
          parts = 0.0_wp
-         do k = 1, size(self%values)
+         do k = 1, size(row)
             i = 0
             do j = 1, 6
-               associate (p => vectors(self%entries(1, k), :), q => vectors(self%entries(2, k), :))
+               associate (p => vectors(column(k), :), q => vectors(row(k), :))
                   pairs(i + 1:i + j) = p(:j)*q(j)
-                  if (self%entries(1, k) /= self%entries(2, k)) pairs(i + 1:i + j) = pairs(i + 1:i + j) + q(:j)*p(j)
+                  if (row(k) /= column(k)) pairs(i + 1:i + j) = pairs(i + 1:i + j) + q(:j)*p(j)
                end associate
                i = i + j
             end do
-            parts(:, self%entries(3, k)) = parts(:, self%entries(3, k)) + self%values(k)*pairs*weights
+            parts(:, constant(k)) = parts(:, constant(k)) + self%class%factor(k)*kelvin(row(k))*kelvin(column(k))*pairs*weights
          end do
          gram = matmul(transpose(parts), parts)
          log_volume = 0.0_wp

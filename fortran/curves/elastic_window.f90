@@ -8,13 +8,13 @@
 module elastic_window
    use kinds, only: pi, wp
    use loading_segment, only: segment_type
-   use small_matrices, only: factor_definite, solve_lower, solve_upper
+   use small_matrices, only: factor_semidefinite, solve_lower, solve_upper
    use sphere_contact, only: contact_at, contact_type
    use statistics, only: median
    use text, only: fixed
    implicit none
    private
-   public :: test_type, nuisances_type, begin_test, score_test, n_shared, i_radius, i_beta, i_compliance
+   public :: test_type, nuisances_type, begin_test, score_test, leave_out, n_shared
 
    !> Of a test: ln modulus; then the shared ln R, beta and compliance; then h0, drift and load zero.
    integer, parameter :: n_columns = 7, n_shared = 3, i_radius = 1, i_beta = 2, i_compliance = 3, own = 1 + n_shared
@@ -24,7 +24,7 @@ module elastic_window
    real(wp), parameter :: beginnings(8) = [0.0_wp, 0.01_wp, 0.02_wp, 0.03_wp, 0.045_wp, 0.07_wp, 0.1_wp, 0.15_wp]
    !> A window has so many steps, and spans loads of this ratio.
    integer, parameter :: fewest_steps = 7
-   real(wp), parameter :: least_span = 1.5_wp
+   real(wp), parameter :: least_span = 4.0_wp
    !> Windows of a smaller share of the probability do not count.
    real(wp), parameter :: negligible = 1.0e-3_wp
 
@@ -55,6 +55,19 @@ module elastic_window
       real(wp), private :: sigma(size(correlations)) = 0.0_wp
    end type test_type
 
+   !> A test about present values: load, mN, residual and elastic depth, nm, (point), the derivatives of the depth by all unknowns,
+   !> (unknown, point), and the prior variances of these.
+   type :: linear_type
+      real(wp), allocatable :: load(:), residual(:), depth(:), columns(:, :)
+      real(wp) :: variances(n_columns) = 0.0_wp
+   end type linear_type
+
+   !> An elastic window: its points, its log evidence, and what it says on the unknowns of the test.
+   type :: window_type
+      integer :: first = 0, last = 0
+      real(wp) :: score = -huge(1.0_wp), mean(n_columns) = 0.0_wp, covariance(n_columns, n_columns) = 0.0_wp
+   end type window_type
+
 contains
 
    !> First values: Hertz through the lower loads, and the noise of second differences.
@@ -82,8 +95,7 @@ contains
          test%sigma = max(least, normal*median(n - 2, bend)/spread)
       end associate
       if (.not. slope > 0.0_wp) then
-         test%used = .false.
-         test%reason = 'no elastic part: the depth does not grow with the load'
+         call leave_out(test, 'no elastic part: the depth does not grow with the load')
          return
       end if
       test%ln_modulus = log(0.75_wp/sqrt(radius)*(1.0e3_wp/slope)**1.5_wp)
@@ -96,24 +108,22 @@ contains
       !> ln R (um), beta, compliance (nm/mN).
       real(wp), intent(in) :: s(n_shared), sds(n_shared)
       type(nuisances_type), intent(in) :: nuisances
-      real(wp) :: variances(n_columns), evidence, best
-      real(wp), allocatable :: residual(:), columns(:, :), depth(:), before(:), after(:), score(:, :), weight(:, :)
-      integer :: first(size(beginnings)), n, i, k, chosen
       !> The elastic curve misses the first contact by so much of the depth.
       real(wp), parameter :: farthest = 0.15_wp
-      real(wp) :: off
+      real(wp) :: evidence, best, off
+      real(wp), allocatable :: before(:), after(:), score(:, :), weight(:, :)
+      type(linear_type) :: l
+      type(window_type) :: window
+      integer :: first(size(beginnings)), n, i, k, chosen
 
       n = size(test%curve%load)
-      variances = [1.0_wp, sds**2, nuisances%zero**2, nuisances%drift**2, nuisances%load**2]
-      call linearise(test, s, residual, columns, depth)
-      first = 0
-      do k = 1, size(beginnings)
-         i = findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1)
-         if (all(first /= i)) first(k) = i
-      end do
-      associate (steps => residual(2:) - residual(:n - 1), rise => depth(2:) - depth(:n - 1), sigma => test%sigma)
-         before = excess_scores(steps, rise, sigma(size(sigma)), .false.)
-         after = excess_scores(steps(n - 1:1:-1), rise(n - 1:1:-1), sigma(size(sigma)), .true.)
+      call linearise(test, s, l)
+      l%variances = [1.0_wp, sds**2, nuisances%zero**2, nuisances%drift**2, nuisances%load**2]
+      first = [(findloc(test%curve%load >= beginnings(k)*test%curve%load(n), .true., 1), k=1, size(beginnings))]
+      associate (steps => l%residual(2:) - l%residual(:n - 1), rise => l%depth(2:) - l%depth(:n - 1), &
+         & sigma => test%sigma(size(correlations)))
+         before = excess_scores(steps, rise, sigma, .false.)
+         after = excess_scores(steps(n - 1:1:-1), rise(n - 1:1:-1), sigma, .true.)
       end associate
       after = after(n:1:-1)
       allocate (score(n, size(beginnings)), weight(n, size(beginnings)))
@@ -121,62 +131,61 @@ contains
       chosen = 0
       do i = 1, size(correlations)
          score = -huge(1.0_wp)
+         window = window_type()
          do k = 1, size(beginnings)
-            if (first(k) > 0) call score_windows(test%curve%load, residual, columns, variances, correlations(i), test%sigma(i), &
-               & first(k), before(first(k)) + after, score(:, k))
+            if (any(first(:k - 1) == first(k))) cycle
+            call score_windows(l, correlations(i), test%sigma(i), first(k), before(first(k)) + after, score(:, k), window)
          end do
-         if (maxval(score) <= -huge(1.0_wp)) cycle
-         evidence = maxval(score) + log(sum(exp(score - maxval(score))))
-         call renew_noise(residual, columns, variances, correlations(i), first(maxloc(maxval(score, 1), 1)), &
-            & maxloc(maxval(score, 2), 1), test%sigma(i))
+         if (window%last == 0) cycle
+         evidence = window%score + log(sum(exp(score - window%score)))
+         call renew_noise(l%residual - matmul(window%mean, l%columns), correlations(i), window, test%sigma(i))
          if (evidence <= best) cycle
          best = evidence
          chosen = i
          weight = exp(score - evidence)
       end do
       if (chosen == 0) then
-         test%used = .false.
-         test%reason = 'no elastic part: too few points'
+         call leave_out(test, 'no elastic part: too few points')
          return
       end if
       test%correlation = correlations(chosen)
       test%noise = test%sigma(chosen)
-      call sum_windows(test, s, residual, columns, variances, first, weight)
-      off = test%curve%depth(1) - test%fit(1)
-      if (abs(off) > farthest*maxval(depth, test%elastic >= 0.5_wp*maxval(test%elastic))) then
-         test%used = .false.
-         test%reason = 'no elastic part: the contact begins '//fixed(abs(off), &
-            & 1)//' nm away from the elastic curve through loads of ' &
-            & //fixed(test%from_load, 1)//' to '//fixed(test%to_load, 1)//' mN'
-      end if
+      call sum_windows(test, s, l, first, weight)
+      off = abs(test%curve%depth(1) - test%fit(1))
+      if (off > farthest*maxval(l%depth, test%elastic >= 0.5_wp*maxval(test%elastic))) call leave_out(test, 'no elastic part: ' &
+         & //'the contact begins '//fixed(off, 1)//' nm away from the elastic curve through loads of '//fixed(test%from_load, 1) &
+         & //' to '//fixed(test%to_load, 1)//' mN')
    end subroutine score_test
 
-   !> Residuals of the curve about the present values, and the derivatives of the depth by all unknowns, nm.
-   subroutine linearise(test, s, residual, columns, depth)
+   !> A test that does not count, and the `reason` why.
+   subroutine leave_out(test, reason)
+      type(test_type), intent(inout) :: test
+      character(len=*), intent(in) :: reason
+
+      test%used = .false.
+      test%reason = reason
+   end subroutine leave_out
+
+   !> The test about its modulus and the shared unknowns `s`.
+   subroutine linearise(test, s, l)
       !> Its `zero` is taken from the residuals.
       type(test_type), intent(inout) :: test
       real(wp), intent(in) :: s(n_shared)
-      !> (point), (unknown, point), and the elastic depth, (point).
-      real(wp), allocatable, intent(out) :: residual(:), columns(:, :), depth(:)
+      type(linear_type), intent(out) :: l
       type(contact_type), allocatable :: contact(:)
       real(wp) :: modulus
-      integer :: n
 
-      n = size(test%curve%load)
       modulus = exp(test%ln_modulus)
-      allocate (contact(n), source=contact_at(test%curve%load, modulus, exp(s(i_radius)), s(i_beta)))
-      depth = 1.0e3_wp*contact%depth
-      allocate (columns(n_columns, n))
-      columns(1, :) = 1.0e3_wp*contact%by_modulus
-      columns(2, :) = 1.0e3_wp*contact%by_radius
-      columns(3, :) = 1.0e3_wp*contact%by_beta
-      columns(4, :) = test%curve%load
-      columns(5, :) = 1.0_wp
-      columns(6, :) = test%curve%time - sum(test%curve%time)/n
-      columns(7, :) = 1.0e3_wp/(2.0_wp*modulus*contact%radius)
-      residual = test%curve%depth - depth - s(i_compliance)*test%curve%load
-      test%zero = residual(1)
-      residual = residual - test%zero
+      associate (c => test%curve, n => size(test%curve%load))
+         allocate (contact(n), source=contact_at(c%load, modulus, exp(s(i_radius)), s(i_beta)))
+         l%load = c%load
+         l%depth = 1.0e3_wp*contact%depth
+         l%columns = transpose(reshape([1.0e3_wp*contact%by_modulus, 1.0e3_wp*contact%by_radius, 1.0e3_wp*contact%by_beta, c%load, &
+            & spread(1.0_wp, 1, n), c%time - sum(c%time)/n, 1.0e3_wp/(2.0_wp*modulus*contact%radius)], [n, n_columns]))
+         l%residual = c%depth - l%depth - s(i_compliance)*c%load
+         test%zero = l%residual(1)
+         l%residual = l%residual - test%zero
+      end associate
    end subroutine linearise
 
    !> Log densities of steps outside of the window, summed from the start: entry k is that of the first k - 1 steps.
@@ -204,29 +213,38 @@ contains
    end function excess_scores
 
    !> Log evidences of the windows from a first point to all last ones.
-   subroutine score_windows(load, residual, columns, variances, correlation, sigma, first, outside, score)
-      !> mN, nm, (unknown, point), and the prior of the unknowns.
-      real(wp), intent(in) :: load(:), residual(:), columns(:, :), variances(:), correlation, sigma
+   subroutine score_windows(l, correlation, sigma, first, outside, score, best, windows)
+      type(linear_type), intent(in) :: l
+      !> Of the noise.
+      real(wp), intent(in) :: correlation, sigma
       integer, intent(in) :: first
       !> Log density of the steps that the window to a point leaves out, (point).
       real(wp), intent(in) :: outside(:)
       !> (point); not touched where there is no window.
       real(wp), intent(inout) :: score(:)
-      real(wp) :: mean(n_columns), covariance(n_columns, n_columns), density
-      integer :: i, j
+      !> Replaced by the first window that is better.
+      type(window_type), intent(inout) :: best
+      !> All of them, (point).
+      type(window_type), intent(out), optional :: windows(:)
+      type(window_type) :: now
+      real(wp) :: density
+      integer :: i
 
-      mean = 0.0_wp
-      covariance = 0.0_wp
-      do j = 1, n_columns
-         covariance(j, j) = variances(j)
+      now%first = first
+      do i = 1, n_columns
+         now%covariance(i, i) = l%variances(i)
       end do
-      density = 0.0_wp
       ! The first point ties h0 to the noise, and is no step.
-      if (correlation < 1.0_wp) call learn(residual(first), columns(:, first), sigma**2/(1.0_wp - correlation**2))
+      if (correlation < 1.0_wp) call learn(l%residual(first), l%columns(:, first), sigma**2/(1.0_wp - correlation**2))
       density = 0.0_wp
-      do i = first + 1, size(load)
-         call learn(residual(i) - correlation*residual(i - 1), columns(:, i) - correlation*columns(:, i - 1), sigma**2)
-         if (i - first >= fewest_steps .and. load(i) > least_span*load(first)) score(i) = density + outside(i)
+      do i = first + 1, size(l%load)
+         call learn(l%residual(i) - correlation*l%residual(i - 1), l%columns(:, i) - correlation*l%columns(:, i - 1), sigma**2)
+         if (i - first < fewest_steps .or. l%load(i) <= least_span*l%load(first)) cycle
+         score(i) = density + outside(i)
+         now%last = i
+         now%score = score(i)
+         if (score(i) > best%score) best = now
+         if (present(windows)) windows(i) = now
       end do
 
    contains
@@ -236,167 +254,136 @@ contains
          real(wp) :: gain(n_columns), total, error
          integer :: k
 
-         do k = 1, n_columns
-            gain(k) = sum(covariance(:, k)*x)
-         end do
-         total = noise + sum(gain*x)
-         error = y - sum(mean*x)
-         density = density - 0.5_wp*(log(2.0_wp*pi*total) + error**2/total)
-         mean = mean + gain*(error/total)
-         do k = 1, n_columns
-            covariance(:, k) = covariance(:, k) - gain*(gain(k)/total)
-         end do
+         associate (mean => now%mean, covariance => now%covariance)
+            do k = 1, n_columns
+               gain(k) = sum(covariance(:, k)*x)
+            end do
+            total = noise + sum(gain*x)
+            error = y - sum(mean*x)
+            density = density - 0.5_wp*(log(2.0_wp*pi*total) + error**2/total)
+            mean = mean + gain*(error/total)
+            do k = 1, n_columns
+               covariance(:, k) = covariance(:, k) - gain*(gain(k)/total)
+            end do
+         end associate
       end subroutine learn
    end subroutine score_windows
 
-   !> Precision and right-hand side of the unknowns from the points of a window.
-   pure subroutine window_equations(residual, columns, correlation, sigma, window, a, b)
-      real(wp), intent(in) :: residual(:), columns(:, :), correlation, sigma
-      !> First and last point.
-      integer, intent(in) :: window(2)
-      !> (unknown, unknown), (unknown); without the prior.
-      real(wp), intent(out) :: a(n_columns, n_columns), b(n_columns)
-      real(wp) :: x(n_columns), y
-      integer :: i, j
-
-      a = 0.0_wp
-      b = 0.0_wp
-      do i = window(1), window(2)
-         if (i == window(1)) then
-            x = columns(:, i)*sqrt(1.0_wp - correlation**2)/sigma
-            y = residual(i)*sqrt(1.0_wp - correlation**2)/sigma
-         else
-            x = (columns(:, i) - correlation*columns(:, i - 1))/sigma
-            y = (residual(i) - correlation*residual(i - 1))/sigma
-         end if
-         b = b + x*y
-         do j = 1, n_columns
-            a(:, j) = a(:, j) + x*x(j)
-         end do
-      end do
-   end subroutine window_equations
-
-   !> The sd of the steps in the most probable window, drawn to what it was by the weight of two points.
-   pure subroutine renew_noise(residual, columns, variances, correlation, first, last, sigma)
-      real(wp), intent(in) :: residual(:), columns(:, :), variances(:), correlation
-      integer, intent(in) :: first, last
+   !> The sd of the steps in a window from its residuals `r`, drawn to what it was by the weight of two points.
+   pure subroutine renew_noise(r, correlation, window, sigma)
+      real(wp), intent(in) :: r(:), correlation
+      type(window_type), intent(in) :: window
       real(wp), intent(inout) :: sigma
-      real(wp) :: a(n_columns, n_columns), b(n_columns), r(size(residual))
-      integer :: j
-      logical :: definite
 
-      call window_equations(residual, columns, correlation, sigma, [first, last], a, b)
-      do j = 1, n_columns
-         a(j, j) = a(j, j) + 1.0_wp/variances(j)
-      end do
-      call factor_definite(a, 1.0e-14_wp, definite)
-      if (.not. definite) return
-      call solve_lower(a, b)
-      call solve_upper(a, b)
-      r = residual - matmul(b, columns)
-      associate (e => r(first + 1:last) - correlation*r(first:last - 1))
+      associate (e => r(window%first + 1:window%last) - correlation*r(window%first:window%last - 1))
          sigma = sqrt((sum(e**2) + 2.0_wp*sigma**2)/(max(1, size(e) - 3) + 2))
       end associate
    end subroutine renew_noise
 
    !> Means over the windows, and the modulus given the shared unknowns.
-   subroutine sum_windows(test, s, residual, columns, variances, first, weight)
+   subroutine sum_windows(test, s, l, first, weight)
       type(test_type), intent(inout) :: test
-      real(wp), intent(in) :: s(n_shared), residual(:), columns(:, :), variances(:)
+      real(wp), intent(in) :: s(n_shared)
+      type(linear_type), intent(in) :: l
       integer, intent(in) :: first(:)
       !> (last point, beginning).
       real(wp), intent(in) :: weight(:, :)
-      real(wp) :: a(n_columns, n_columns), b(n_columns), own_part(n_columns - own, own + 1), shift, variance, slope(n_shared), &
-         & squares(2), share, total, unknowns(n_columns), drift(n_columns - own)
-      real(wp), allocatable :: r(:)
+      !> Of a test its modulus and its drift.
+      integer, parameter :: told(2) = [1, own + 2]
+      type(window_type) :: windows(size(l%load)), best
+      real(wp) :: slope(n_shared), slopes(n_shared), unknowns(n_columns), squares(2), ends(2), share, drift_share
+      real(wp), dimension(size(l%load)) :: score, r
       integer :: i, j, k
-      logical :: definite
 
-      total = sum(weight, weight > negligible)
-      test%shift = 0.0_wp
-      test%slope = 0.0_wp
-      test%variance = 0.0_wp
-      test%from_load = 0.0_wp
-      test%to_load = 0.0_wp
-      test%drift_share = 0.0_wp
-      squares = 0.0_wp
+      slopes = 0.0_wp
       unknowns = 0.0_wp
-      test%elastic = spread(0.0_wp, 1, size(residual))
+      squares = 0.0_wp
+      ends = 0.0_wp
+      drift_share = 0.0_wp
+      test%elastic = 0.0_wp*l%load
       do k = 1, size(first)
-         do i = 1, size(residual)
+         if (all(weight(:, k) <= negligible)) cycle
+         call score_windows(l, test%correlation, test%noise, first(k), 0.0_wp*l%load, score, best, windows)
+         do i = 1, size(l%load)
             if (weight(i, k) <= negligible) cycle
-            share = weight(i, k)/total
-            call window_equations(residual, columns, test%correlation, test%noise, [first(k), i], a, b)
-            do j = own + 1, n_columns
-               a(j, j) = a(j, j) + 1.0_wp/variances(j)
-            end do
-            call factor_definite(a(own + 1:, own + 1:), 1.0e-14_wp, definite)
-            own_part(:, :own) = a(own + 1:, :own)
-            own_part(:, own + 1) = b(own + 1:)
-            do j = 1, own + 1
-               call solve_lower(a(own + 1:, own + 1:), own_part(:, j))
-            end do
-            variance = 1.0_wp/(a(1, 1) - sum(own_part(:, 1)**2))
-            shift = variance*(b(1) - sum(own_part(:, 1)*own_part(:, own + 1)))
-            do j = 1, n_shared
-               slope(j) = -variance*(a(1, 1 + j) - sum(own_part(:, 1)*own_part(:, 1 + j)))
-            end do
-            call add_stiffness(test, s, [first(k), i], shift, slope, variance)
-            ! What the test has of its own, at the present shared unknowns.
-            b(own + 1:) = own_part(:, own + 1) - own_part(:, 1)*shift
-            call solve_upper(a(own + 1:, own + 1:), b(own + 1:))
-            unknowns = unknowns + share*[shift, 0.0_wp, 0.0_wp, 0.0_wp, b(own + 1:)]
-            drift = [0.0_wp, 1.0_wp, 0.0_wp]
-            call solve_lower(a(own + 1:, own + 1:), drift)
-            squares = squares + share*[shift**2, b(own + 2)**2 + sum(drift**2)]
-            ! Their covariance over the variance of the drift.
-            call solve_upper(a(own + 1:, own + 1:), own_part(:, 1))
-            test%drift_share = test%drift_share + share*variance*own_part(2, 1)**2/(sum(drift**2) + variance*own_part(2, 1)**2)
-            test%shift = test%shift + share*shift
-            test%variance = test%variance + share*variance
-            test%slope = test%slope + share*slope
-            test%from_load = test%from_load + share*test%curve%load(first(k))
-            test%to_load = test%to_load + share*test%curve%load(i)
+            share = weight(i, k)/sum(weight, weight > negligible)
+            associate (mean => windows(i)%mean, c => windows(i)%covariance)
+               call give_shared(mean, c, slope)
+               if (size(test%curve%stiffness) > 0) call add_stiffness(test, s, windows(i), slope)
+               slopes = slopes + share*slope
+               unknowns = unknowns + share*mean
+               squares = squares + share*[(c(told(j), told(j)) + mean(told(j))**2, j=1, 2)]
+               ends = ends + share*l%load([first(k), i])
+               drift_share = drift_share + share*c(1, told(2))**2/(c(1, 1)*c(told(2), told(2)))
+            end associate
             test%elastic(first(k):i) = test%elastic(first(k):i) + share
          end do
       end do
-      test%variance = test%variance + max(0.0_wp, squares(1) - test%shift**2)
-      test%drift = unknowns(own + 2)
-      test%drift_sd = sqrt(max(0.0_wp, squares(2) - test%drift**2))
+      test%shift = unknowns(1)
+      test%variance = squares(1) - test%shift**2
+      test%slope = slopes
+      test%from_load = ends(1)
+      test%to_load = ends(2)
+      test%drift = unknowns(told(2))
+      test%drift_sd = sqrt(squares(2) - test%drift**2)
+      test%drift_share = drift_share
       ! A random walk leaves the zero to the window's mean.
-      r = residual - matmul(unknowns, columns)
+      r = l%residual - matmul(unknowns, l%columns)
       r = r - sum(r*test%elastic)/sum(test%elastic)
       test%fit = test%curve%depth - r
-      test%zero = test%zero + residual(1) - r(1) - sum(unknowns*columns(:, 1)) + unknowns(own + 1)
+      test%zero = test%zero + l%residual(1) - r(1) - sum(unknowns*l%columns(:, 1)) + unknowns(own + 1)
    end subroutine sum_windows
 
-   !> The contact stiffness, where the curve has it, as a second equation: its mean ratio to 2 E a in a window, 1/S + C as recorded.
-   subroutine add_stiffness(test, s, window, shift, slope, variance)
+   !> Mean and covariance of the unknowns given that the shared ones are as they were taken, and the slope of the modulus by these.
+   pure subroutine give_shared(mean, covariance, slope)
+      !> (unknown), (unknown, unknown).
+      real(wp), intent(inout) :: mean(n_columns), covariance(n_columns, n_columns)
+      real(wp), intent(out) :: slope(n_shared)
+      real(wp) :: factor(n_shared, n_shared), whitened(n_shared, n_columns), off(n_shared)
+      integer :: j
+
+      factor = covariance(2:own, 2:own)
+      call factor_semidefinite(factor)
+      whitened = covariance(2:own, :)
+      do j = 1, n_columns
+         call solve_lower(factor, whitened(:, j))
+      end do
+      off = mean(2:own)
+      call solve_lower(factor, off)
+      mean = mean - matmul(off, whitened)
+      covariance = covariance - matmul(transpose(whitened), whitened)
+      slope = whitened(:, 1)
+      call solve_upper(factor, slope)
+   end subroutine give_shared
+
+   !> The contact stiffness of a curve as a second equation: its mean ratio to 2 E a in a window, 1/S + C as recorded.
+   subroutine add_stiffness(test, s, window, slope)
       type(test_type), intent(in) :: test
       real(wp), intent(in) :: s(n_shared)
-      integer, intent(in) :: window(2)
-      !> Of ln modulus given the shared unknowns.
-      real(wp), intent(inout) :: shift, slope(n_shared), variance
-      real(wp), parameter :: step = 1.0e-4_wp
-      real(wp) :: x(own), by(own), ratio(window(2) - window(1) + 1), mean, correlation, own_variance, share
+      !> Given the shared unknowns, as is the slope of the modulus by these.
+      type(window_type), intent(inout) :: window
+      real(wp), intent(inout) :: slope(n_shared)
+      real(wp), parameter :: step = 1.0e-4_wp, most_correlated = 0.95_wp, accuracy = 1.0e-3_wp
+      real(wp) :: x(own), by(own), ratio(window%last - window%first + 1), centre, correlation, variance, gain(n_columns)
       integer :: j, n
 
-      if (size(test%curve%stiffness) == 0) return
       n = size(ratio)
-      ratio = log(test%curve%stiffness(window(1):window(2))) - model([test%ln_modulus, s])
-      mean = sum(ratio)/n
+      ratio = log(test%curve%stiffness(window%first:window%last)) - model([test%ln_modulus, s])
       do j = 1, own
          x = [test%ln_modulus, s]
          x(j) = x(j) + step
          by(j) = sum(model(x) - model([test%ln_modulus, s]))/(n*step)
       end do
-      ratio = ratio - mean
-      correlation = max(0.0_wp, min(0.95_wp, sum(ratio(2:)*ratio(:n - 1))/max(tiny(1.0_wp), sum(ratio**2))))
-      own_variance = (sum(ratio**2)/max(1, n - 1) + 1.0e-6_wp)/n*(1.0_wp + correlation)/(1.0_wp - correlation)/by(1)**2
-      share = variance/(variance + own_variance)
-      shift = shift + share*(mean/by(1) - shift)
-      slope = slope + share*(-by(2:)/by(1) - slope)
-      variance = variance*(1.0_wp - share)
+      centre = sum(ratio)/n
+      ratio = ratio - centre
+      correlation = max(0.0_wp, min(most_correlated, sum(ratio(2:)*ratio(:n - 1))/max(tiny(1.0_wp), sum(ratio**2))))
+      variance = (sum(ratio**2)/max(1, n - 1) + accuracy**2)/n*(1.0_wp + correlation)/(1.0_wp - correlation)/by(1)**2
+      associate (mean => window%mean, covariance => window%covariance)
+         gain = covariance(:, 1)/(covariance(1, 1) + variance)
+         mean = mean + gain*(centre/by(1) - mean(1))
+         slope = slope - gain(1)*(by(2:)/by(1) + slope)
+         covariance = covariance - spread(gain, 2, n_columns)*spread(covariance(1, :), 1, n_columns)
+      end associate
 
    contains
 
@@ -406,7 +393,7 @@ contains
          real(wp) :: stiffness(n)
          type(contact_type) :: contact(n)
 
-         contact = contact_at(test%curve%load(window(1):window(2)), exp(x(1)), exp(x(1 + i_radius)), x(1 + i_beta))
+         contact = contact_at(test%curve%load(window%first:window%last), exp(x(1)), exp(x(1 + i_radius)), x(1 + i_beta))
          stiffness = -log(0.5_wp*exp(-x(1))/contact%radius + 1.0e-3_wp*x(1 + i_compliance))
       end function model
    end subroutine add_stiffness

@@ -10,8 +10,6 @@ module loading_segment
    type :: segment_type
       !> s, nm, mN, and, where the curve has it, mN/um; (point).
       real(wp), allocatable :: time(:), depth(:), load(:), stiffness(:)
-      !> What was taken from the load: its mean before the contact, mN.
-      real(wp) :: load_zero = 0.0_wp
       !> Why there is none; empty: there is one.
       character(len=:), allocatable :: refusal
    end type segment_type
@@ -24,54 +22,42 @@ module loading_segment
 contains
 
    !> Cut a curve. Loads before the contact give their zero.
-   subroutine take_loading(time, depth, load, stiffness, segment)
-      !> s, nm, mN and mN/um, (point); the last may be empty.
-      real(wp), intent(in) :: time(:), depth(:), load(:), stiffness(:)
+   subroutine take_loading(points, drift, segment)
+      !> s, nm, mN, and perhaps N/m; (quantity, point).
+      real(wp), intent(in) :: points(:, :)
+      !> That is still in the depth, nm/s.
+      real(wp), intent(in) :: drift
       type(segment_type), intent(out) :: segment
       !> As many points before the contact give a zero.
       integer, parameter :: few = 10
+      real(wp), allocatable :: means(:, :), air(:)
       real(wp) :: peak
-      integer :: first, last, block, n
+      integer :: first, last, block, n, i
 
       segment%refusal = ''
-      peak = maxval(load)
-      last = findloc(load >= last_share*peak, .true., 1)
-      first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
-      if (.not. peak > 0.0_wp) then
-         segment%refusal = 'no load is above zero'
+      associate (load => points(3, :))
+         peak = maxval(load)
+         if (.not. peak > 0.0_wp) then
+            segment%refusal = 'no load is above zero'
+            return
+         end if
+         last = findloc(load >= last_share*peak, .true., 1)
+         first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
+         block = 1 + max(0, last - first - 1)/most_points
+         n = (last - first)/block
+         air = pack(load(:first - 1), load(:first - 1) < first_share*peak)
+      end associate
+      means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), 2)/block
+      if (size(air) > few) means(3, :) = means(3, :) - median(size(air), air)
+      means = means(:, pack([(i, i=1, n)], means(3, :) > first_share*peak))
+      n = size(means, 2)
+      if (n < fewest_points) then
+         segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
          return
       end if
-      associate (air => pack(load(:first - 1), load(:first - 1) < first_share*peak))
-         if (size(air) > few) segment%load_zero = median(size(air), air)
-      end associate
-      if (last - first < fewest_points) then
-         segment%refusal = 'only '//to_text(last - first)//' points from contact to peak load; 12 are needed'
-         return
-      end if
-      block = 1 + (last - first - 1)/most_points
-      n = (last - first)/block
-      segment%time = averaged(time)
-      segment%depth = averaged(depth)
-      segment%load = averaged(load) - segment%load_zero
-      segment%stiffness = stiffness(:min(0, size(stiffness)))
-      if (size(stiffness) > 0) segment%stiffness = averaged(stiffness)
-      associate (kept => segment%load > first_share*peak)
-         segment%time = pack(segment%time - segment%time(1), kept)
-         segment%depth = pack(segment%depth, kept)
-         if (size(stiffness) > 0) segment%stiffness = pack(segment%stiffness, kept)
-         segment%load = pack(segment%load, kept)
-      end associate
-      if (size(segment%load) < fewest_points) segment%refusal = 'only '//to_text(size(segment%load)) &
-         & //' points from contact to peak load; 12 are needed'
-
-   contains
-
-      !> Means of blocks of the points of loading.
-      function averaged(values) result(means)
-         real(wp), intent(in) :: values(:)
-         real(wp) :: means(n)
-
-         means = sum(reshape(values(first:first + n*block - 1), [block, n]), 1)/block
-      end function averaged
+      segment%time = means(1, :) - means(1, 1)
+      segment%depth = means(2, :) - drift*segment%time
+      segment%load = means(3, :)
+      segment%stiffness = 1.0e-3_wp*pack(means(4:, :), .true.)
    end subroutine take_loading
 end module loading_segment

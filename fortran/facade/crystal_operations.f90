@@ -7,6 +7,7 @@ module crystal_operations
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: wp
    use observables, only: new_observable, observable_type
+   use problem_posterior, only: stiffnesses
    use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
@@ -47,11 +48,7 @@ contains
          call x%out%put('constants', class%constants)
       case ('stiffness')
          ! Of constants (k, n).
-         given => x%in%columns('constants', class%n_constants)
-         allocate (stiffness(6, 6, size(given, 2)))
-         do i = 1, size(given, 2)
-            stiffness(:, :, i) = class%stiffness(given(:, i))
-         end do
+         stiffness = stiffnesses(class, x%in%columns('constants', class%n_constants))
          call x%out%put_array('stiffness', stiffness, shape(stiffness))
       case ('averages')
          ! Anisotropy index (Eq. 14) and log-anisotropy, NaN where the crystal is not stable, and Voigt's bulk and shear modulus, then

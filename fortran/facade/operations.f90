@@ -3,27 +3,27 @@
 module operations
    use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type
+   use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_operations, only: perform_crystal
    use exchange, only: exchange_type, find_object, register_object
    use fe_indentation, only: indentation_model_type
-   use files, only: checksum, read_bytes
    use namelist_file, only: namelist_file_type, parse_namelist
    use point_tables, only: read_crystals
    use extraction_document, only: read_posterior
    use problem, only: problem_type
    use kinds, only: i8
-   use problem_input, only: all_choices, problem_of_text, read_problem
+   use problem_input, only: problem_of_text, read_problem
    use running_command, only: advance_progress, begin_progress, end_command, end_progress, listen, show_progress, &
       & stop_listening, take_folder, watch_signals
-   use settings_schema, only: settings_type
+   use settings_schema, only: schema_page, settings_type
    use settings_reader, only: put_settings, read_settings
-   use simulation_operations, only: held_simulator_type, held_stage_type, list_settings, run_simulator, use_model, use_problem, &
-      & use_stage
+   use simulation_operations, only: held_simulator_type, run_simulator, use_model, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
+   use stages, only: all_stages, run_command, stage_row_type
    use surrogate_learner, only: learner_type
-   use surrogate_model, only: find_surrogate, load_named_surrogate, surrogate_type
+   use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
    implicit none
    private
@@ -86,8 +86,8 @@ contains
          call use_surrogate(verb, object, x)
       type is (learner_type)
          call use_learner(verb, object, x)
-      type is (held_stage_type)
-         call use_stage(verb, object%stage, x)
+      class is (stage_type)
+         call use_stage(verb, object, x)
       type is (posterior_type)
          call use_posterior(verb, object, x)
       end select
@@ -103,16 +103,21 @@ contains
       type(crystal_class_type) :: class
       type(namelist_file_type) :: namelist
       type(settings_type) :: settings
+      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
       character(len=:), allocatable :: path
+      integer :: i
 
       if (x%in%has('path')) path = x%in%text('path')
       select case (operation)
       case ('settings.list')
-         call list_settings(x%out)
+         ! The page of all variables; of each stage name, groups, file of its document, summary, description.
+         call x%out%put('page', schema_page())
+         call x%out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
+            & rows(i)%summary, rows(i)%description, i=1, size(rows))])
       case ('settings.values')
          ! Of a namelist's text, without the tables that it names.
          call parse_namelist(path, x%in%text('content'), namelist, x%error)
-         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', all_choices(), settings, x%error)
+         if (.not. allocated(x%error)) call read_settings(path, namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
       case ('settings.problem')
          allocate (problem)
@@ -121,11 +126,7 @@ contains
       case ('file.problem')
          allocate (problem)
          call x%give(problem, 'problem')
-         if (x%in%has('changes')) then
-            call read_problem(path, x%in%text('command'), problem, x%error, x%in%text('changes'))
-         else
-            call read_problem(path, x%in%text('command'), problem, x%error)
-         end if
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error)
       case ('file.crystals')
          ! A table alone, a problem that has no settings; `symmetry`: of the rows that do not say theirs.
          allocate (problem)

@@ -1,15 +1,15 @@
-!> Problems: namelists, their settings and tables; what there is to be set; their simulators, finite element model, and stages. Stiffnesses
+!> Problems: namelists, their settings and tables; their simulators, finite element model, and stages. Stiffnesses
 !> in crystal axes, GPa; angles in degrees.
 !>
 !> Of a stage, see `abstract_stage`, what is to be simulated goes out, and what became of it comes in.
 module simulation_operations
    use abstract_basis, only: basis_type
    use abstract_stage, only: stage_type
-   use build_checks, only: basis_of_problem, read_scan
+   use build_checks, only: basis_of_problem
    use build_stage, only: build_stage_type
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use errors, only: error_type, warn, warning_type
+   use errors, only: warn, warning_type
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, new_wider_model, &
@@ -19,27 +19,20 @@ module simulation_operations
    use namelist_file, only: place
    use point_tables, only: points_type
    use problem, only: problem_type
-   use problem_input, only: all_choices
-   use settings_list, only: allowed_in_words, kind_names, settings_list_type
    use settings_reader, only: put_settings, settings_namelist
-   use settings_schema, only: listed_settings => list_settings, settings_type
-   use simulate, only: identity_text, new_simulator, outcome_type, simulation_error, simulator_type
+   use simulate, only: new_simulator, outcome_type, simulation_error, simulator_type
    use stage_documents, only: begin_results, inputs_of
-   use stages, only: all_stages, check_simulator, check_stages, new_stage, run_command, stage_row_type
+   use stages, only: check_simulator, check_stages, new_stage
    use surrogate_operations, only: give_basis
    use tables, only: table_type, write_table
    use text, only: join
    implicit none
    private
-   public :: held_simulator_type, run_simulator, use_model, held_stage_type, use_stage, list_settings, use_problem
+   public :: held_simulator_type, run_simulator, use_model, use_stage, use_problem
 
    type :: held_simulator_type
       type(simulator_type), allocatable :: simulator
    end type held_simulator_type
-
-   type :: held_stage_type
-      class(stage_type), allocatable :: stage
-   end type held_stage_type
 
 contains
 
@@ -244,7 +237,8 @@ contains
       type(exchange_type), intent(inout) :: x
       type(indentation_model_type), pointer :: model
       type(held_simulator_type), pointer :: simulator
-      type(held_stage_type), pointer :: stage
+      class(stage_type), allocatable :: new
+      class(stage_type), pointer :: stage
       class(basis_type), allocatable :: basis
       real(wp), pointer :: c(:, :, :)
 
@@ -284,11 +278,12 @@ contains
          call basis_of_problem(self, basis, x%error)
          if (.not. allocated(x%error)) call give_basis(basis, x)
       case ('stage')
-         allocate (stage)
+         call new_stage(x%in%text('name'), new, x%error)
+         if (allocated(x%error)) return
+         allocate (stage, source=new)
          call x%give(stage, 'stage')
-         call new_stage(x%in%text('name'), stage%stage, x%error)
-         if (.not. allocated(x%error)) call stage%stage%open(self, x%places(), x%error)
-         if (.not. allocated(x%error)) call x%out%put('expected', stage%stage%n_expected)
+         call stage%open(self, x%places(), x%error)
+         call x%out%put('expected', stage%n_expected)
       case ('mesh_error')
          ! How large the error of the mesh may be, relative, for crystals (stiffness, GPa), and what is to be said of those near
          ! instability.
@@ -300,16 +295,14 @@ contains
       end select
    end subroutine use_problem
 
-   !> The settings, resolved and in their types, the identity of the physics, and what tables there are; of a table alone that.
+   !> The settings, as texts and resolved, and what tables there are; of a table alone that.
    subroutine describe_problem(self, out)
       type(problem_type), intent(in) :: self
       type(named_values_type), intent(inout) :: out
       character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', 'measurements', 'candidates', 'grains']
-      type(error_type), allocatable :: error
       type(points_type), pointer :: points
       type(warning_type), allocatable :: list(:), classes(:), names(:)
       character(len=:), allocatable :: name
-      integer, allocatable :: pairs(:, :)
       integer :: i, j
 
       if (allocated(self%path)) then
@@ -317,9 +310,6 @@ contains
          call out%put('resolved', self%resolved_text())
          call out%put('warnings', self%warnings)
          call out%put('stages', join(self%stages, ' '))
-         call read_scan(self%settings%surrogate%scan, pairs, error)
-         call out%put_integers('scan', pairs, shape(pairs))
-         call out%put('physics', identity_text(self%settings))
       end if
       if (allocated(self%spreadsheet)) call out%put('spreadsheet', self%spreadsheet)
       if (allocated(self%indents)) then
@@ -337,7 +327,7 @@ contains
          if (.not. associated(points)) cycle
          name = trim(tables(i))
          call out%put(name//'.n', points%n)
-         if (allocated(points%modulus_kind)) call out%put(name//'.modulus_kind', points%modulus_kind)
+         if (allocated(points%modulus_kind)) call out%put(name//'.kind', points%modulus_kind)
          allocate (classes(0), names(0))
          if (allocated(points%class)) then
             do j = 1, size(points%classes)
@@ -375,7 +365,7 @@ contains
       end select
    end function points_of
 
-   !> The numbers of a column of a table, or its 'cells'.
+   !> Of a table its 'cells', the 'stiffness' of its crystals, or its other 'numbers'.
    subroutine give_column(points, name, out)
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
@@ -384,18 +374,15 @@ contains
       select case (name)
       case ('cells')
          call put_cells('cells', points%table, out)
-      case ('euler_deg')
-         call out%put_array('values', points%euler_deg, shape(points%euler_deg))
-      case ('modulus_gpa')
-         call out%put_array('values', points%modulus_gpa, [points%n])
-      case ('sd_gpa')
-         call out%put_array('values', points%sd_gpa, [points%n])
-      case ('constants')
-         call out%put_array('values', points%constants, shape(points%constants))
       case ('stiffness')
-         call out%put_array('values', points%stiffness, shape(points%stiffness))
+         call out%put_array('stiffness', points%stiffness, shape(points%stiffness))
       case default
-         call out%put_integers('values', points%class, [points%n])
+         call out%put_array('euler_deg', points%euler_deg, shape(points%euler_deg))
+         if (allocated(points%modulus_gpa)) call out%put_array('modulus_gpa', points%modulus_gpa, [points%n])
+         if (allocated(points%sd_gpa)) call out%put_array('sd_gpa', points%sd_gpa, [points%n])
+         if (.not. allocated(points%class)) return
+         call out%put_array('constants', points%constants, shape(points%constants))
+         call out%put_integers('class', points%class, [points%n])
       end select
    end subroutine give_column
 
@@ -416,36 +403,5 @@ contains
       call out%put(name, cells)
       call out%put(name//'.columns', table%columns)
    end subroutine put_cells
-
-   !> `schema`, the variables: group, its meaning, name, type, number of values, unit, default, allowed, meaning of each; `stages`: name,
-   !> groups, file of its document, summary, description of each.
-   subroutine list_settings(out)
-      type(named_values_type), intent(inout) :: out
-      character(len=9), parameter :: shapes(3) = [character(len=9) :: 'one', 'constants', 'list']
-      type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
-      type(settings_list_type) :: schema
-      type(settings_type) :: unset
-      type(warning_type), allocatable :: list(:)
-      integer :: i
-
-      schema = listed_settings(unset, all_choices())
-      allocate (list(9*size(schema%variables)))
-      do i = 1, size(schema%variables)
-         associate (v => schema%variables(i), row => list(9*i - 8:9*i))
-            row(1)%text = v%group
-            row(2)%text = schema%groups(v%group_number)%meaning
-            row(3)%text = v%name
-            row(4)%text = trim(kind_names(v%kind))
-            row(5)%text = trim(shapes(v%shape))
-            row(6)%text = v%unit
-            row(7)%text = v%default
-            row(8)%text = allowed_in_words(v)
-            row(9)%text = v%meaning
-         end associate
-      end do
-      call out%put('schema', list)
-      call out%put('stages', [character(len=len(rows%description)) :: (rows(i)%name, rows(i)%groups, rows(i)%document, &
-         & rows(i)%summary, rows(i)%description, i=1, size(rows))])
-   end subroutine list_settings
 
 end module simulation_operations

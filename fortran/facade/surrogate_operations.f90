@@ -48,12 +48,8 @@ contains
          call new_problem_posterior(x%problem, surrogate, verb == 'prior', density, x%error)
          if (allocated(x%error)) return
       end if
-      call x%out%put('dimension', density%dimension)
       call x%out%put('grains', density%n_grains)
       call x%out%put('groups', density%n_groups)
-      call x%out%put('share_inside', density%prior%share_inside)
-      call x%out%put_array('lower', density%prior%lower, shape(density%prior%lower))
-      call x%out%put_array('upper', density%prior%upper, shape(density%prior%upper))
    end subroutine new_posterior
 
    subroutine use_posterior(verb, density, x)
@@ -213,7 +209,7 @@ contains
       type(exchange_type), intent(inout) :: x
       type(surrogate_type), pointer :: surrogate
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
-      real(wp), allocatable :: values(:), others(:)
+      real(wp), allocatable :: values(:), others(:), covariance(:, :)
       integer, allocatable :: numbers(:)
 
       if (x%in%has('constants')) then
@@ -226,23 +222,21 @@ contains
          others = x%in%reals('beta')
       end if
       select case (verb)
-      case ('describe')
-         call x%out%put('alpha', learner%design%regression%alpha)
-         call x%out%put('beta', learner%design%regression%beta)
-         call x%out%put('fall', learner%design%regression%decay_rate)
-         call x%out%put('log_evidence', learner%log_evidence)
       case ('values')
          ! Of the coefficients, and of the candidates where there are some.
          call absorb_choices(learner%design)
          associate (design => learner%design)
+            call x%out%put('alpha', design%regression%alpha)
+            call x%out%put('beta', design%regression%beta)
+            call x%out%put('fall', design%regression%decay_rate)
+            call x%out%put('log_evidence', learner%log_evidence)
+            call coefficient_covariance(design%regression, covariance)
+            call x%out%put_array('covariance', covariance, shape(covariance))
             values = coefficient_mean(design%regression)
             call x%out%put_array('mean', values, shape(values))
             call x%out%put_array('prior_width', design%regression%prior_width, shape(values))
             if (allocated(design%variance)) call x%out%put_array('variances', design%variance, shape(design%variance))
          end associate
-      case ('covariance')
-         call absorb_choices(learner%design)
-         call coefficient_covariance(learner%design%regression, x%values)
       case ('set_candidates')
          call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), x%error)
       case ('exclude')

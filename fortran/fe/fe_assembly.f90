@@ -47,37 +47,36 @@ contains
 
       allocate (hanging_index(size(mesh%x, 2)), source=0)
       hanging_index(mesh%hanging) = [(i, i=1, size(mesh%hanging))]
-      call number_unknowns(mesh, hanging_index, assembly)
+      call number_unknowns()
       call list_dofs(mesh, hanging_index, assembly)
       call build_pattern(assembly, error)
-   end subroutine new_assembly
 
-   subroutine number_unknowns(mesh, hanging_index, assembly)
-      type(mesh_type), intent(in) :: mesh
-      integer, intent(in) :: hanging_index(:)
-      type(assembly_type), intent(inout) :: assembly
-      logical, allocatable :: free(:)
-      integer :: i, j, n, groups
+   contains
 
-      free = hanging_index == 0
-      free(mesh%clamped) = .false.
-      assembly%unknowns = 3*count(free)
-      assembly%n_contact = size(mesh%contact)
-      allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
-      assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
-      n = 0
-      groups = 0
-      do i = 1, size(free)
-         if (.not. free(i)) cycle
-         do j = 1, 3
-            if (assembly%unknown(j, i) > 0) cycle
-            n = n + 1
-            assembly%unknown(j, i) = n
+      subroutine number_unknowns()
+         logical, allocatable :: free(:)
+         integer :: i, j, n, groups
+
+         free = hanging_index == 0
+         free(mesh%clamped) = .false.
+         assembly%unknowns = 3*count(free)
+         assembly%n_contact = size(mesh%contact)
+         allocate (assembly%unknown(3, size(free)), assembly%group(assembly%unknowns), source=0)
+         assembly%unknown(3, mesh%contact) = [(assembly%unknowns - assembly%n_contact + i, i=1, assembly%n_contact)]
+         n = 0
+         groups = 0
+         do i = 1, size(free)
+            if (.not. free(i)) cycle
+            do j = 1, 3
+               if (assembly%unknown(j, i) > 0) cycle
+               n = n + 1
+               assembly%unknown(j, i) = n
+            end do
+            groups = groups + 1
+            assembly%group(assembly%unknown(:, i)) = groups
          end do
-         groups = groups + 1
-         assembly%group(assembly%unknown(:, i)) = groups
-      end do
-   end subroutine number_unknowns
+      end subroutine number_unknowns
+   end subroutine new_assembly
 
    !> The unknowns of each element; bricks that have hanging nodes are expressed in the nodes these hang on.
    subroutine list_dofs(mesh, hanging_index, assembly)
@@ -141,28 +140,19 @@ contains
    subroutine build_pattern(assembly, error)
       type(assembly_type), intent(inout) :: assembly
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: touching_start(:), touching(:), next(:), entry_start(:), mark(:), position(:), rows(:), order(:), &
-         & filled(:)
+      !> The last place in the dofs of each unknown, the one before each place, 0 where there is none, and the element of a place.
+      integer, allocatable :: last(:), previous(:), owner(:)
+      integer, allocatable :: entry_start(:), mark(:), position(:), rows(:), order(:), filled(:)
       integer :: elements, e, i, j, n, column, found, p, t, status
 
       elements = size(assembly%dof_start) - 1
-      allocate (touching_start(assembly%unknowns + 1), entry_start(elements + 1), source=0)
-      do p = 1, assembly%dof_start(elements + 1) - 1
-         i = assembly%dof(p)
-         if (i > 0) touching_start(i + 1) = touching_start(i + 1) + 1
-      end do
-      touching_start(1) = 1
-      do i = 1, assembly%unknowns
-         touching_start(i + 1) = touching_start(i + 1) + touching_start(i)
-      end do
-      allocate (touching(touching_start(assembly%unknowns + 1) - 1))
-      next = touching_start
+      allocate (last(0:assembly%unknowns), entry_start(elements + 1), source=0)
+      allocate (previous(size(assembly%dof)), owner(size(assembly%dof)))
       do e = 1, elements
          do p = assembly%dof_start(e), assembly%dof_start(e + 1) - 1
-            i = assembly%dof(p)
-            if (i == 0) cycle
-            touching(next(i)) = e
-            next(i) = next(i) + 1
+            owner(p) = e
+            previous(p) = last(assembly%dof(p))
+            last(assembly%dof(p)) = p
          end do
          n = assembly%dof_start(e + 1) - assembly%dof_start(e)
          entry_start(e + 1) = entry_start(e) + (n*(n + 1))/2
@@ -179,8 +169,9 @@ contains
       assembly%column_start(1) = 1
       do column = 1, assembly%unknowns
          found = 0
-         do t = touching_start(column), touching_start(column + 1) - 1
-            do p = assembly%dof_start(touching(t)), assembly%dof_start(touching(t) + 1) - 1
+         t = last(column)
+         do while (t > 0)
+            do p = assembly%dof_start(owner(t)), assembly%dof_start(owner(t) + 1) - 1
                i = assembly%dof(p)
                if (i < column) cycle
                if (mark(i) == column) cycle
@@ -188,23 +179,26 @@ contains
                found = found + 1
                rows(found) = i
             end do
+            t = previous(t)
          end do
          call sort_order(real(rows(:found), wp), order(:found))
          p = assembly%column_start(column)
          assembly%column_start(column + 1) = p + found
          filled(p:p + found - 1) = rows(order(:found))
          position(rows(order(:found))) = [(i, i=p, p + found - 1)]
-         do t = touching_start(column), touching_start(column + 1) - 1
-            e = touching(t)
+         t = last(column)
+         do while (t > 0)
+            e = owner(t)
             associate (dof => assembly%dof(assembly%dof_start(e):assembly%dof_start(e + 1) - 1))
                n = size(dof)
-               j = findloc(dof, column, dim=1)
+               j = t - assembly%dof_start(e) + 1
                do i = 1, n
                   if (dof(i) < column) cycle
                   p = min(i, j)
                   assembly%place(entry_start(e) + ((p - 1)*(2*n - p))/2 + max(i, j)) = position(dof(i))
                end do
             end associate
+            t = previous(t)
          end do
       end do
       assembly%row = filled(:assembly%column_start(assembly%unknowns + 1) - 1)

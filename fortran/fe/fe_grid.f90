@@ -7,7 +7,7 @@
 module fe_grid
    use, intrinsic :: iso_c_binding, only: c_ptr
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use errors, only: error_type, raise
    use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, product_with, reaction
    use fe_mesh, only: mesh_type, new_mesh
@@ -128,10 +128,8 @@ contains
       if (allocated(error)) return
       call new_assembly(grid%mesh, grid%assembly, error)
       if (allocated(error)) return
-      associate (x => grid%mesh%x(:, grid%mesh%contact))
+      associate (x => grid%mesh%x(:, grid%mesh%contact), a => grid%assembly)
          grid%gap = indenter%gap(sqrt(x(1, :)**2 + x(2, :)**2))
-      end associate
-      associate (a => grid%assembly)
          call analyse_pattern(a%column_start, a%row, a%group, a%n_contact, grid%cholesky, error)
       end associate
    end subroutine new_grid
@@ -150,7 +148,9 @@ contains
       type(curve_type), intent(inout) :: curve
       type(error_type), allocatable, intent(out) :: error
       type(c_ptr) :: factor
-      real(wp), allocatable :: values(:), compliance(:, :), forces(:, :), u(:, :)
+      !> Normal displacement of the contact nodes by their normal forces, um/mN; nodal forces into the material, mN (contact nodes, depths).
+      real(wp), allocatable :: compliance(:, :), forces(:, :)
+      real(wp), allocatable :: values(:), u(:, :)
       real(wp) :: held(3), total
       integer(i8) :: start, finish, rate
       integer :: n, depths, status
@@ -174,7 +174,7 @@ contains
          curve%seconds_factor = real(finish - start, wp)/real(rate, wp)
          call retained_factor(grid%cholesky%handle, factor, compliance)
          call cholesky_inverse(compliance)
-         call solve_depths(grid, compliance, curve, forces, error)
+         call solve_depths()
          if (allocated(error)) exit solve
          if (field_step > 0) then
             call solve_displacement(grid, factor, values, forces(:, field_step), u)
@@ -186,41 +186,36 @@ contains
          curve%equilibrium_residual = maxval(abs(held - [0.0_wp, 0.0_wp, total]))/total
       end block solve
       call release_factor(grid%cholesky%handle, factor)
+
+   contains
+
+      !> The contact at every depth, each starting from the one before.
+      subroutine solve_depths()
+         logical, allocatable :: active(:), edge(:)
+         integer :: i
+
+         associate (x => grid%mesh%x(:, grid%mesh%contact))
+            edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
+         end associate
+         curve%force = 0.0_wp*curve%depth
+         curve%contact_radius = curve%force
+         active = grid%gap < 0.5_wp*curve%depth(1)
+         do i = 1, size(curve%depth)
+            call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
+            if (allocated(error)) return
+            if (any(active .and. edge)) then
+               curve%left_zone = i
+               call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
+                  & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
+               return
+            end if
+            curve%force(i) = sum(forces(:, i))
+            curve%contact_radius(i) = sqrt(count(forces(:, i) > 0.0_wp)/pi)*grid%mesh%element_size
+            curve%contact_residual = max(curve%contact_residual, &
+               & contact_residual(compliance, grid%gap, curve%depth(i), forces(:, i)))
+         end do
+      end subroutine solve_depths
    end subroutine indent_grid
-
-   !> The contact at every depth, each starting from the one before.
-   subroutine solve_depths(grid, compliance, curve, forces, error)
-      type(grid_type), intent(in) :: grid
-      !> Normal displacement of the contact nodes by their normal forces, um/mN.
-      real(wp), intent(in) :: compliance(:, :)
-      type(curve_type), intent(inout) :: curve
-      !> Nodal forces into the material, mN (contact nodes, depths).
-      real(wp), intent(out) :: forces(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      logical, allocatable :: active(:), edge(:)
-      integer :: i
-
-      associate (x => grid%mesh%x(:, grid%mesh%contact))
-         edge = hypot(x(1, :), x(2, :)) > grid%mesh%contact_limit - grid%mesh%element_size
-      end associate
-      curve%force = 0.0_wp*curve%depth
-      curve%contact_radius = curve%force
-      active = grid%gap < 0.5_wp*curve%depth(1)
-      do i = 1, size(curve%depth)
-         call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
-         if (allocated(error)) return
-         if (any(active .and. edge)) then
-            curve%left_zone = i
-            call raise(error, 'the contact leaves the refined zone of the mesh at depth '//to_text(curve%depth(i)) &
-               & //' um (it may reach '//to_text(grid%mesh%contact_limit - grid%mesh%element_size)//' um)')
-            return
-         end if
-         curve%force(i) = sum(forces(:, i))
-         curve%contact_radius(i) = sqrt(count(forces(:, i) > 0.0_wp)/pi)*grid%mesh%element_size
-         curve%contact_residual = max(curve%contact_residual, &
-            & contact_residual(compliance, grid%gap, curve%depth(i), forces(:, i)))
-      end do
-   end subroutine solve_depths
 
    !> Displacement of every node under the nodal forces of the contact nodes: the factor is of single precision, the solution is refined.
    subroutine solve_displacement(grid, factor, values, force, u)

@@ -3,13 +3,12 @@
 !> Lengths in um, forces in mN, stiffness in GPa. The indenter moves along -z of the sample.
 module fe_indentation
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
-   use errors, only: error_type, exit_bad_input, machine_failure, raise
+   use errors, only: error_type, machine_failure, refuse
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
    use kinds, only: i8, pi, wp
-   use mesh_resolution, only: wants_extrapolation
    use settings_schema, only: settings_type
    use sparse_cholesky, only: free_analysis
    use specimens, only: new_indentation
@@ -30,7 +29,7 @@ module fe_indentation
       integer :: formulation = brick_selective
       !> Elements per contact radius relative to the default, of each mesh.
       real(wp), allocatable :: refine(:)
-      !> The second mesh is made for the crystals that want one (`mesh_resolution`).
+      !> The second mesh is made for the crystals that want one.
       logical :: as_needed = .false.
       !> The finest first.
       type(grid_type), allocatable :: grid(:)
@@ -64,6 +63,9 @@ module fe_indentation
    !> The window reaches over this share of the last contact radius to both sides, in so many depths.
    real(wp), parameter :: window_share = 0.16_wp
    integer, parameter :: window_depths = 25
+   integer :: i
+   !> Their places, from -1 to 1.
+   real(wp), parameter :: window_position(window_depths) = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
    !> A contact ends so many elements before the edge of the area of its nodes (half-space; docs/simulation.md).
    real(wp), parameter :: edge_bias = 0.31_wp
    !> The largest refined zone of a mesh relative to the default, and the most that it grows by at a time.
@@ -81,13 +83,8 @@ contains
       call new_indentation(settings, model%indenter, model%specimen, error)
       if (allocated(error)) return
       associate (simulation => settings%simulation, indenter => model%indenter)
-         if (model%specimen%element == 'c3d8i') then
-            model%formulation = brick_incompatible
-         else if (simulation%integration == 'full') then
-            model%formulation = brick_full
-         else
-            model%formulation = brick_selective
-         end if
+         model%formulation = merge(brick_full, brick_selective, simulation%integration == 'full')
+         if (model%specimen%element == 'c3d8i') model%formulation = brick_incompatible
          model%depth = indenter%depth_of([(indenter%contact_radius*i/simulation%depths, i=1, simulation%depths)])
          model%depth(simulation%depths) = indenter%depth
          model%window = [real(wp) ::]
@@ -95,7 +92,7 @@ contains
             call indenter%check_length('contact_radius_um with the window of the stiffness', &
                & (1.0_wp + window_share)*indenter%contact_radius, error)
             if (allocated(error)) return
-            model%window = indenter%depth_of(indenter%contact_radius*(1.0_wp + window_share*window_position()))
+            model%window = indenter%depth_of(indenter%contact_radius*(1.0_wp + window_share*window_position))
          end if
 
          model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
@@ -104,9 +101,9 @@ contains
          call make_grids(model, error)
          if (allocated(error)) return
          if (.not. any(is_resolved(model))) then
-            call raise(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
+            call refuse(error, 'the contact radius spans '//to_text(indenter%contact_radius/model%grid(1)%mesh%element_size, 3) &
                & //' elements at the last depth, at least '//to_text(least_elements)//' are needed (refine = ' &
-               & //to_text(simulation%refine)//')', exit_bad_input)
+               & //to_text(simulation%refine)//')')
             call free_indentation_model(model)
          end if
       end associate
@@ -195,11 +192,18 @@ contains
       call system_clock(start, rate)
       step = 0
       if (present(field_step)) step = field_step
-      call check_request(model, stiffness, euler, error, field_step)
+      call check_stiffness(stiffness, error)
+      if (allocated(error)) return
+      if (.not. all(abs(euler) <= 1.0e3_wp)) then
+         call refuse(error, 'the orientation ('//to_text(euler(1))//', '//to_text(euler(2))//', '//to_text(euler(3)) &
+            & //') radians is not finite')
+      else if (present(field_step) .and. (step < 1 .or. step > size(model%depth))) then
+         call refuse(error, 'depth number '//to_text(step)//' does not exist; allowed: 1 to '//to_text(size(model%depth)))
+      end if
       if (allocated(error)) return
       c = rotate_stiffness(stiffness, rotation_matrix(euler))
       two_meshes = size(model%refine) == 2
-      if (model%as_needed) two_meshes = wants_extrapolation(model%specimen, model%refine(1), stiffness)
+      if (model%as_needed) two_meshes = model%specimen%wants_extrapolation(model%refine(1), stiffness)
       zone = 1.0_wp
       call simulate_depths(model, c, two_meshes, step, result, error)
       elements = result%elements
@@ -236,24 +240,6 @@ contains
       result%seconds = real(finish - start, wp)/real(rate, wp)
    end subroutine simulate_indentation
 
-   pure subroutine check_request(model, stiffness, euler, error, field_step)
-      type(indentation_model_type), intent(in) :: model
-      !> GPa, radians.
-      real(wp), intent(in) :: stiffness(6, 6), euler(3)
-      type(error_type), allocatable, intent(out) :: error
-      integer, intent(in), optional :: field_step
-
-      call check_stiffness(stiffness, error)
-      if (allocated(error)) return
-      if (.not. all(abs(euler) <= 1.0e3_wp)) then
-         call raise(error, 'the orientation ('//to_text(euler(1))//', '//to_text(euler(2))//', '//to_text(euler(3)) &
-            & //') radians is not finite', exit_bad_input)
-      else if (present(field_step)) then
-         if (field_step < 1 .or. field_step > size(model%depth)) call raise(error, 'depth number '//to_text(field_step) &
-            & //' does not exist; allowed: 1 to '//to_text(size(model%depth)), exit_bad_input)
-      end if
-   end subroutine check_request
-
    !> The curve, extrapolated where two meshes are wanted.
    subroutine simulate_depths(model, c, two_meshes, field_step, result, error)
       type(indentation_model_type), intent(in) :: model
@@ -272,49 +258,38 @@ contains
       result%modulus_of_mesh = [modulus_of(model, result%curve_type)]
       if (.not. two_meshes) return
       if (size(model%grid) == 2) then
-         call extrapolate_curve(model, c, model%grid(2), result, error)
+         call extrapolate_curve(model%grid(2))
          return
       end if
       call new_grid(model%specimen, model%indenter, model%refine(2), coarse, error)
       if (allocated(error)) return
       result%elements = result%elements + size(coarse%mesh%brick, 2) + size(coarse%mesh%facet, 2)
-      call extrapolate_curve(model, c, coarse, result, error)
+      call extrapolate_curve(coarse)
       call free_analysis(coarse%cholesky)
+
+   contains
+
+      !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is taken to fall with the square of the
+      !> element size.
+      subroutine extrapolate_curve(grid)
+         type(grid_type), intent(in) :: grid
+         type(curve_type) :: other
+         real(wp) :: ratio
+
+         other%depth = result%depth
+         call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, other, error)
+         result%left_zone = other%left_zone
+         if (allocated(error)) return
+         ! The contact of the finer mesh is the better one.
+         other%contact_radius = result%contact_radius
+         result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, other)]
+         ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
+         result%force = result%force + (result%force - other%force)/(ratio - 1.0_wp)
+         result%seconds_factor = result%seconds_factor + other%seconds_factor
+         result%contact_residual = max(result%contact_residual, other%contact_residual)
+         result%equilibrium_residual = max(result%equilibrium_residual, other%equilibrium_residual)
+      end subroutine extrapolate_curve
    end subroutine simulate_depths
-
-   !> Extrapolate the curve of the finest mesh by that of a coarser one: the error of both is taken to fall with the square of the element
-   !> size.
-   subroutine extrapolate_curve(model, c, grid, result, error)
-      type(indentation_model_type), intent(in) :: model
-      !> Stiffness in the sample frame, GPa.
-      real(wp), intent(in) :: c(6, 6)
-      type(grid_type), intent(in) :: grid
-      type(indentation_result_type), intent(inout) :: result
-      type(error_type), allocatable, intent(out) :: error
-      type(curve_type) :: coarse
-      real(wp) :: ratio
-
-      coarse%depth = result%depth
-      call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, coarse, error)
-      result%left_zone = coarse%left_zone
-      if (allocated(error)) return
-      ! The contact of the finer mesh is the better one.
-      coarse%contact_radius = result%contact_radius
-      result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, coarse)]
-      ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
-      result%force = result%force + (result%force - coarse%force)/(ratio - 1.0_wp)
-      result%seconds_factor = result%seconds_factor + coarse%seconds_factor
-      result%contact_residual = max(result%contact_residual, coarse%contact_residual)
-      result%equilibrium_residual = max(result%equilibrium_residual, coarse%equilibrium_residual)
-   end subroutine extrapolate_curve
-
-   !> Places of the depths of a window, from -1 to 1.
-   pure function window_position() result(position)
-      real(wp) :: position(window_depths)
-      integer :: i
-
-      position = [(2.0_wp*(i - 1)/(window_depths - 1) - 1.0_wp, i=1, window_depths)]
-   end function window_position
 
    !> The modulus as the instrument reads it, GPa. With dU = 2 a_H dh of the half-space, a_H its contact radius, S/(2 a_H) = dP/dU: the
    !> slope at the last depth of a parabola over the window. Discrete contact grows in steps; weights that fall to both ends smooth them.
@@ -331,7 +306,7 @@ contains
          modulus = moduli(1)
          return
       end if
-      weight = cos(0.5_wp*pi*window_position()*(window_depths - 1)/(window_depths + 1))**2
+      weight = cos(0.5_wp*pi*window_position*(window_depths - 1)/(window_depths + 1))**2
       weight = weight/sum(weight)
       u = model%indenter%unit_force(model%window) - model%indenter%unit_force(model%depth(n))
       linear = u - sum(weight*u)

@@ -11,7 +11,7 @@ module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
    use machine, only: check_memory
-   use abstract_specimen, only: check_plan, clamped_around, closed_by_infinite, count_items, growing, mesh_plan_type, &
+   use basic_specimen, only: check_plan, clamped_around, closed_by_infinite, growing, mesh_plan_type, &
       & mesh_stage_type, surface_facets, to_ball, to_cylinder
    use text, only: to_text
    implicit none
@@ -62,16 +62,16 @@ contains
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
       type(builder_type) :: self
-      integer :: nodes, bricks, hanging, nx, i
+      integer :: nodes, bricks, nx, i
 
-      call check_plan(plan, error)
+      call check_plan(plan, bricks, error)
+      if (.not. allocated(error)) call check_memory(bytes_per_brick*bricks, 'a mesh of '//to_text(bricks)//' elements', error)
       if (allocated(error)) return
-      call count_items(plan, nodes, bricks, hanging)
-      call check_memory(bytes_per_brick*bricks, 'a mesh of '//to_text(bricks)//' elements', error)
-      if (allocated(error)) return
+      ! More than there are: what is not written takes no memory.
+      nodes = 3*bricks
       allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), self%class(bricks), self%representative(bricks))
       allocate (self%scale(bricks), self%growth(bricks), source=1.0_wp)
-      allocate (self%hanging(hanging), self%masters(hanging), self%master(4, hanging))
+      allocate (self%hanging(nodes), self%masters(nodes), self%master(4, nodes))
       call fill_box(plan, self)
       do i = 1, size(plan%stages)
          if (plan%stages(i)%coarsen) call coarsen(self)
@@ -83,7 +83,6 @@ contains
          end if
          call add_layers(plan%stages(i), self)
       end do
-      call close_mesh(plan, self)
       self%x = self%x(:, :self%nodes)
       self%brick = self%brick(:, :self%bricks)
       self%material = self%material(:self%bricks)
@@ -94,72 +93,49 @@ contains
       self%hanging = self%hanging(:self%n_hanging)
       self%masters = self%masters(:self%n_hanging)
       self%master = self%master(:, :self%n_hanging)
-      call find_clamped(plan, self)
+      call close_mesh(plan, self)
       mesh = self%mesh_type
    end subroutine new_mesh
 
-   !> The box of bricks, and the nodes that may touch the indenter.
+   !> The box of bricks, and the nodes of its top that may touch the indenter.
    subroutine fill_box(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
       integer, allocatable :: top(:)
-      integer :: n, nx, nz, i, j, k
+      integer :: n, i, j
 
       n = plan%half_cells
-      nx = 2*n
-      nz = plan%depth_cells
-      allocate (self%at(0:nx, 0:nx, 0:nz))
-      do k = 0, nz
-         do j = 0, nx
-            do i = 0, nx
-               self%nodes = self%nodes + 1
-               self%at(i, j, k) = self%nodes
-               self%x(:, self%nodes) = [(real(i - n, wp)/n)*plan%half_width, (real(j - n, wp)/n)*plan%half_width, &
-                  & (real(k - nz, wp)/nz)*plan%depth]
-            end do
+      allocate (self%at(0:2*n, 0:2*n, 0:0))
+      ! Those below come first.
+      self%nodes = plan%depth_cells*(2*n + 1)**2
+      do j = -n, n
+         do i = -n, n
+            self%nodes = self%nodes + 1
+            self%at(i + n, j + n, 0) = self%nodes
+            self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, (real(j, wp)/n)*plan%half_width, 0.0_wp]
          end do
       end do
-      call add_bricks_of_lattice(1, nz, 1, self)
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own.
       if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
          self%contact_limit = plan%half_width - self%element_size
       end if
-      top = reshape(self%at(:, :, nz), [(nx + 1)**2])
-      self%contact = pack(top, hypot(self%x(1, top), self%x(2, top)) <= self%contact_limit*(1.0_wp + equal))
-      self%at(1:nx - 1, 1:nx - 1, 1:nz) = 0
+      top = reshape(self%at, [size(self%at)])
+      self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
+      self%nodes = 0
+      call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth), self)
+      self%nodes = maxval(top)
    end subroutine fill_box
 
-   !> Equal bricks of one class between the levels 0 and `top` of the lattice.
-   pure subroutine add_bricks_of_lattice(material, top, step, self)
-      integer, intent(in) :: material, top, step
-      type(builder_type), intent(inout) :: self
-      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
-         & 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
-      integer :: i, j, k, first
-
-      first = self%bricks + 1
-      do k = 0, top - step, step
-         do j = 0, ubound(self%at, 2) - step, step
-            do i = 0, ubound(self%at, 1) - step, step
-               self%bricks = self%bricks + 1
-               self%brick(:, self%bricks) = nodes_of(self%at, spread([i, j, k], 2, 8) + step*corner)
-            end do
-         end do
-      end do
-      self%classes = self%classes + 1
-      self%representative(self%classes) = first
-      self%class(first:self%bricks) = self%classes
-      self%material(first:self%bricks) = material
-   end subroutine add_bricks_of_lattice
-
-   !> Levels of bricks under the bottom of the surface, which is flat and uniform.
+   !> Levels of equal bricks under the bottom of the surface, which is flat and uniform.
    subroutine add_floor(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
+         & 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer, allocatable :: at(:, :, :)
-      integer :: nx, levels, i, j, k
+      integer :: nx, levels, first, i, j, k
 
       nx = ubound(self%at, 1)
       levels = stage%floor_levels*self%step
@@ -175,26 +151,38 @@ contains
             end do
          end do
       end do
+      first = self%bricks + 1
+      do k = 0, levels - self%step, self%step
+         do j = 0, nx - self%step, self%step
+            do i = 0, nx - self%step, self%step
+               self%bricks = self%bricks + 1
+               self%brick(:, self%bricks) = nodes_of(at, spread([i, j, k], 2, 8) + self%step*corner)
+            end do
+         end do
+      end do
+      self%classes = self%classes + 1
+      self%representative(self%classes) = first
+      self%class(first:self%bricks) = self%classes
+      self%material(first:self%bricks) = stage%material
+      at(1:nx - 1, 1:nx - 1, 1:levels) = 0
       call move_alloc(at, self%at)
-      call add_bricks_of_lattice(stage%material, levels, self%step, self)
-      self%at(1:nx - 1, 1:nx - 1, 1:levels) = 0
    end subroutine add_floor
 
    !> The layers of a stage around the current surface.
    subroutine add_layers(stage, self)
       type(mesh_stage_type), intent(in) :: stage
       type(builder_type), intent(inout) :: self
-      integer, allocatable :: quad(:, :, :), first_class(:), points(:, :)
+      integer, allocatable :: quad(:, :, :), first_class(:)
       logical, allocatable :: similar(:)
       real(wp), allocatable :: start(:, :), finish(:, :)
       real(wp) :: share
-      integer :: layer, facets, f, p
+      integer :: layer, facets, points, f, p
 
       if (stage%layers == 0) return
       call surface_quads(self, quad)
       facets = size(quad, 3)
-      call surface_points(self%at, points)
-      start = self%x(:, nodes_of(self%at, points))
+      points = count(self%at > 0)
+      start = self%x(:, pack(self%at, self%at > 0))
       finish = stage_end(stage, start)
       allocate (first_class(facets), similar(facets))
       do f = 1, facets
@@ -205,11 +193,9 @@ contains
             self%brick(1:4, self%bricks + f) = nodes_of(self%at, quad(:, :, f))
          end do
          share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
-         do p = 1, size(points, 2)
-            self%nodes = self%nodes + 1
-            self%at(points(1, p), points(2, p), points(3, p)) = self%nodes
-            self%x(:, self%nodes) = start(:, p) + share*(finish(:, p) - start(:, p))
-         end do
+         self%at = unpack([(self%nodes + p, p=1, points)], self%at > 0, self%at)
+         self%x(:, self%nodes + 1:self%nodes + points) = start + share*(finish - start)
+         self%nodes = self%nodes + points
          do f = 1, facets
             associate (brick => self%bricks + f)
                self%brick(5:8, brick) = nodes_of(self%at, quad(:, :, f))
@@ -267,12 +253,13 @@ contains
       end do
    end function stage_end
 
-   !> What lies around the last layer.
+   !> What lies around the last layer: infinite elements, or clamped nodes at the bottom, and perhaps at the sides.
    subroutine close_mesh(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
       integer, allocatable :: quad(:, :, :)
-      integer :: f
+      logical :: clamped(size(self%x, 2))
+      integer :: f, i
 
       allocate (quad(3, 4, 0))
       if (plan%closing == closed_by_infinite) call surface_quads(self, quad)
@@ -281,21 +268,12 @@ contains
          self%facet(:, f) = nodes_of(self%at, quad(:, :, f))
          self%facet_material(f) = plan%far_material(merge(2, 1, is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
-   end subroutine close_mesh
-
-   !> The nodes at the bottom, and at the sides, where they are clamped.
-   subroutine find_clamped(plan, self)
-      type(mesh_plan_type), intent(in) :: plan
-      type(builder_type), intent(inout) :: self
-      logical :: clamped(size(self%x, 2))
-      integer :: i
-
       clamped = .false.
       if (plan%closing /= closed_by_infinite) clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
       if (plan%closing == clamped_around) clamped = clamped .or. maxval(abs(self%x(:2, :)), dim=1) >= &
          & maxval(self%x(1, :))*(1.0_wp - equal)
       self%clamped = pack([(i, i=1, size(clamped))], clamped)
-   end subroutine find_clamped
+   end subroutine close_mesh
 
    !> Nodes of lattice points (3, points).
    pure function nodes_of(at, lattice) result(node)
@@ -380,23 +358,4 @@ contains
          quad(:, :, n) = points
       end subroutine add
    end subroutine surface_quads
-
-   !> The lattice points of the surface.
-   pure subroutine surface_points(at, points)
-      integer, intent(in) :: at(0:, 0:, 0:)
-      integer, allocatable, intent(out) :: points(:, :)
-      integer :: i, j, k, n
-
-      allocate (points(3, count(at > 0)))
-      n = 0
-      do k = 0, ubound(at, 3)
-         do j = 0, ubound(at, 2)
-            do i = 0, ubound(at, 1)
-               if (at(i, j, k) == 0) cycle
-               n = n + 1
-               points(:, n) = [i, j, k]
-            end do
-         end do
-      end do
-   end subroutine surface_points
 end module fe_mesh

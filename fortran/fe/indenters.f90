@@ -3,7 +3,7 @@
 !> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with a the contact radius, whatever the
 !> shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp
    use settings_schema, only: indenter_settings_type
    use text, only: to_text
@@ -21,20 +21,21 @@ module indenters
       character(len=:), allocatable :: variables
       !> The last point of the curve: contact radius and depth, um.
       real(wp) :: contact_radius = 0.0_wp, depth = 0.0_wp
+      !> Of a sphere, which ends there, um.
+      real(wp) :: radius = huge(1.0_wp)
       integer, private :: exponent = 2
       !> Height over r**exponent, and depth over (contact radius)**exponent; um**(1 - exponent).
       real(wp), private :: steepness = 0.0_wp, sinking = 0.0_wp
    contains
-      procedure :: set_up, check_length, gap, unit_force, depth_of, contact_radius_of
+      procedure :: set_up, gap, unit_force, depth_of, contact_radius_of
+      procedure, non_overridable :: check_length
    end type indenter_type
 
    !> A true sphere.
    type, extends(indenter_type) :: sphere_indenter_type
-      !> um.
-      real(wp) :: radius = 0.0_wp
    contains
-      procedure :: set_up => sphere_set_up, check_length => sphere_check_length, gap => sphere_gap, &
-         & unit_force => sphere_unit_force, depth_of => sphere_depth_of, contact_radius_of => sphere_contact_radius_of
+      procedure :: set_up => sphere_set_up, gap => sphere_gap, unit_force => sphere_unit_force, &
+         & depth_of => sphere_depth_of, contact_radius_of => sphere_contact_radius_of
    end type sphere_indenter_type
 
 contains
@@ -51,7 +52,7 @@ contains
       case (sphere_name)
          allocate (sphere_indenter_type :: indenter)
       case default
-         call raise(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names, exit_bad_input)
+         call refuse(error, 'shape: '''//settings%shape//''' is unknown; allowed: '//indenter_names)
          return
       end select
       call indenter%set_up(settings)
@@ -122,7 +123,7 @@ contains
       contact_radius = (length/self%sinking)**(1.0_wp/self%exponent)
    end function contact_radius_of
 
-   !> Refuse a last point that the shape does not reach; by default there is none.
+   !> Refuse a last point that the shape does not reach: that of a sphere is on its lower half.
    subroutine check_length(self, variable, length, error)
       class(indenter_type), intent(in) :: self
       !> The name of the variable that states it.
@@ -131,8 +132,8 @@ contains
       real(wp), intent(in) :: length
       type(error_type), allocatable, intent(out) :: error
 
-      associate (unused => self, unused_name => variable, unused_length => length)
-      end associate
+      if (.not. length < self%radius) call refuse(error, variable//': '//to_text(length) &
+         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um')
    end subroutine check_length
 
    subroutine sphere_set_up(self, settings)
@@ -142,17 +143,6 @@ contains
       self%variables = 'radius_um'
       self%radius = settings%radius_um
    end subroutine sphere_set_up
-
-   !> Refuse a last point beyond the lower half.
-   subroutine sphere_check_length(self, variable, length, error)
-      class(sphere_indenter_type), intent(in) :: self
-      character(len=*), intent(in) :: variable
-      real(wp), intent(in) :: length
-      type(error_type), allocatable, intent(out) :: error
-
-      if (.not. length < self%radius) call raise(error, variable//': '//to_text(length) &
-         & //' um is beyond the sphere; allowed below its radius_um of '//to_text(self%radius)//' um', exit_bad_input)
-   end subroutine sphere_check_length
 
    !> Very large where the sphere has no surface.
    elemental real(wp) function sphere_gap(self, length) result(gap)

@@ -21,41 +21,32 @@ module sparse_cholesky
    integer(c_int32_t), parameter :: status_ok = 0, status_indefinite = 1, status_no_memory = 2
 
    interface
-      function c_new(n, column_start, row, group, retained, status) bind(c, name='bayesindent_cholesky_new') result(handle)
-         import :: c_int32_t, c_ptr
+      type(c_ptr) function c_new(n, column_start, row, group, retained, sizes, status) bind(c, name='bayesindent_cholesky_new')
+         import :: c_double, c_int32_t, c_ptr
          integer(c_int32_t), value :: n, retained
          integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
+         real(c_double), intent(out) :: sizes(3)
          integer(c_int32_t), intent(out) :: status
-         type(c_ptr) :: handle
       end function c_new
-      subroutine return_memory() bind(c, name='bayesindent_return_memory')
-      end subroutine return_memory
       subroutine c_delete(analysis) bind(c, name='bayesindent_cholesky_delete')
          import :: c_ptr
          type(c_ptr), value :: analysis
       end subroutine c_delete
-      subroutine c_size(analysis, entries, operations, bytes) bind(c, name='bayesindent_cholesky_size')
-         import :: c_double, c_ptr
-         type(c_ptr), value :: analysis
-         real(c_double), intent(out) :: entries, operations, bytes
-      end subroutine c_size
-      function c_acquire(analysis, free_bytes) bind(c, name='bayesindent_cholesky_acquire') result(handle)
+      type(c_ptr) function c_acquire(analysis, free_bytes) bind(c, name='bayesindent_cholesky_acquire')
          import :: c_double, c_ptr
          type(c_ptr), value :: analysis
          real(c_double), value :: free_bytes
-         type(c_ptr) :: handle
       end function c_acquire
       !> Give a workspace back to its analysis.
       subroutine release_factor(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
          import :: c_ptr
          type(c_ptr), value :: analysis, workspace
       end subroutine release_factor
-      function c_factor(analysis, workspace, values, unknown) bind(c, name='bayesindent_cholesky_factor') result(status)
+      integer(c_int32_t) function c_factor(analysis, workspace, values, unknown) bind(c, name='bayesindent_cholesky_factor')
          import :: c_double, c_int32_t, c_ptr
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(in) :: values(*)
          integer(c_int32_t), intent(out) :: unknown
-         integer(c_int32_t) :: status
       end function c_factor
       !> Lower Cholesky factor of the Schur complement of the retained unknowns, zeros above the diagonal.
       subroutine retained_factor(analysis, workspace, factor) bind(c, name='bayesindent_cholesky_kept_factor')
@@ -83,11 +74,11 @@ contains
       integer, intent(in) :: retained
       type(cholesky_type), intent(out) :: cholesky
       type(error_type), allocatable, intent(out) :: error
+      real(wp) :: sizes(3)
       integer(c_int32_t) :: status
 
       cholesky%n = size(group)
-      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, retained, status)
-      call return_memory()
+      cholesky%handle = c_new(cholesky%n, column_start - 1, row - 1, group - 1, retained, sizes, status)
       if (status == status_no_memory) then
          call raise_no_memory('the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       else if (status /= status_ok) then
@@ -95,7 +86,9 @@ contains
             & //to_text(int(status))//')')
       end if
       if (allocated(error)) return
-      call c_size(cholesky%handle, cholesky%entries, cholesky%operations, cholesky%bytes)
+      cholesky%entries = sizes(1)
+      cholesky%operations = sizes(2)
+      cholesky%bytes = sizes(3)
       call check_memory(cholesky%bytes + blas_bytes, 'the factor of a system of '//to_text(cholesky%n)//' unknowns', error)
       if (allocated(error)) call free_analysis(cholesky)
    end subroutine analyse_pattern

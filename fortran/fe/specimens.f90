@@ -1,19 +1,78 @@
-!> The specimens there are: their names, and one by its settings.
+!> The specimens there are beside the half-space, their names, and one by its settings.
+!>
+!> A new specimen: its type, which extends `specimen_type`, its name here, and its lines in `new_specimen`.
 module specimens
-   use abstract_specimen, only: finest_edge, specimen_type
-   use block_specimen, only: block_name, block_specimen_type
-   use errors, only: error_type, exit_bad_input, raise
-   use film_specimen, only: film_name, film_specimen_type
-   use grain_specimen, only: grain_name, grain_specimen_type
-   use halfspace_specimen, only: halfspace_name, halfspace_specimen_type
+   use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, graded_layers, halfspace_name, &
+      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
+   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages, polycrystal_stiffness
+   use errors, only: error_type, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
    use settings_schema, only: settings_type
+   use text, only: to_text
    implicit none
    private
    public :: geometry_names, new_specimen, new_indentation
 
+   character(len=*), parameter :: block_name = 'block', film_name = 'film', grain_name = 'grain'
    character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', '//film_name//', '//grain_name
+
+   !> A block, bottom clamped and sides free: the paper's, of 9.6 x 9.6 x 4.8 um, where nothing else is stated.
+   type, extends(specimen_type) :: block_specimen_type
+      !> Its edges along x and y, and along z, um.
+      real(wp) :: width = 0.0_wp, height = 0.0_wp
+   contains
+      procedure :: set_up => block_set_up, check_sizes => block_check_sizes, plan => block_plan
+   end type block_specimen_type
+
+   !> Half-width of the box of bricks under the contact in contact radii, and cells across it at refine = 1.
+   real(wp), parameter :: box_width = 1.3_wp, box_cells = 10.0_wp
+   !> Layers around the box at refine = 1, and the size of the block over that of its box, of the paper's block.
+   real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
+   !> The block is this many contact radii wide, and as high as these shares of half its width.
+   real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp
+   !> Its half-width over that of the box under the contact, at least.
+   real(wp), parameter :: least_ratio = 1.2_wp
+
+   !> A film on a substrate: bricks of the film down to the interface, layers that go on around both, infinite elements of the substrate.
+   !>
+   !> A thin film ends inside the box under the indenter, a thick one where layers around the box reach the interface. Below begins a box of
+   !> the substrate's bricks, and the further layers are homothetic about the point of the interface under the contact; in the film they
+   !> go on sideways. A rigid substrate is a clamped bottom, and the sides are clamped some thicknesses away, where nothing moves.
+   !>
+   !> A substrate of no stiffness that is given is rigid.
+   type, extends(specimen_type) :: film_specimen_type
+      !> um.
+      real(wp) :: thickness = 0.0_wp
+   contains
+      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, materials => film_materials, &
+         & contrast_error => film_contrast_error
+   end type film_specimen_type
+
+   !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
+   real(wp), parameter :: thick = 1.25_wp
+   !> Depth of the substrate's box over half its width, and edge of a thin film's bricks there, vertical over horizontal.
+   real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
+
+   !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a cylinder, layers and infinite
+   !> elements of the matrix around it.
+   !>
+   !> A matrix of no stiffness that is given is the polycrystal of the grain's own crystal.
+   type, extends(specimen_type) :: grain_specimen_type
+      !> um; depth 0: a hemisphere, else a cylinder.
+      real(wp) :: radius = 0.0_wp, depth = 0.0_wp
+   contains
+      procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, materials => grain_materials
+   end type grain_specimen_type
+
+   !> The boundary is at least so far from the box under the contact, over the box's size.
+   real(wp), parameter :: clearance = 1.2_wp
+   !> A cylinder is so deep, in radii.
+   real(wp), parameter :: flattest = 0.5_wp, deepest = 2.0_wp
+   !> From here on (half-width over radius) the layers turn into the shape of the boundary, growing so.
+   real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
+   !> Where meshes end, in contact radii and in thicknesses of a film or radii of a grain, whichever is farther.
+   real(wp), parameter :: outer_contact = 5.0_wp, outer_thickness = 10.0_wp, outer_grain = 2.0_wp
 
 contains
 
@@ -27,7 +86,7 @@ contains
 
       select case (settings%specimen%geometry)
       case (halfspace_name)
-         allocate (halfspace_specimen_type :: specimen)
+         allocate (specimen)
       case (block_name)
          allocate (block_specimen_type :: specimen)
       case (film_name)
@@ -35,11 +94,11 @@ contains
       case (grain_name)
          allocate (grain_specimen_type :: specimen)
       case default
-         call raise(error, "geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names, exit_bad_input)
+         call refuse(error, "geometry: '"//settings%specimen%geometry//"' is unknown; allowed: "//geometry_names)
          return
       end select
       specimen%contact_radius = contact_radius
-      specimen%element_size = finest_edge(contact_radius)
+      specimen%element_size = contact_radius/fineness
       specimen%element = settings%simulation%element
       specimen%estimator = settings%specimen%estimator
       call specimen%set_up(settings, error)
@@ -62,4 +121,237 @@ contains
       call new_specimen(settings, indenter%contact_radius, specimen, error)
       if (allocated(error)) error%message = '&specimen '//error%message
    end subroutine new_indentation
+
+   subroutine block_set_up(self, settings, error)
+      class(block_specimen_type), intent(inout) :: self
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+
+      self%variables = 'width_um, height_um'
+      self%parts = 'the specimen'
+      if (len(self%element) == 0) self%element = 'c3d8'
+      self%element_size = box_width*self%contact_radius/box_cells
+      self%width = settings%specimen%width_um
+      self%height = settings%specimen%height_um
+   end subroutine block_set_up
+
+   !> Refuse a block that is too small for its contact, or that is no block.
+   subroutine block_check_sizes(self, error)
+      class(block_specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      associate (half => 0.5_wp*self%width, narrowest => max(least_width, 2.0_wp*least_ratio*box_width*self%zone) &
+                & *self%contact_radius)
+         if (self%width < narrowest) then
+            call refuse(error, 'width_um: '//to_text(self%width)//' um is too narrow for a contact radius of ' &
+               & //to_text(self%contact_radius, 3)//' um; allowed from '//to_text(narrowest, 3)//' um')
+         else if (self%height < lowest*half .or. self%height > highest*half) then
+            call refuse(error, 'height_um: '//to_text(self%height)//' um does not go with width_um = '//to_text(self%width) &
+               & //'; allowed '//to_text(lowest*half)//' to '//to_text(highest*half)//' um')
+         end if
+      end associate
+   end subroutine block_check_sizes
+
+   !> The box under the contact has the proportions of the block.
+   pure function block_plan(self, refine) result(plan)
+      class(block_specimen_type), intent(in) :: self
+      real(wp), intent(in) :: refine
+      type(mesh_plan_type) :: plan
+      real(wp) :: proportion, ratio
+      integer :: default_cells
+
+      proportion = self%height/(0.5_wp*self%width)
+      default_cells = max(2, nint(box_cells*refine))
+      plan%half_cells = nint(default_cells*self%zone)
+      plan%depth_cells = max(2, nint(proportion*plan%half_cells))
+      plan%half_width = box_width*self%contact_radius*(real(plan%half_cells, wp)/default_cells)
+      plan%depth = proportion*plan%half_width
+      ratio = 0.5_wp*self%width/plan%half_width
+      plan%stages = [layers_of_ratio(ratio, exp(log(paper_ratio)/paper_layers), refine)]
+      plan%closing = clamped_bottom
+   end function block_plan
+
+   subroutine film_set_up(self, settings, error)
+      class(film_specimen_type), intent(inout) :: self
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+
+      self%variables = 'thickness_um, substrate'
+      self%parts = 'the film, the substrate'
+      associate (stated => settings%specimen)
+         call require(film_name, 'thickness_um', stated%thickness_um, self%thickness, error)
+         if (stated%substrate /= 'rigid') then
+            self%variables = self%variables//', substrate_young_gpa, substrate_nu'
+            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, self%young, error)
+            self%poisson = stated%substrate_nu
+         end if
+      end associate
+   end subroutine film_set_up
+
+   !> Refuse a film thinner than two elements.
+   subroutine film_check_sizes(self, error)
+      class(film_specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      if (self%thickness < 2.0_wp*self%element_size) call refuse(error, 'thickness_um: ' &
+         & //to_text(self%thickness)//' um is less than two elements of '//to_text(self%element_size, 3) &
+         & //' um under a contact of radius '//to_text(self%contact_radius, 3)//' um; allowed from ' &
+         & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply')
+   end subroutine film_check_sizes
+
+   pure function film_plan(self, refine) result(plan)
+      class(film_specimen_type), intent(in) :: self
+      real(wp), intent(in) :: refine
+      type(mesh_plan_type) :: plan
+      type(mesh_stage_type) :: box
+      real(wp) :: edge, width, cell, contact_radius
+      logical :: thin
+
+      plan = core_of_contact(refine, self%contact_radius, self%zone)
+      ! A wider zone is wider everywhere, and no deeper.
+      contact_radius = self%contact_radius*plan%widening
+      edge = plan%half_width/plan%half_cells
+      width = plan%half_width
+      thin = self%thickness <= thick*plan%depth
+      box = mesh_stage_type(growth=2.0_wp, material=2)
+      allocate (plan%stages(0))
+      if (thin) then
+         box%floor_depth = max(plan%depth - self%thickness, floor_proportion*width/plan%widening)
+         box%floor_levels = max(2, 2*nint(0.5_wp*box%floor_depth/(flat*edge)))
+         plan%depth = self%thickness
+         plan%depth_cells = max(2, 2*nint(0.5_wp*self%thickness/edge))
+      else
+         ! The proportions of the box stay.
+         width = plan%half_width*self%thickness/plan%depth
+         plan%stages = graded_layers(plan%half_width, width, contact_radius, refine, 0.0_wp, 1)
+         plan%stages(1)%coarsen = .true.
+         cell = 2.0_wp*edge*self%thickness/plan%depth
+         box%floor_levels = max(2, nint(floor_proportion*width/plan%widening/cell))
+         box%floor_depth = box%floor_levels*cell
+      end if
+      if (self%young > 0.0_wp) then
+         plan%stages = [plan%stages, box]
+         plan%far_material = [2, 3]
+      else
+         plan%clamped_depth = self%thickness
+         plan%closing = clamped_around
+      end if
+      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, outer_thickness*self%thickness), &
+         & contact_radius, refine, self%thickness, 2)]
+      if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
+   end function film_plan
+
+   !> The film, the substrate, and their mean: beyond the mesh an infinite element makes a wedge of what is a film, with twice its energy,
+   !> since strains decay as the square of the distance.
+   pure function film_materials(self, crystal) result(c)
+      class(film_specimen_type), intent(in) :: self
+      !> Sample frame, GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      real(wp), allocatable :: c(:, :, :)
+
+      c = spread(crystal, 3, 3)
+      if (.not. self%young > 0.0_wp) return
+      c(:, :, 2) = self%own_stiffness()
+      c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
+   end function film_materials
+
+   !> A film that is stiffer than its substrate is resolved worse (docs/simulation.md, `bench simulate pairs`).
+   pure real(wp) function film_contrast_error(self, crystal) result(contrast_error)
+      class(film_specimen_type), intent(in) :: self
+      !> GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      !> Of what is alike, and by the logarithm of the ratio of Young's moduli.
+      real(wp), parameter :: alike = 0.0015_wp, slope = 0.0055_wp
+      real(wp) :: young, poisson
+
+      contrast_error = alike
+      if (.not. self%young > 0.0_wp) return
+      call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
+      contrast_error = alike + slope*max(0.0_wp, log(young/self%young))
+   end function film_contrast_error
+
+   subroutine grain_set_up(self, settings, error)
+      class(grain_specimen_type), intent(inout) :: self
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+
+      self%variables = 'grain_radius_um, grain_depth_um, matrix'
+      self%parts = 'the grain, the matrix around it'
+      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/simulation.md).
+      self%coarse_ratio = 0.75_wp
+      associate (stated => settings%specimen)
+         call require(grain_name, 'grain_radius_um', stated%grain_radius_um, self%radius, error)
+         if (allocated(stated%grain_depth_um)) self%depth = stated%grain_depth_um
+         if (stated%matrix /= 'self') then
+            self%variables = self%variables//', matrix_young_gpa, matrix_nu'
+            call require(grain_name, 'matrix_young_gpa', stated%matrix_young_gpa, self%young, error)
+            self%poisson = stated%matrix_nu
+         end if
+      end associate
+   end subroutine grain_set_up
+
+   !> Refuse a grain that does not hold the refined zone of the mesh.
+   subroutine grain_check_sizes(self, error)
+      class(grain_specimen_type), intent(in) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(mesh_plan_type) :: plan
+      real(wp) :: corner(3)
+
+      plan = core_of_contact(1.0_wp, self%contact_radius, self%zone)
+      corner = [plan%half_width, plan%half_width, plan%depth]
+      if (self%depth > 0.0_wp) then
+         call refuse_below(clearance*plan%depth, 'grain_depth_um', self%depth)
+         corner(3) = 0.0_wp
+      end if
+      if (.not. allocated(error)) call refuse_below(clearance*norm2(corner), 'grain_radius_um', self%radius)
+      if (allocated(error) .or. .not. self%depth > 0.0_wp) return
+      if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) call refuse(error, 'grain_depth_um: ' &
+         & //to_text(self%depth)//' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
+         & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um')
+
+   contains
+
+      subroutine refuse_below(least, name, length)
+         real(wp), intent(in) :: least, length
+         character(len=*), intent(in) :: name
+
+         if (length < least) call refuse(error, name//': '//to_text(length)//' um does not hold the refined zone under a contact ' &
+            & //'of radius '//to_text(self%contact_radius, 3)//' um; allowed from '//to_text(least, 3) &
+            & //' um, or indent less deeply')
+      end subroutine refuse_below
+   end subroutine grain_check_sizes
+
+   pure function grain_plan(self, refine) result(plan)
+      class(grain_specimen_type), intent(in) :: self
+      real(wp), intent(in) :: refine
+      type(mesh_plan_type) :: plan
+      type(mesh_stage_type) :: turn
+      real(wp) :: width
+
+      plan = core_of_contact(refine, self%contact_radius, self%zone)
+      width = turning*self%radius
+      if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
+      width = max(width, plan%half_width)
+      plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, refine, 0.0_wp, 1)
+      turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, turning_growth, refine)
+      turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
+      turn%radius = self%radius
+      turn%depth = self%depth
+      plan%stages = [plan%stages, turn, graded_layers(self%radius, max(outer_contact*self%contact_radius, &
+         & outer_grain*self%radius), self%contact_radius, refine, 0.0_wp, 2)]
+      plan%stages(1)%coarsen = .true.
+      plan%far_material = 2
+   end function grain_plan
+
+   !> The grain and the matrix.
+   pure function grain_materials(self, crystal) result(c)
+      class(grain_specimen_type), intent(in) :: self
+      !> Sample frame, GPa.
+      real(wp), intent(in) :: crystal(6, 6)
+      real(wp), allocatable :: c(:, :, :)
+
+      c = spread(crystal, 3, 2)
+      c(:, :, 2) = self%own_stiffness()
+      if (.not. self%young > 0.0_wp) c(:, :, 2) = polycrystal_stiffness(crystal)
+   end function grain_materials
 end module specimens

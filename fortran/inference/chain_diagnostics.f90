@@ -5,7 +5,8 @@
 !> samples²/8 products for each half. Long arrays are allocatable: others are on a thread's stack.
 module chain_diagnostics
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-   use kinds, only: i8, pi, wp
+   use kinds, only: pi, wp
+   use linear_algebra, only: dot
    use statistics, only: median, sort_order, sorted_values
    implicit none
    private
@@ -23,8 +24,6 @@ module chain_diagnostics
    real(wp), parameter :: tail = 0.05_wp
    !> What spreads less does not move.
    real(wp), parameter :: resolution = 1.0e-15_wp
-   !> Lags in one pass over the chains.
-   integer, parameter :: lags = 4
 
 contains
 
@@ -123,33 +122,30 @@ contains
       !> (sample, chain), two chains or more of two samples or more.
       real(wp), intent(in), contiguous :: chains(:, :)
       real(wp), allocatable :: x(:, :), mean(:), rho(:)
-      real(wp) :: covariance(lags), within, total, even, odd, tau
-      integer :: n, m, t, last, i, k
+      real(wp) :: within, total, even, odd, tau
+      integer :: n, m, t, last, i
 
       n = size(chains, 1)
       m = size(chains, 2)
       ess = size(chains)
       if (maxval(chains) - minval(chains) < resolution) return
-      allocate (x(n + lags, m), mean(m), rho(0:n - 1))
+      allocate (x(n, m), mean(m), rho(0:n - 1))
       do i = 1, m
          mean(i) = sum(chains(:, i))/n
-         x(:n, i) = chains(:, i) - mean(i)
-         x(n + 1:, i) = 0.0_wp
+         x(:, i) = chains(:, i) - mean(i)
       end do
-      call autocovariances(n, m, x, 0, covariance)
-      total = covariance(1) + variance(mean)
-      within = covariance(1)*n/(n - 1.0_wp)
+      within = autocovariance(x, 0)
+      total = within + variance(mean)
+      within = within*n/(n - 1.0_wp)
       rho = 0.0_wp
       even = 1.0_wp
-      odd = 1.0_wp - (within - covariance(2))/total
+      odd = 1.0_wp - (within - autocovariance(x, 1))/total
       rho(0) = even
       rho(1) = odd
       t = 1
       do while (t < n - 3 .and. even + odd > 0.0_wp)
-         k = mod(t + 1, lags) + 1
-         if (k == 1) call autocovariances(n, m, x, t + 1, covariance)
-         even = 1.0_wp - (within - covariance(k))/total
-         odd = 1.0_wp - (within - covariance(k + 1))/total
+         even = 1.0_wp - (within - autocovariance(x, t + 1))/total
+         odd = 1.0_wp - (within - autocovariance(x, t + 2))/total
          if (even + odd >= 0.0_wp) rho(t + 1:t + 2) = [even, odd]
          t = t + 2
       end do
@@ -163,33 +159,15 @@ contains
       ess = ess/max(tau, 1.0_wp/log10(ess))
    end function effective_size
 
-   !> Autocovariances at lags `t` and above, means over the chains.
-   pure subroutine autocovariances(n, m, x, t, covariance)
-      integer, intent(in) :: n, m, t
-      !> (sample, chain), each chain of mean zero and with zeros behind it.
-      real(wp), intent(in) :: x(n + lags, m)
-      real(wp), intent(out) :: covariance(lags)
-      real(wp) :: one, two, three, four
-      ! Of 32 bits, which may wrap, they would keep the loop from vector instructions.
-      integer(i8) :: i, lag
+   !> Autocovariance at lag `t`, the mean over the chains.
+   pure real(wp) function autocovariance(x, t)
+      !> (sample, chain), each chain of mean zero.
+      real(wp), intent(in), contiguous :: x(:, :)
+      integer, intent(in) :: t
       integer :: j
 
-      lag = t
-      one = 0.0_wp
-      two = 0.0_wp
-      three = 0.0_wp
-      four = 0.0_wp
-      do j = 1, m
-         !$omp simd reduction(+:one, two, three, four)
-         do i = 1, n - lag
-            one = one + x(i, j)*x(i + lag, j)
-            two = two + x(i, j)*x(i + lag + 1, j)
-            three = three + x(i, j)*x(i + lag + 2, j)
-            four = four + x(i, j)*x(i + lag + 3, j)
-         end do
-      end do
-      covariance = [one, two, three, four]/(real(n, wp)*m)
-   end subroutine autocovariances
+      autocovariance = sum([(dot(x(:size(x, 1) - t, j), x(t + 1:, j)), j=1, size(x, 2))])/size(x)
+   end function autocovariance
 
    !> Square root of the variance over all chains by that within them (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.4); NaN
    !> where nothing moves.

@@ -6,7 +6,6 @@
 !> jointly Student's t, and the scale tr log K/6 is normal about that of an isotropic solid with the mean measurement. Single bounds
 !> and a cap on Eq. 14 truncate it.
 module constants_prior
-   use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: anisotropy_index, is_stable
    use errors, only: error_type, exit_bad_input, raise
@@ -16,6 +15,7 @@ module constants_prior
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
    use small_matrices, only: solve_lower
+   use surrogate_domain, only: domain_type
    use settings_schema, only: prior_settings_type
    use text, only: to_text
    implicit none
@@ -61,8 +61,8 @@ module constants_prior
       type(knowledge_type) :: knowledge
       !> Lower Cholesky factor of the covariance of what is known, (n, n).
       real(wp), allocatable, private :: factor(:, :)
-      !> Of the surrogate: it says which crystals are covered.
-      class(basis_type), allocatable :: basis
+      !> Of the surrogate: the crystals that are covered.
+      type(domain_type), allocatable :: domain
    contains
       procedure :: admits, log_density, measure
       procedure, private :: log_default
@@ -75,8 +75,9 @@ module constants_prior
 contains
 
    !> The prior that is stated, over what a surrogate covers.
-   subroutine new_prior(basis, class, stated, typical_young, knowledge, prior, error)
-      class(basis_type), intent(in) :: basis
+   subroutine new_prior(domain, class, stated, typical_young, knowledge, prior, error)
+      !> Of the surrogate.
+      type(domain_type), intent(in) :: domain
       type(crystal_class_type), intent(in) :: class
       !> Of &prior.
       type(prior_settings_type), intent(in) :: stated
@@ -105,9 +106,9 @@ contains
       prior%has_default = .not. prior%has_box
       prior%in_logarithms = stated%measure == 'logarithms' .or. .not. prior%has_box
       if (prior%has_box .and. prior%in_logarithms .and. prior%anisotropy_cap >= huge(1.0_wp) &
-         & .and. basis%domain%log_anisotropy_max >= huge(1.0_wp)) call check_proper(prior, error)
+         & .and. domain%log_anisotropy_max >= huge(1.0_wp)) call check_proper(prior, error)
       if (.not. allocated(error)) call prior%set_knowledge(knowledge, error)
-      if (.not. allocated(error)) call estimate_share(basis, prior, error)
+      if (.not. allocated(error)) call estimate_share(domain, prior, error)
    end subroutine new_prior
 
    !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of stability. The least eigenvalue of the
@@ -167,8 +168,8 @@ contains
    end function sd_of_knowledge
 
    !> Cut the support to the surrogate's domain, and estimate how much of it is left.
-   subroutine estimate_share(basis, prior, error)
-      class(basis_type), intent(in) :: basis
+   subroutine estimate_share(domain, prior, error)
+      type(domain_type), intent(in) :: domain
       type(prior_type), intent(inout) :: prior
       type(error_type), allocatable, intent(out) :: error
       type(random_stream_type) :: stream
@@ -183,9 +184,9 @@ contains
          c = prior%class%stiffness(x)
          if (.not. prior%admits(x, c)) cycle
          n = n + 1
-         if (basis%domain%admits(c)) inside = inside + 1
+         if (domain%admits(c)) inside = inside + 1
       end do
-      allocate (prior%basis, source=basis)
+      prior%domain = domain
       prior%share_inside = real(inside, wp)/max(1, n)
       if (n == 0) then
          call raise(error, 'no stable crystal was found within the bounds and limits of the prior ('//to_text(trials)//' tried)', &
@@ -226,7 +227,7 @@ contains
          if (.not. anisotropy_index(c) <= self%anisotropy_cap) return
       end if
       admits = .true.
-      if (allocated(self%basis)) admits = self%basis%domain%admits(c)
+      if (allocated(self%domain)) admits = self%domain%admits(c)
    end function admits
 
    !> Logarithm of the density at a crystal `c` (GPa) of the support, in the coordinates in which it is stated, up to a constant.

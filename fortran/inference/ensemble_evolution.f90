@@ -347,7 +347,7 @@ contains
    end subroutine place_points
 
    !> A Metropolis step from `current` to whitened coordinates u.
-   subroutine try_step(target, view, stream, u, temperature, current, accepted)
+   subroutine try_step(target, view, stream, u, temperature, current, accepted, tested)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
       type(random_stream_type), intent(inout) :: stream
@@ -357,8 +357,10 @@ contains
       type(point_type), intent(inout) :: current
       !> Whether `current` is now the proposal.
       logical, intent(out) :: accepted
+      !> The change of another log density, by which the proposal was accepted before.
+      real(wp), intent(in), optional :: tested
       type(point_type) :: proposal(1)
-      real(wp) :: v
+      real(wp) :: v, change
 
       allocate (proposal(1)%w(size(u)))
       call view%whitening%from_white(u, proposal(1)%w)
@@ -366,7 +368,9 @@ contains
       accepted = proposal(1)%log_working > outside
       if (.not. accepted) return
       call stream%uniform(v)
-      accepted = log(v) < (proposal(1)%log_working - current%log_working)/temperature
+      change = (proposal(1)%log_working - current%log_working)/temperature
+      if (present(tested)) change = change - tested
+      accepted = log(v) < change
       if (accepted) current = proposal(1)
    end subroutine try_step
 

@@ -91,21 +91,24 @@ contains
             call add_archived(kernel, stream, u, tried)
             call try_step(target, exact, stream, tried, 1.0_wp, current, moved)
             if (moved) then
-               u = tried
                ! Where the polynomial says nothing no walk may end, and so none that is accepted may begin.
                start(1) = current
                call target%evaluate_working(start, kernel%view%polynomial)
-               nearly = start(1)
+               proposal = start(1)
             end if
          else
             tried = u
             proposal = nearly
             call walk(target, kernel, stream, tried, proposal, drawn, accepted)
             if (accepted > 0) then
-               call test_exactly(target, stream, tried, proposal, u, nearly, current, moved)
+               call try_step(target, exact, stream, tried, 1.0_wp, current, moved, proposal%log_working - nearly%log_working)
                counted = counted + 1
                if (moved) accepted_in_all = accepted_in_all + 1
             end if
+         end if
+         if (moved) then
+            u = tried
+            nearly = proposal
          end if
          draws(:, i) = current%x
          log_density(i) = current%log_density
@@ -168,33 +171,6 @@ contains
       end do
    end subroutine walk
 
-   !> Whether the exact density accepts where steps of the near one have led, from u to `tried`; if so all is replaced.
-   subroutine test_exactly(target, stream, tried, near_proposal, u, nearly, current, accepted)
-      class(target_type), intent(in) :: target
-      type(random_stream_type), intent(inout) :: stream
-      real(wp), intent(in) :: tried(:)
-      !> By the near density: the new point and the old one.
-      type(point_type), intent(in) :: near_proposal
-      real(wp), intent(inout) :: u(:)
-      type(point_type), intent(inout) :: nearly
-      !> The old point by the exact density.
-      type(point_type), intent(inout) :: current
-      logical, intent(out) :: accepted
-      type(point_type) :: proposal(1)
-      real(wp) :: v
-
-      proposal(1) = near_proposal
-      call target%evaluate_working(proposal)
-      accepted = proposal(1)%log_working > outside
-      if (.not. accepted) return
-      call stream%uniform(v)
-      accepted = log(v) < proposal(1)%log_working - current%log_working - (near_proposal%log_working - nearly%log_working)
-      if (.not. accepted) return
-      u = tried
-      nearly = near_proposal
-      current = proposal(1)
-   end subroutine test_exactly
-
    !> A point of the mixture in the support, and u, its whitened coordinates; `outside` if a thousand draws were all there.
    subroutine draw_inside(target, view, mixture, stream, point, u)
       class(target_type), intent(in) :: target
@@ -219,7 +195,7 @@ contains
    subroutine fit_proposal(target, view, archive, stream, mixture, quality)
       class(target_type), intent(in) :: target
       type(view_type), intent(in) :: view
-      real(wp), intent(in) :: archive(:, :)
+      real(wp), intent(in), contiguous :: archive(:, :)
       type(random_stream_type), intent(inout) :: stream
       type(mixture_type), intent(out) :: mixture
       real(wp), intent(out) :: quality
@@ -235,12 +211,12 @@ contains
       logical :: last
 
       archived = size(archive, 2)
-      allocate (points(archived + draws + most_outside, target%dimension), weights(archived + draws + most_outside))
-      allocate (log_weights(draws), beyond(most_outside, target%dimension))
-      points(:archived, :) = transpose(archive)
+      allocate (points(target%dimension, archived + draws + most_outside), weights(archived + draws + most_outside))
+      allocate (log_weights(draws), beyond(target%dimension, most_outside))
+      points(:, :archived) = archive
       weights = 1.0_wp
-      call new_mixture(points(:archived, :), components, fitted)
-      call fit_mixture(points(:archived, :), weights(:archived), 15, fitted)
+      call new_mixture(archive, components, fitted)
+      call fit_mixture(archive, weights(:archived), 15, fitted)
       quality = 0.0_wp
       do round = 1, most_rounds
          if (stop_requested()) return
@@ -260,11 +236,11 @@ contains
             do i = 1, size(u, 2)
                if (batch(i)%log_working > outside) then
                   inside = inside + 1
-                  points(archived + inside, :) = u(:, i)
+                  points(:, archived + inside) = u(:, i)
                   log_weights(inside) = batch(i)%log_working - log_mixture(mixture, u(:, i))
                else
                   out = out + 1
-                  if (out <= most_outside) beyond(out, :) = u(:, i)
+                  if (out <= most_outside) beyond(:, out) = u(:, i)
                end if
             end do
             deallocate (u)
@@ -286,10 +262,10 @@ contains
          few = min(out, most_outside)
          i = archived + inside
          if (few > 0) then
-            points(i + 1:i + few, :) = beyond(:few, :)
+            points(:, i + 1:i + few) = beyond(:, :few)
             weights(i + 1:i + few) = real(out, wp)/few
          end if
-         call fit_mixture(points(:i + few, :), weights(:i + few), 6, fitted)
+         call fit_mixture(points(:, :i + few), weights(:i + few), 6, fitted)
       end do
    end subroutine fit_proposal
 end module ensemble_sampler

@@ -48,7 +48,9 @@ contains
       case ('normal')
          allocate (model)
       case ('student')
-         allocate (model, source=new_student_errors(settings%student_dof))
+         associate (dof => settings%student_dof)
+            allocate (model, source=student_errors_type(scale=merge(sqrt(abs(dof - 2.0_wp)/dof), 1.0_wp, dof > 2.0_wp), dof=dof))
+         end associate
       case default
          call raise(error, 'likelihood: '''//settings%likelihood//''' is unknown; allowed: '//likelihood_names, exit_bad_input)
       end select
@@ -182,14 +184,6 @@ contains
          values(i) = maxval(terms) + log(sum(exp(terms - maxval(terms))))
       end do
    end subroutine leave_one_out
-
-   pure type(student_errors_type) function new_student_errors(dof) result(self)
-      !> Degrees of freedom.
-      real(wp), intent(in) :: dof
-
-      self%dof = dof
-      if (dof > 2.0_wp) self%scale = sqrt((dof - 2.0_wp)/dof)
-   end function new_student_errors
 
    pure real(wp) function student_log_density(self, r, factor) result(log_density)
       class(student_errors_type), intent(in) :: self

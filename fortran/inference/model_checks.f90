@@ -204,7 +204,7 @@ contains
             call solve_lower(factor, u(:, i, c))
          end do
       end do
-      first = transpose(flattened(u(:, :half, :)))
+      first = flattened(u(:, :half, :))
       call new_mixture(first, max(1, min(16, n/(5*d*(d + 3)))), fitted)
       call fit_mixture(first, spread(1.0_wp, 1, n), 20, fitted)
       call widen_mixture(fitted, mixture)

@@ -58,7 +58,7 @@ contains
       real(wp), intent(in), contiguous :: weights(:)
       real(wp), intent(out) :: gain, left
       real(wp), allocatable :: bins(:, :)
-      real(wp) :: kernel(-half_bins:half_bins), width, low, place, powers(3), deviation, p, first, second, mean, variance, sd
+      real(wp) :: kernel(2*half_bins + 1), width, low, place, powers(3), deviation, mean, variance, sd
       integer :: s, k, n, i, margin
       logical :: use_target
 
@@ -85,23 +85,14 @@ contains
             variance = variance + powers(3)
          end do
       end associate
-      do i = lbound(kernel, 1), ubound(kernel, 1)
-         kernel(i) = exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd)
-      end do
+      kernel = [(exp(-0.5_wp*(real(i, wp)/bins_per_sd)**2)/(sqrt(2.0_wp*pi)*sd), i=-half_bins, half_bins)]
       gain = 0.0_wp
       left = 0.0_wp
       do k = -half_bins, n + half_bins, step
-         p = 0.0_wp
-         first = 0.0_wp
-         second = 0.0_wp
-         do i = -half_bins, half_bins
-            p = p + kernel(i)*bins(1, k + i)
-            first = first + kernel(i)*bins(2, k + i)
-            second = second + kernel(i)*bins(3, k + i)
-         end do
-         if (p <= 1.0e-30_wp/sd) cycle
-         gain = gain - p*log(p)*step*width
-         left = left + (second - first**2/p)*step*width
+         powers = matmul(bins(:, k - half_bins:k + half_bins), kernel)
+         if (powers(1) <= 1.0e-30_wp/sd) cycle
+         gain = gain - powers(1)*log(powers(1))*step*width
+         left = left + (powers(3) - powers(2)**2/powers(1))*step*width
       end do
       if (use_target) then
          gain = 0.0_wp

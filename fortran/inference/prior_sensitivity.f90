@@ -116,11 +116,10 @@ contains
       !> (draw).
       real(wp), intent(in) :: weights(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
-      real(wp), dimension(size(draws, 1)) :: mean, sd, new_mean, new_sd
+      real(wp), dimension(size(draws, 1)) :: mean, sd
 
-      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
-      call moments(draws, new_mean, new_sd, weights)
-      call compare(about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, new_mean, new_sd, changes)
+      call moments(draws, mean, sd, weights)
+      call compare(draws, about, sum(weights)**2/max(tiny(1.0_wp), sum(weights**2)), mean, sd, changes)
    end subroutine add_change
 
    !> The draws and those that a limit which moves by `step` lets in.
@@ -141,15 +140,13 @@ contains
       call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       call moments(draws, near_mean, near_sd, near)
       call moments(draws, far_mean, far_sd, far)
-      if (sum(near) < least_in_strip) then
-         call compare(about, real(size(distance), wp), mean, sd, mean, sd, changes)
-      else
+      if (sum(near) >= least_in_strip) then
          beyond = min(greatest_growth*sum(near), continued(distance/step))/size(near)
          if (sum(far) >= least_in_strip) near_mean = 2.0_wp*near_mean - far_mean
-         far_mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
-         far_sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
-         call compare(about, real(size(distance), wp), mean, sd, far_mean, far_sd, changes)
+         sd = sqrt((sd**2 + beyond*near_sd**2 + beyond/(1.0_wp + beyond)*(near_mean - mean)**2)/(1.0_wp + beyond))
+         mean = (mean + beyond*near_mean)/(1.0_wp + beyond)
       end if
+      call compare(draws, about, real(size(distance), wp), mean, sd, changes)
    end subroutine add_beyond
 
    !> How many draws would lie between -1 and 0, of those that lie between 0 and 3.
@@ -157,54 +154,42 @@ contains
       !> (draw).
       real(wp), intent(in) :: t(:)
       integer, parameter :: bins_per_unit = 4, bins = 3*bins_per_unit, least = 5
-      real(wp) :: counts(bins), normal(3, 3), right(3, 1), terms(3)
+      integer :: i, k
+      real(wp), parameter :: place(bins) = [((k - 0.5_wp)/bins_per_unit, k=1, bins)]
+      !> 1, the place and its square.
+      real(wp), parameter :: terms(bins, 3) = reshape([spread(1.0_wp, 1, bins), place, place**2], [bins, 3])
+      real(wp) :: counts(bins), weighted(bins, 3), normal(3, 3), right(3, 1)
       type(error_type), allocatable :: error
-      integer :: i, j, k
 
       counts = 0.0_wp
       do i = 1, size(t)
          k = 1 + int(bins_per_unit*min(3.0_wp, max(0.0_wp, t(i))))
          if (k <= bins) counts(k) = counts(k) + 1.0_wp
       end do
-      normal = 0.0_wp
-      right = 0.0_wp
-      do k = 1, bins
-         if (counts(k) < least) cycle
-         terms = powers(k - 0.5_wp)
-         do j = 1, 3
-            normal(:, j) = normal(:, j) + counts(k)*terms*terms(j)
-         end do
-         right(:, 1) = right(:, 1) + counts(k)*log(counts(k))*terms
-      end do
       continued = counts(1)*bins_per_unit
+      where (counts < least) counts = 0.0_wp
+      weighted = terms*spread(counts, 2, 3)
+      normal = matmul(transpose(weighted), terms)
+      right(:, 1) = matmul(transpose(weighted), log(max(1.0_wp, counts)))
       ! Draws in a few bins alone have no parabola.
-      if (count(counts >= least) < 4) return
+      if (count(counts > 0.0_wp) < 4) return
       call cholesky_factor(normal, error)
       if (allocated(error)) return
       call cholesky_solve(normal, right)
-      right(3, 1) = min(0.0_wp, right(3, 1))
-      continued = 0.0_wp
-      do k = 1, bins_per_unit
-         continued = continued + exp(min(100.0_wp, sum(right(:, 1)*powers(0.5_wp - k))))
-      end do
-
-   contains
-
-      pure function powers(place)
-         real(wp), intent(in) :: place
-         real(wp) :: powers(3)
-
-         powers = [1.0_wp, place/bins_per_unit, (place/bins_per_unit)**2]
-      end function powers
+      right(2:, 1) = [-right(2, 1), min(0.0_wp, right(3, 1))]
+      continued = sum(exp(min(100.0_wp, matmul(terms(:bins_per_unit, :), right(:, 1)))))
    end function continued
 
-   !> Add a change from the moments without and with it.
-   pure subroutine compare(about, effective, mean, sd, new_mean, new_sd, changes)
+   !> Add a change from the moments with it.
+   pure subroutine compare(draws, about, effective, new_mean, new_sd, changes)
+      real(wp), intent(in) :: draws(:, :)
       type(change_type), intent(in) :: about
-      real(wp), intent(in) :: effective, mean(:), sd(:), new_mean(:), new_sd(:)
+      real(wp), intent(in) :: effective, new_mean(:), new_sd(:)
       type(change_type), allocatable, intent(inout) :: changes(:)
       type(change_type) :: change
+      real(wp), dimension(size(draws, 1)) :: mean, sd
 
+      call moments(draws, mean, sd, spread(1.0_wp, 1, size(draws, 2)))
       change = about
       change%effective = effective
       change%shift = (new_mean - mean)/max(tiny(1.0_wp), sd)
@@ -231,7 +216,7 @@ contains
          index(i) = anisotropy_index(c)
       end do
       allocate (limits(0))
-      associate (domain => prior%basis%domain)
+      associate (domain => prior%domain)
          do j = 1, prior%n_constants
             call add(prior%class%constants(j), .true., [prior%lower(j), prior%upper(j)], draws(j, :))
             if (size(domain%lower) > 0) call add('domain.'//prior%class%constants(j), .false., &
@@ -275,25 +260,21 @@ contains
       integer, parameter :: parts = 20
       real(wp), parameter :: fallen = 1.0_wp/3.0_wp
       integer :: counts(parts), i, k
-      real(wp) :: low, width, gap
+      real(wp) :: inwards, low, width
+      real(wp), allocatable :: x(:)
 
-      low = minval(limit%values)
-      width = (maxval(limit%values) - low)/parts
+      inwards = merge(1.0_wp, -1.0_wp, side == 1)
+      x = inwards*limit%values
+      low = minval(x)
+      width = (maxval(x) - low)/parts
       if (abs(limit%range(side)) >= no_limit .or. .not. width > 0.0_wp) return
       counts = 0
-      do i = 1, size(limit%values)
-         k = min(parts, 1 + int((limit%values(i) - low)/width))
+      do i = 1, size(x)
+         k = min(parts, 1 + int((x(i) - low)/width))
          counts(k) = counts(k) + 1
       end do
-      if (side == 1) then
-         gap = low - limit%range(1)
-         k = counts(1)
-      else
-         gap = limit%range(2) - maxval(limit%values)
-         k = counts(parts)
-      end if
-      limit%share(side) = real(k, wp)/size(limit%values)
-      limit%ends(side) = gap < width .and. k > fallen*maxval(counts)
+      limit%share(side) = real(counts(1), wp)/size(x)
+      limit%ends(side) = low - inwards*limit%range(side) < width .and. counts(1) > fallen*maxval(counts)
    end subroutine find_end
 
 end module prior_sensitivity

@@ -368,7 +368,8 @@ contains
    pure real(wp) function response(word, s, n)
       character(len=*), intent(in) :: word
       real(wp), intent(in) :: s(6, 6), n(3)
-      real(wp) :: across(3), third(3)
+      real(wp), parameter :: axes(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
+      integer :: j
 
       select case (word)
       case ('bulk_modulus')
@@ -378,13 +379,8 @@ contains
       case ('compressibility')
          response = 1000.0_wp*dot_product(sum(s(:3, :), 1), stress(n, n))
       case default
-         ! Torsion of a rod along n: the mean over the directions of shear across it.
-         across = 0.0_wp
-         across(minloc(abs(n), dim=1)) = 1.0_wp
-         across = across - dot_product(across, n)*n
-         across = across/norm2(across)
-         third = [n(2)*across(3) - n(3)*across(2), n(3)*across(1) - n(1)*across(3), n(1)*across(2) - n(2)*across(1)]
-         response = 2.0_wp/(4.0_wp*energy(n, across) + 4.0_wp*energy(n, third))
+         ! Torsion of a rod along n: the mean over the directions of shear across it, of the sum over three axes less the shear along n.
+         response = 0.5_wp/(sum([(energy(n, axes(:, j)), j=1, 3)]) - energy(n, n))
       end select
 
    contains

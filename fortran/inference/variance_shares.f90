@@ -55,13 +55,17 @@ contains
       integer, parameter :: few = 200
       real(wp), allocatable :: scores(:, :), known(:, :), centred(:, :), weights(:, :), parts(:, :), pulls(:, :), factor(:, :)
       real(wp), dimension(size(values, 1)) :: variance, total
+      real(wp), dimension(posterior%n_grains) :: scales, residual, weight
+      real(wp) :: shared(posterior%n_grains, posterior%n_shared)
       integer :: i, n, q
 
       n = size(draws, 2)
       allocate (scores(posterior%n_grains, n), parts(n_error_sources, size(values, 1)))
-      !$omp parallel do num_threads(max(1, threads)) schedule(static)
+      !$omp parallel do num_threads(max(1, threads)) schedule(static) private(scales, shared, residual, weight)
       do i = 1, n
-         call find_scores(posterior, draws(:, i), scores(:, i))
+         call find_residuals(posterior, draws(:, i), scales, shared, residual, weight)
+         ! Derivatives of the log likelihood with respect to the measurements, 1/GPa.
+         scores(:, i) = -weight*residual/scales
       end do
       !$omp end parallel do
       call evaluate_draws(posterior%prior%knowledge%quantities, posterior%prior%class, draws, known)
@@ -124,20 +128,6 @@ contains
       own_mean = own_mean/spread(precision_mean*sum(own_mean, 2), 2, n_error_sources)
       parts = parts + matmul(transpose(own_mean), weights**2)
    end subroutine add_up_sources
-
-   !> Derivatives of the log likelihood at a point with respect to the measurements.
-   subroutine find_scores(posterior, x, scores)
-      type(posterior_type), intent(in) :: posterior
-      !> (dimension).
-      real(wp), intent(in) :: x(:)
-      !> (grain), 1/GPa.
-      real(wp), intent(out) :: scores(:)
-      real(wp), dimension(posterior%n_grains) :: scales, residual, weight
-      real(wp) :: shared(posterior%n_grains, posterior%n_shared)
-
-      call find_residuals(posterior, x, scales, shared, residual, weight)
-      scores = -weight*residual/scales
-   end subroutine find_scores
 
    !> Residuals at a point in units of their scales, less the shared errors given the data, and the weight that the likelihood gives each.
    subroutine find_residuals(posterior, x, scales, shared, residual, weight)

@@ -49,18 +49,19 @@ module abstract_stage
       type(settings_type), allocatable :: physics(:)
       !> What is to be simulated now.
       type(job_type), allocatable :: jobs(:)
-      !> Simulations that were made in this run, and that are still expected.
-      integer :: n_new = 0, n_expected = 0
-      !> One line on what was done.
+      !> Simulations that were made in this run, those that failed, and those that are still expected.
+      integer :: n_new = 0, n_failed = 0, n_expected = 0
+      !> One line on what was done, and perhaps more.
       character(len=:), allocatable :: done
-      !> The batch that was chosen, what became of each, as a row of the campaign, and its state.
+      type(warning_type), allocatable :: more(:)
+      !> The batch that was chosen, what became of each, as a row of the campaign, which may have had it already, and its state.
       type(job_type), allocatable :: batch(:)
       type(row_type), allocatable :: rows(:)
       integer, allocatable, private :: state(:)
       !> Of stages that open it.
       type(campaign_type) :: campaign
    contains
-      procedure, non_overridable :: open, want, take, leave, close
+      procedure, non_overridable :: open, want, take, leave, close, look_up
       !> Look at what is there, refuse what cannot be, and choose the first batch.
       procedure :: begin
       !> Learn from the batch that was simulated, and choose the next; none: all is done.
@@ -96,7 +97,7 @@ contains
       self%places = places
       self%physics = [problem%settings]
       self%done = ''
-      allocate (self%warnings(0), self%reasons(0))
+      allocate (self%warnings(0), self%reasons(0), self%more(0))
       if (any(self%name == [character(len=7) :: 'extract', 'next'])) call self%problem%take_curve_results(self%output, error)
       if (.not. allocated(error)) call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
@@ -104,14 +105,38 @@ contains
       call begin_batch(self)
    end subroutine open
 
-   !> All of the batch is to be made.
+   !> All of the batch is to be made but what the campaign had.
    subroutine begin_batch(self)
       class(stage_type), intent(inout) :: self
       integer :: i
 
       self%batch%number = [(i, i=1, size(self%batch))]
-      self%state = spread(waiting, 1, size(self%batch))
+      self%state = merge(waiting, made, self%rows(:size(self%batch))%outcome%status == outcome_waiting)
    end subroutine begin_batch
+
+   !> What the campaign has of the rows of a batch. The others are to follow all that is there; or those `in_place`, of a batch that was
+   !> interrupted, to take the places that they left in it.
+   subroutine look_up(self, in_place, error)
+      class(stage_type), intent(inout) :: self
+      logical, intent(in) :: in_place
+      type(error_type), allocatable, intent(out) :: error
+      type(row_type) :: stored
+      logical :: found(size(self%rows))
+      integer :: first(size(self%rows)), next, i
+
+      do i = 1, size(found)
+         associate (row => self%rows(i))
+            call self%campaign%find(row%symmetry, row%constants, row%euler_deg, stored, found(i), error)
+            if (allocated(error)) return
+            if (found(i)) row%outcome = stored%outcome
+            first(i) = stored%position - i + 1
+         end associate
+      end do
+      call self%campaign%next_position(next, error)
+      self%rows%position = next - 1 + [(count(.not. found(:i)), i=1, size(found))]
+      if (.not. (in_place .and. any(found))) return
+      if (minval(first, found) == maxval(first, found)) self%rows%position = minval(first, found) - 1 + [(i, i=1, size(found))]
+   end subroutine look_up
 
    !> Let `jobs` be what is to be simulated now.
    subroutine want(self, error)
@@ -150,6 +175,7 @@ contains
                kept%status = outcome_failed
                kept%message = 'the modulus is '//lower(to_text(kept%modulus))//' GPa'
             end if
+            if (kept%status == outcome_failed) self%n_failed = self%n_failed + 1
          end associate
          if (allocated(self%campaign%path)) call self%campaign%add_soon(self%rows(number), error)
       else if (self%state(number) == again) then

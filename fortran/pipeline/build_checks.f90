@@ -12,7 +12,7 @@ module build_checks
    use problem, only: problem_type
    use settings_schema, only: surrogate_settings_type
    use simulate, only: specimen_stiffness
-   use surrogate_domain, only: domain_type, new_domain, new_wide_domain
+   use surrogate_domain, only: complete_domain, domain_type
    use surrogate_model, only: check_new_name, check_replaceable
    use text, only: join, number_ok, read_integer, split_list, to_text
    implicit none
@@ -120,27 +120,29 @@ contains
       type(problem_type), intent(in) :: self
       type(domain_type), intent(out) :: domain
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: members
+      character(len=:), allocatable :: class
       real(wp), allocatable :: stiffness(:)
-      real(wp) :: cap
 
       call range_of_scale(self, stiffness, error)
       if (allocated(error)) return
       associate (stated => self%settings%domain)
          if (allocated(stated%c_min) .and. allocated(stated%c_max)) then
-            cap = huge(1.0_wp)
-            if (allocated(stated%anisotropy_cap)) cap = stated%anisotropy_cap
-            call new_domain(self%class%name, stated%c_min, stated%c_max, cap, domain, error, stiffness)
+            class = self%class%name
+            domain%lower = stated%c_min
+            domain%upper = stated%c_max
+            if (allocated(stated%anisotropy_cap)) domain%anisotropy_cap = stated%anisotropy_cap
          else if (allocated(stated%c_min) .or. allocated(stated%c_max) .or. allocated(stated%anisotropy_cap)) then
             call refuse(error, 'c_min and c_max are needed together; anisotropy_cap needs both')
          else if (self%settings%surrogate%model == 'paper') then
             call refuse(error, 'the paper''s model needs c_min and c_max')
          else
-            members = general_class
-            if (allocated(stated%classes)) members = join(stated%classes, ', ')
-            call new_wide_domain(general_class, members, stated%log_anisotropy_max, [stated%poisson_min, stated%poisson_max], &
-               & domain, error, stiffness)
+            class = general_class
+            if (allocated(stated%classes)) domain%members = join(stated%classes, ', ')
+            domain%log_anisotropy_max = stated%log_anisotropy_max
+            domain%poisson = [stated%poisson_min, stated%poisson_max]
          end if
+         if (allocated(stiffness)) domain%stiffness = stiffness
+         if (.not. allocated(error)) call complete_domain(class, domain, error)
          if (allocated(error)) error%message = place(self%path, 'domain', '')//error%message
       end associate
    end subroutine domain_of

@@ -15,7 +15,7 @@ module build_loop
    use posterior_focus, only: check_focus, find_focus, focus_type, has_focus, is_accurate, round_size, &
       & simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, update_posterior_mean
-   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_type, outcome_waiting
+   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, choose_next, close_batch, exclude_candidates, learn, &
       & learning_type, new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
@@ -35,8 +35,6 @@ module build_loop
       integer, private :: phase = teaching
       !> Why the learning ended.
       character(len=:), allocatable :: stopped
-      !> Simulations that failed, now or earlier.
-      integer :: n_failed = 0
       !> What to validate with: constants (n_constants, n), angles (3, n), moduli (n).
       real(wp), allocatable :: unseen_constants(:, :), unseen_euler_deg(:, :), unseen_modulus(:)
       !> The rest of the initial set.
@@ -45,9 +43,8 @@ module build_loop
       type(known_rows_type), private :: unused
       !> The design before the present choice, which may be taken back.
       type(design_type), allocatable, private :: before
-      !> The candidates that are chosen and what became of each; which of them must be simulated; whether the variance chose them.
-      integer, allocatable, private :: chosen(:), wanted(:)
-      type(outcome_type), allocatable, private :: outcomes(:)
+      !> The candidates that are chosen, of which the rows are; whether the variance chose them.
+      integer, allocatable, private :: chosen(:)
       logical, private :: by_variance = .false.
    contains
       procedure :: begin, choose, look_ahead
@@ -63,7 +60,7 @@ contains
       type(row_type), allocatable :: rows(:)
       character(len=:), allocatable :: warning, others
 
-      allocate (self%chosen(0), self%wanted(0), self%outcomes(0))
+      allocate (self%chosen(0))
       self%stopped = ''
       associate (problem => self%problem, design => self%problem%settings%design)
          call check_build(problem, error, self%output)
@@ -167,7 +164,8 @@ contains
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
-      if (size(build%wanted) == 0 .or. count(build%unused%open) == count(build%unused%open(build%chosen))) then
+      if (all(build%rows%outcome%status /= outcome_waiting) .or. &
+         & count(build%unused%open) == count(build%unused%open(build%chosen))) then
          call build%unused%choose(build%chosen)
          return
       end if
@@ -181,7 +179,6 @@ contains
       class(build_type), intent(inout) :: build
 
       build%chosen = [integer ::]
-      build%wanted = [integer ::]
       call revert(build%learning%learner, build%before)
       deallocate (build%before)
    end subroutine take_back
@@ -190,30 +187,38 @@ contains
    subroutine choose(self, error)
       class(build_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
 
-      do i = 1, size(self%rows)
-         self%outcomes(self%wanted(i)) = self%rows(i)%outcome
-      end do
-      self%n_failed = self%n_failed + count(self%rows%outcome%status == outcome_failed)
-      deallocate (self%rows)
-      allocate (self%rows(0))
-      self%batch = [job_type ::]
       do
          if (size(self%chosen) > 0) call close_choice(self, error)
          if (allocated(error)) return
          if (self%phase == teaching) call choose_lesson(self, error)
          if (self%phase == validating .and. .not. allocated(error)) call choose_unseen(self, error)
-         if (allocated(error) .or. self%phase == finished) return
-         if (size(self%chosen) > 0) call find_in_campaign(self, error)
-         if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
          if (allocated(error)) return
-         if (size(self%wanted) > 0) exit
+         call set_batch(self)
+         if (self%phase == finished) return
+         ! What is missing of a batch that was interrupted takes the places that it left.
+         call self%look_up(any(self%unused%open) .or. allocated(self%focus), error)
+         if (.not. allocated(error) .and. any(self%unused%open)) call settle(self, error)
+         if (allocated(error) .or. (size(self%chosen) > 0 .and. any(self%rows%outcome%status == outcome_waiting))) return
       end do
-      associate (class => self%learning%learner%basis%domain%class)
-         self%batch = [(job_type(class%stiffness(self%rows(i)%constants), self%rows(i)%euler_deg), i=1, size(self%rows))]
-      end associate
    end subroutine choose
+
+   !> The batch and its rows are the candidates that are chosen.
+   subroutine set_batch(build)
+      class(build_type), intent(inout) :: build
+      integer :: i
+
+      deallocate (build%rows)
+      allocate (build%rows(size(build%chosen)))
+      associate (class => build%learning%learner%basis%domain%class, candidates => build%candidates)
+         build%rows%symmetry = class%name
+         do i = 1, size(build%rows)
+            build%rows(i)%constants = candidates%constants(:, build%chosen(i))
+            build%rows(i)%euler_deg = candidates%euler_deg(:, build%chosen(i))
+         end do
+         build%batch = [(job_type(class%stiffness(build%rows(i)%constants), build%rows(i)%euler_deg), i=1, size(build%rows))]
+      end associate
+   end subroutine set_batch
 
    !> The next batch to learn from, or the end of the learning.
    subroutine choose_lesson(build, error)
@@ -376,38 +381,6 @@ contains
       self%chosen = [integer ::]
    end subroutine look_ahead
 
-   !> What of the batch the campaign has; the rest is wanted, and has rows to come.
-   subroutine find_in_campaign(build, error)
-      class(build_type), intent(inout) :: build
-      type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: stored
-      type(row_type), allocatable :: rows(:)
-      logical :: found(size(build%chosen))
-      integer :: first(size(build%chosen)), next, i
-
-      deallocate (build%outcomes)
-      allocate (build%outcomes(size(found)), rows(size(found)))
-      rows%symmetry = build%learning%learner%basis%domain%class%name
-      do i = 1, size(found)
-         associate (row => rows(i))
-            row%constants = build%candidates%constants(:, build%chosen(i))
-            row%euler_deg = build%candidates%euler_deg(:, build%chosen(i))
-            call build%campaign%find(row%symmetry, row%constants, row%euler_deg, stored, found(i), error)
-         end associate
-         if (allocated(error)) return
-         if (found(i)) build%outcomes(i) = stored%outcome
-         first(i) = stored%position - i + 1
-      end do
-      build%wanted = pack([(i, i=1, size(found))], build%outcomes%status == outcome_waiting)
-      build%rows = rows(build%wanted)
-      call build%campaign%next_position(next, error)
-      build%rows%position = next - 1 + [(i, i=1, size(build%wanted))]
-      ! What is missing of a batch that was interrupted takes the places that it left.
-      if ((any(build%unused%open) .or. allocated(build%focus)) .and. any(found)) then
-         if (minval(first, found) == maxval(first, found)) build%rows%position = minval(first, found) - 1 + build%wanted
-      end if
-   end subroutine find_in_campaign
-
    !> Learn from the batch, or keep it to validate with.
    subroutine close_choice(build, error)
       class(build_type), intent(inout) :: build
@@ -417,8 +390,8 @@ contains
       logical :: exactly
       integer :: complete, n
 
-      numbers = pack(build%chosen, build%outcomes%status == outcome_done)
-      modulus = pack(build%outcomes%modulus, build%outcomes%status == outcome_done)
+      numbers = pack(build%chosen, build%rows%outcome%status == outcome_done)
+      modulus = pack(build%rows%outcome%modulus, build%rows%outcome%status == outcome_done)
       associate (learning => build%learning, constants => build%candidates%constants(:, numbers), &
          & euler_deg => build%candidates%euler_deg(:, numbers), all_done => size(numbers) == size(build%chosen))
          if (build%phase == validating) then
@@ -446,7 +419,6 @@ contains
          end if
       end associate
       build%chosen = [integer ::]
-      build%wanted = [integer ::]
    end subroutine close_choice
 
    !> How many simulations failed, and why the last did.

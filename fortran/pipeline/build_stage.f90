@@ -5,16 +5,17 @@ module build_stage
    use build_loop, only: build_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, warn
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
+   use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: degree, wp
    use posterior_focus, only: accurate_share, accurate_z
+   use problem_posterior, only: stiffnesses
    use settings_reader, only: settings_namelist
    use settings_schema, only: surrogate_settings_type
    use simulate, only: identity_text, simulation_error, specimen_contact_radius
    use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
       & surrogate_of
-   use surrogate_model, only: predict, save_surrogate, surrogate_type
+   use surrogate_model, only: predict, predict_crystals, save_surrogate, surrogate_type
    use text, only: fixed, to_text
    use build_checks, only: read_scan
    implicit none
@@ -47,10 +48,8 @@ contains
          file = self%output//'/'//settings%surrogate%file
          call save_surrogate(surrogate, file, error)
          if (allocated(error)) return
-         allocate (stiffness(6, 6, learning%n()), largest(learning%n()))
-         do i = 1, learning%n()
-            stiffness(:, :, i) = surrogate%basis%domain%class%stiffness(known%constants(:, i))
-         end do
+         stiffness = stiffnesses(surrogate%basis%domain%class, known%constants)
+         allocate (largest(learning%n()))
          call simulation_error(settings, stiffness, largest, words)
          if (len(words) > 0) call warn(self%warnings, self%problem%path//': &simulation: '//words)
          i = learning%n() + self%n_failed
@@ -79,7 +78,8 @@ contains
          call page%end_array()
          call put_scan(page, settings%surrogate, learning, error)
          if (allocated(error)) return
-         if (allocated(self%unseen_modulus)) call put_validation(page, self, surrogate)
+         if (allocated(self%unseen_modulus)) call put_validation(page, self, surrogate, error)
+         if (allocated(error)) return
          call page%put('file', file)
          call page%put('warnings', self%warnings)
          call page%end_object()
@@ -128,15 +128,10 @@ contains
       !> GPa (6, 6, n), degrees (3, n), GPa (n).
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), modulus(:)
       type(error_type), allocatable, intent(out) :: error
-      type(halfspace_type) :: theory
-      real(wp) :: moduli(size(modulus)), ratio
-      integer :: i
+      real(wp) :: moduli(size(modulus)), circular(size(modulus)), ratio
 
-      do i = 1, size(modulus)
-         call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), theory, error)
-         if (allocated(error)) return
-         moduli(i) = theory%modulus
-      end do
+      call halfspace_moduli(stiffness, euler_deg, 1, moduli, circular, error)
+      if (allocated(error)) return
       ratio = exp(sum(log(modulus/moduli))/size(modulus))
       call page%put_numbers('theory_gpa, ratio, theory_times_ratio_gpa', [sum(abs(moduli - modulus))/size(modulus), ratio, &
          & sum(abs(ratio*moduli - modulus))/size(modulus)], 'baselines')
@@ -275,18 +270,17 @@ contains
    end subroutine put_scan
 
    !> The surrogate on simulations that it has not seen.
-   subroutine put_validation(page, build, surrogate)
+   subroutine put_validation(page, build, surrogate, error)
       type(json_type), intent(inout) :: page
       class(build_type), intent(in) :: build
       type(surrogate_type), intent(in) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, miss
-      integer :: i, n
+      integer :: n
 
       n = size(mean)
-      do i = 1, n
-         call predict(surrogate, surrogate%basis%domain%class%stiffness(build%unseen_constants(:, i)), &
-            & degree*build%unseen_euler_deg(:, i), mean(i), sd(i))
-      end do
+      call predict_crystals(surrogate, stiffnesses(surrogate%basis%domain%class, build%unseen_constants), &
+         & degree*build%unseen_euler_deg, 1, mean, sd, error)
       miss = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
       call page%put('points', n)

@@ -7,7 +7,7 @@ module curves_document
    use files, only: new_file_type
    use json, only: json_type
    use kinds, only: wp
-   use shared_posterior, only: material_type, shared_type
+   use shared_posterior, only: curves_posterior_type, material_type
    use small_matrices, only: factor_semidefinite
    use statistics, only: chi_square_above, median
    use tables, only: csv_cell
@@ -25,133 +25,127 @@ module curves_document
 contains
 
    !> measurements.csv, shared_errors.csv and fits.csv.
-   subroutine write_curve_files(set, tests, materials, shared, output, error)
+   subroutine write_curve_files(set, found, output, error)
       type(curve_set_type), intent(in) :: set
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
+      type(curves_posterior_type), intent(in) :: found
       !> Folder.
       character(len=*), intent(in) :: output
       type(error_type), allocatable, intent(out) :: error
       type(new_file_type) :: measurements, errors, fits
       real(wp), allocatable :: loadings(:, :)
       integer, allocatable :: grains(:), columns(:)
-      character(len=:), allocatable :: line, names(:)
-      integer :: i, j, k
+      character(len=:), allocatable :: names(:)
+      integer :: i, j
 
-      grains = grains_of(tests, materials)
+      grains = found%grains()
+      loadings = loadings_of(found%materials(grains), found%covariance)
       allocate (names, source=split_list(carried))
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
-      loadings = loadings_of(materials(grains), shared)
       call measurements%begin(output//'/measurements.csv')
       call errors%begin(output//'/shared_errors.csv')
-      line = 'grain'
-      do j = 1, size(columns)
-         line = line//','//csv_cell(set%tests%name(columns(j)))
-      end do
-      call measurements%add(line//',effective_modulus_gpa,sd_gpa'//newline)
-      line = 'grain'
-      do j = 1, size(loadings, 2)
-         line = line//',shared_'//to_text(j)
-      end do
-      call errors%add(line//newline)
-      do i = 1, size(grains)
-         k = grains(i)
-         line = csv_cell(materials(k)%name)
-         do j = 1, size(columns)
-            line = line//','//csv_cell(set%tests%cell(columns(j), findloc(tests%material, k, 1)))
-         end do
-         call measurements%add(line//','//short_text(exp(materials(k)%ln_modulus))//',' &
-            & //short_text(exp(materials(k)%ln_modulus)*materials(k)%own_sd)//newline)
-         line = csv_cell(materials(k)%name)
-         do j = 1, size(loadings, 2)
-            line = line//','//short_text(loadings(i, j))
-         end do
-         call errors%add(line//newline)
-      end do
-      call measurements%finish(error)
-      if (.not. allocated(error)) call errors%finish(error)
-      if (allocated(error)) return
       call fits%begin(output//'/fits.csv')
+      call measurements%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
+      call errors%add('grain')
+      do j = 1, size(loadings, 2)
+         call errors%add(',shared_'//to_text(j))
+      end do
+      call errors%add(newline)
+      do i = 1, size(grains)
+         associate (m => found%materials(grains(i)))
+            call measurements%add(csv_cell(m%name)//cells_of(findloc(found%tests%material, grains(i), 1)) &
+               & //numbers(exp(m%ln_modulus)*[1.0_wp, m%own_sd]))
+            call errors%add(csv_cell(m%name)//numbers(loadings(i, :)))
+         end associate
+      end do
       call fits%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
-      do i = 1, size(tests)
-         if (.not. allocated(tests(i)%fit)) cycle
-         associate (t => tests(i))
+      do i = 1, size(found%tests)
+         if (.not. allocated(found%tests(i)%fit)) cycle
+         associate (t => found%tests(i), c => found%tests(i)%curve)
             do j = 1, size(t%fit)
-               call fits%add(csv_cell(set%curves(i)%name)//','//short_text(t%curve%time(j))//','//short_text(t%curve%depth(j)) &
-                  & //','//short_text(t%curve%load(j))//','//short_text(t%fit(j))//','//short_text(t%elastic(j))//newline)
+               call fits%add(csv_cell(set%curves(i)%name)//numbers([c%time(j), c%depth(j), c%load(j), t%fit(j), t%elastic(j)]))
             end do
          end associate
       end do
-      call fits%finish(error)
+      call measurements%finish(error)
+      if (.not. allocated(error)) call errors%finish(error)
+      if (.not. allocated(error)) call fits%finish(error)
+
+   contains
+
+      !> What the table of tests has in a row of these columns.
+      function cells_of(row) result(line)
+         integer, intent(in) :: row
+         character(len=:), allocatable :: line
+         integer :: k
+
+         line = ''
+         do k = 1, size(columns)
+            line = line//','//csv_cell(set%tests%cell(columns(k), row))
+         end do
+      end function cells_of
    end subroutine write_curve_files
 
-   !> The grains that a test was used of.
-   function grains_of(tests, materials) result(grains)
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      integer, allocatable :: grains(:)
-      integer :: k
+   !> Cells that follow others, and the end of their line.
+   pure function numbers(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: j
 
-      grains = pack([(k, k=1, size(materials))], .not. materials%reference .and. [(any(tests%material == k .and. tests%used), k=1, &
-         & size(materials))])
-   end function grains_of
+      line = ''
+      do j = 1, size(values)
+         line = line//','//short_text(values(j))
+      end do
+      line = line//newline
+   end function numbers
 
    !> J L: relative errors of sd 1 times these, independent of each other, (grain, error).
-   function loadings_of(grains, shared) result(loadings)
+   function loadings_of(grains, covariance) result(loadings)
       type(material_type), intent(in) :: grains(:)
-      type(shared_type), intent(in) :: shared
+      !> Of what they share.
+      real(wp), intent(in) :: covariance(:, :)
       real(wp), allocatable :: loadings(:, :)
-      real(wp) :: factor(size(shared%mean), size(shared%mean))
-      integer, allocatable :: kept(:)
-      integer :: i, j
+      real(wp) :: factor(size(covariance, 1), size(covariance, 2))
+      integer :: i, j, n
 
-      factor = shared%covariance
+      n = size(factor, 2)
+      factor = covariance
       call factor_semidefinite(factor)
-      do j = 2, size(factor, 2)
-         factor(:j - 1, j) = 0.0_wp
+      allocate (loadings(size(grains), n))
+      do j = 1, n
+         loadings(:, j) = [(sum(grains(i)%by_shared(j:)*factor(j:, j)), i=1, size(grains))]
       end do
-      allocate (loadings(size(grains), size(factor, 2)))
-      do i = 1, size(grains)
-         loadings(i, :) = matmul(grains(i)%by_shared, factor)
-      end do
-      kept = pack([(j, j=1, size(factor, 2))], [(maxval(abs(loadings(:, j))) > negligible, j=1, size(factor, 2))])
-      loadings = loadings(:, kept)
+      loadings = loadings(:, pack([(j, j=1, n)], maxval(abs(loadings), 1) > negligible))
    end function loadings_of
 
    !> The document: JSON.
-   function write_document(set, tests, materials, shared, sessions, warnings) result(document)
+   function write_document(set, found, warnings) result(document)
       type(curve_set_type), intent(in) :: set
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
-      !> Their names.
-      type(warning_type), intent(in) :: sessions(:), warnings(:)
+      type(curves_posterior_type), intent(in) :: found
+      type(warning_type), intent(in) :: warnings(:)
       character(len=:), allocatable :: document
       type(json_type) :: page
       integer :: i
 
       call page%begin_object()
       call page%begin_object('tip')
-      call put_unknown('radius_um', 1, exp(shared%mean(1)), exp(shared%mean(1)))
-      call put_unknown('beta', 2, shared%mean(2), 1.0_wp)
+      call put_unknown('radius_um', 1, exp(found%mean(1)), exp(found%mean(1)))
+      call put_unknown('beta', 2, found%mean(2), 1.0_wp)
       call page%end_object()
       call page%begin_object('frame')
-      call put_unknown('compliance_nm_mn', 3, shared%mean(3), 1.0_wp)
+      call put_unknown('compliance_nm_mn', 3, found%mean(3), 1.0_wp)
       call page%end_object()
       call page%begin_array('sessions')
-      do i = 1, size(sessions)
+      do i = 1, size(found%sessions)
          call page%begin_object()
-         call page%put('session', sessions(i)%text)
-         call put_unknown('factor', n_shared + i, 1.0_wp + shared%mean(n_shared + i), 1.0_wp)
+         call page%put('session', found%sessions(i)%text)
+         call put_unknown('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
          call page%end_object()
       end do
       call page%end_array()
-      call page%put_numbers('references, grains', shared%repeat_sd, 'repeat_sd')
-      call put_repeats(page, tests, materials, shared)
-      call put_tests(page, set, tests)
-      call put_grains(page, tests, materials, shared)
+      call page%put_numbers('references, grains', found%repeat_sd, 'repeat_sd')
+      call put_tests(page, set, found%tests)
+      call put_grains(page, found)
       call page%put('warnings', warnings)
       call page%end_object()
       document = page%text()
@@ -167,40 +161,13 @@ contains
          real(wp), parameter :: unmoved = 0.9_wp
          real(wp) :: sd
 
-         sd = sqrt(shared%covariance(i, i))
+         sd = sqrt(found%covariance(i, i))
          call page%begin_object(name)
-         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, shared%prior_sd(i)*unit])
-         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*shared%prior_sd(i))))
+         call page%put_numbers('mean, sd, prior_sd', [mean, sd*unit, found%prior_sd(i)*unit])
+         call page%put('decided_by', trim(merge('prior', 'tests', sd > unmoved*found%prior_sd(i))))
          call page%end_object()
       end subroutine put_unknown
    end function write_document
-
-   !> How tests of one grain agree: their chi-square about its mean.
-   subroutine put_repeats(page, tests, materials, shared)
-      type(json_type), intent(inout) :: page
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
-      real(wp) :: chi_square, weight(size(tests)), mean
-      logical :: own(size(tests))
-      integer :: k, freedom
-
-      chi_square = 0.0_wp
-      freedom = 0
-      weight = 1.0_wp/(tests%variance + shared%repeat_sd(2)**2)
-      do k = 1, size(materials)
-         own = tests%material == k .and. tests%used
-         if (materials(k)%reference .or. count(own) < 2) cycle
-         mean = sum(weight*tests%ln_modulus, own)/sum(weight, own)
-         chi_square = chi_square + sum(weight*(tests%ln_modulus - mean)**2, own)
-         freedom = freedom + count(own) - 1
-      end do
-      call page%begin_object('agreement')
-      call page%put('chi_square', chi_square)
-      call page%put('degrees_of_freedom', freedom)
-      if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
-      call page%end_object()
-   end subroutine put_repeats
 
    subroutine put_tests(page, set, tests)
       type(json_type), intent(inout) :: page
@@ -230,44 +197,54 @@ contains
       call page%end_array()
    end subroutine put_tests
 
-   !> Moduli of the grains, how they depend on what they share, and where their errors come from.
-   subroutine put_grains(page, tests, materials, shared)
+   !> Moduli of the grains, how they depend on what they share, where their errors come from, and how the tests of one grain agree: their
+   !> chi-square about its mean.
+   subroutine put_grains(page, found)
       type(json_type), intent(inout) :: page
-      type(test_type), intent(in) :: tests(:)
-      type(material_type), intent(in) :: materials(:)
-      type(shared_type), intent(in) :: shared
+      type(curves_posterior_type), intent(in) :: found
       character(len=*), parameter :: names = 'radius, beta, compliance, session, drift, repeat_and_window'
-      real(wp), allocatable :: budget(:, :), slopes(:, :), drift(:)
+      integer, parameter :: n_sources = n_shared + 3
+      real(wp), allocatable :: budget(:, :), slopes(:, :), values(:), weight(:)
       integer, allocatable :: grains(:)
-      real(wp) :: sd(size(shared%mean))
-      integer :: i, j
+      real(wp) :: sd(size(found%mean)), chi_square
+      integer :: i, j, freedom
 
-      grains = grains_of(tests, materials)
-      allocate (budget(6, size(grains)), slopes(size(grains), size(sd)))
-      sd = [(sqrt(shared%covariance(j, j)), j=1, size(sd))]
+      grains = found%grains()
+      allocate (budget(n_sources, size(grains)), slopes(size(grains), size(sd)))
+      sd = [(sqrt(found%covariance(j, j)), j=1, size(sd))]
+      chi_square = 0.0_wp
+      freedom = -size(grains)
       call page%begin_array('grains')
       do i = 1, size(grains)
-         associate (m => materials(grains(i)), own => tests%material == grains(i) .and. tests%used)
+         associate (m => found%materials(grains(i)), tests => found%tests, own => found%tests%material == grains(i) .and. &
+            & found%tests%used)
             slopes(i, :) = m%by_shared
-            drift = pack(tests%variance*tests%drift_share, own)
             budget(:n_shared, i) = abs(m%by_shared(:n_shared))*sd(:n_shared)
-            budget(4, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
-            budget(5, i) = sqrt(sum(drift))/size(drift)
-            budget(6, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(5, i)**2))
+            budget(n_shared + 1, i) = norm2(m%by_shared(n_shared + 1:)*sd(n_shared + 1:))
+            budget(n_shared + 2, i) = sqrt(sum(tests%variance*tests%drift_share, own))/count(own)
+            budget(n_sources, i) = sqrt(max(0.0_wp, m%own_sd**2 - budget(n_shared + 2, i)**2))
+            values = pack(tests%ln_modulus, own)
+            weight = 1.0_wp/(pack(tests%variance, own) + found%repeat_sd(2)**2)
+            chi_square = chi_square + sum(weight*(values - sum(weight*values)/sum(weight))**2)
+            freedom = freedom + size(values)
             call page%begin_object()
             call page%put('grain', m%name)
-            call page%put('tests', count(own))
+            call page%put('tests', size(values))
             call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', exp(m%ln_modulus)*[1.0_wp, m%sd, m%own_sd])
             call page%put_numbers(names, budget(:, i), 'error_budget')
             call page%end_object()
          end associate
       end do
       call page%end_array()
-      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, size(budget, 1))], &
-         & 'error_budget')
+      call page%begin_object('agreement')
+      call page%put('chi_square', chi_square)
+      call page%put('degrees_of_freedom', freedom)
+      if (freedom > 0) call page%put('probability', chi_square_above(chi_square, freedom))
+      call page%end_object()
+      if (size(grains) > 0) call page%put_numbers(names, [(median(size(grains), budget(j, :)), j=1, n_sources)], 'error_budget')
       call page%begin_object('shared')
       call page%put('loadings', slopes)
-      call page%put('covariance', shared%covariance)
+      call page%put('covariance', found%covariance)
       call page%end_object()
    end subroutine put_grains
 end module curves_document

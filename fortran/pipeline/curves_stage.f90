@@ -3,13 +3,13 @@ module curves_stage
    use abstract_stage, only: stage_type
    use curve_materials, only: find_materials
    use curves_document, only: write_curve_files, write_document
-   use elastic_window, only: begin_test, n_shared, nuisances_type, score_test, test_type
-   use errors, only: error_type, refuse, warn, warning_type
+   use elastic_window, only: begin_test, leave_out, n_shared, nuisances_type, score_test, test_type
+   use errors, only: error_type, refuse, warn
    use files, only: printable
    use kinds, only: wp
    use loading_segment, only: take_loading
    use namelist_file, only: place
-   use shared_posterior, only: infer_shared, material_type, shared_type
+   use shared_posterior, only: curves_posterior_type, material_type
    use statistics, only: median
    use text, only: to_text
    implicit none
@@ -17,13 +17,9 @@ module curves_stage
    public :: curves_stage_type
 
    type, extends(stage_type) :: curves_stage_type
-      type(test_type), allocatable :: tests(:)
-      type(material_type), allocatable :: materials(:)
-      type(shared_type) :: shared
-      type(warning_type), allocatable :: sessions(:)
+      type(curves_posterior_type) :: found
    contains
-      procedure :: begin
-      procedure :: finish
+      procedure :: begin, finish
    end type curves_stage_type
 
    !> GPa: a first estimate beyond these means wrong units.
@@ -35,34 +31,34 @@ contains
    subroutine begin(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: sd
+      real(wp) :: sd, modulus
       integer :: i
 
-      allocate (self%tests(size(self%problem%curves%curves)))
-      call find_materials(self%problem, self%tests, self%materials, self%sessions, error)
+      allocate (self%found%tests(size(self%problem%curves%curves)))
+      call find_materials(self%problem, self%found, error)
       if (allocated(error)) return
-      associate (set => self%problem%curves, asked => self%problem%settings%curves)
-         do i = 1, size(self%tests)
-            associate (c => set%curves(i), test => self%tests(i))
-               call take_loading(c%time, c%depth - merge(0.0_wp, c%drift, asked%drift_removed)*(c%time - c%time(1)), c%load, &
-                  & c%stiffness, test%curve)
-               test%used = len(test%curve%refusal) == 0
+      associate (asked => self%problem%settings%curves)
+         do i = 1, size(self%found%tests)
+            associate (c => self%problem%curves%curves(i), test => self%found%tests(i))
+               call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
+               test%used = len(test%reason) == 0
                if (test%used) call begin_test(test, asked%radius_um)
                if (.not. test%used) cycle
-               if (exp(test%ln_modulus) > moduli_allowed(1) .and. exp(test%ln_modulus) < moduli_allowed(2)) cycle
-               call refuse(error, place(self%problem%path, 'curves', 'file')//printable(asked%file)//': test '//printable(c%name) &
-                  & //', line '//to_text(c%line)//': the curve means a modulus of '//to_text(exp(test%ln_modulus), &
-                  & 2)//' GPa at a ' &
-                  & //'radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths in nm ' &
-                  & //'are needed')
+               modulus = exp(test%ln_modulus)
+               if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
+               call refuse(error, place(self%problem%path, 'curves', 'file')//printable(asked%file)//': test ' &
+                  & //printable(c%name)//', line '//to_text(c%line)//': the curve means a modulus of '//to_text(modulus, 2) &
+                  & //' GPa at a radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths ' &
+                  & //'in nm are needed')
                return
             end associate
          end do
          sd = 0.3_wp
          if (allocated(asked%radius_sd_um)) sd = asked%radius_sd_um/asked%radius_um
-         self%shared%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%sessions))]
-         self%shared%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, size(self%sessions))]
+         self%found%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, spread(0.0_wp, 1, size(self%found%sessions))]
+         self%found%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, spread(asked%session_sd, 1, &
+            & size(self%found%sessions))]
       end associate
    end subroutine begin
 
@@ -73,19 +69,20 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
-      call iterate(self, error)
-      if (allocated(error)) return
-      do i = 1, size(self%tests)
-         if (.not. self%tests(i)%used) call warn(self%warnings, 'test '//self%problem%curves%curves(i)%name//' is left out: ' &
-            & //self%tests(i)%reason)
-      end do
-      call question_shared(self, error)
-      if (.not. allocated(error)) call write_curve_files(self%problem%curves, self%tests, self%materials, &
-         & self%shared, self%output, error)
-      if (allocated(error)) return
-      document = write_document(self%problem%curves, self%tests, self%materials, self%shared, self%sessions, &
-         & self%warnings)
-      self%done = to_text(count(self%tests%used))//' of '//to_text(size(self%tests))//' tests: '//self%output//'/measurements.csv'
+      associate (set => self%problem%curves)
+         call iterate(self, error)
+         if (allocated(error)) return
+         do i = 1, size(self%found%tests)
+            if (.not. self%found%tests(i)%used) call warn(self%warnings, 'test '//set%curves(i)%name//' is left out: ' &
+               & //self%found%tests(i)%reason)
+         end do
+         call check_references(self, error)
+         if (.not. allocated(error)) call write_curve_files(set, self%found, self%output, error)
+         if (allocated(error)) return
+         document = write_document(set, self%found, self%warnings)
+      end associate
+      self%done = to_text(count(self%found%tests%used))//' of '//to_text(size(self%found%tests))//' tests: '//self%output &
+         & //'/measurements.csv'
    end subroutine finish
 
    !> Tests given what they share, and this given the tests, until the shared unknowns stay.
@@ -94,13 +91,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most = 8, fewest = 3
       real(wp), parameter :: settled = 0.05_wp
-      !> A test this far (ln) from the median of its material says nothing on it.
-      real(wp), parameter :: far = 0.5_wp
       type(nuisances_type) :: nuisances
-      real(wp) :: before(n_shared), middle
-      integer :: i, k, step
+      real(wp) :: before(n_shared)
+      integer :: i, step
 
-      associate (asked => self%problem%settings%curves, s => self%shared, tests => self%tests)
+      associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
          nuisances%drift = asked%drift_sd_nm_s
          nuisances%load = asked%load_sd_mn
          s%mean = s%prior_mean
@@ -109,33 +104,14 @@ contains
             do i = 1, size(tests)
                if (tests(i)%used) call score_test(tests(i), s%mean(:n_shared), s%prior_sd(:n_shared), nuisances)
             end do
-            if (step > 1) then
-               do k = 1, size(self%materials)
-                  associate (chosen => tests%material == k .and. tests%used)
-                     if (count(chosen) < 3) cycle
-                     middle = median(count(chosen), pack(tests%ln_modulus + tests%shift, chosen))
-                     do i = 1, size(tests)
-                        if (chosen(i) .and. abs(tests(i)%ln_modulus + tests(i)%shift - middle) > far) call leave_out(tests(i), &
-                           & 'its modulus of '//to_text(exp(tests(i)%ln_modulus + tests(i)%shift), 3)//' GPa is far from the ' &
-                           & //to_text(exp(middle), 3)//' GPa of the other tests of '//self%materials(k)%name)
-                     end do
-                  end associate
-               end do
-            end if
+            call compare_tests(tests, self%found%materials, step > 1)
             if (.not. any(tests%used)) then
                call refuse(error, place(self%problem%path, 'curves', 'file')//'no test has an elastic part; test ' &
                   & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
                return
             end if
-            do k = 1, size(self%materials)
-               associate (chosen => tests%material == k .and. tests%used)
-                  if (.not. self%materials(k)%reference &
-                     & .and. any(chosen)) self%materials(k)%prior_mean = sum(pack(tests%ln_modulus, &
-                     & chosen))/count(chosen)
-               end associate
-            end do
             before = s%mean(:n_shared)
-            call infer_shared(tests, self%materials, s, error)
+            call s%infer_shared(error)
             if (allocated(error)) return
             if (step >= fewest .and. all(abs(s%mean(:n_shared) - before) < [(settled*sqrt(s%covariance(i, i)), i=1, &
                & n_shared)])) exit
@@ -143,16 +119,34 @@ contains
       end associate
    end subroutine iterate
 
-   subroutine leave_out(test, reason)
-      type(test_type), intent(inout) :: test
-      character(len=*), intent(in) :: reason
+   !> The tests of each material with each other: their middle is the centre of a grain's prior, and a test far from it may be left out.
+   subroutine compare_tests(tests, materials, may_leave_out)
+      type(test_type), intent(inout) :: tests(:)
+      type(material_type), intent(inout) :: materials(:)
+      logical, intent(in) :: may_leave_out
+      !> A test this far (ln) from the median of its material says nothing on it.
+      real(wp), parameter :: far = 0.5_wp
+      integer, allocatable :: own(:)
+      real(wp), allocatable :: found(:)
+      real(wp) :: middle
+      integer :: i, k
 
-      test%used = .false.
-      test%reason = reason
-   end subroutine leave_out
+      do k = 1, size(materials)
+         own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
+         if (size(own) == 0) cycle
+         found = tests(own)%ln_modulus + tests(own)%shift
+         middle = median(size(own), found)
+         if (.not. materials(k)%reference) materials(k)%prior_mean = middle
+         if (size(own) < 3 .or. .not. may_leave_out) cycle
+         do i = 1, size(own)
+            if (abs(found(i) - middle) > far) call leave_out(tests(own(i)), 'its modulus of '//to_text(exp(found(i)), 3) &
+               & //' GPa is far from the '//to_text(exp(middle), 3)//' GPa of the other tests of '//materials(k)%name)
+         end do
+      end do
+   end subroutine compare_tests
 
    !> References of another tip, and moduli without a reference.
-   subroutine question_shared(self, error)
+   subroutine check_references(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       !> Sds of the radius, and a relative misfit of a reference, that are none of one tip.
@@ -162,25 +156,24 @@ contains
       integer :: k
 
       known = .false.
-      associate (s => self%shared, tests => self%tests)
-         off = (s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
-         do k = 1, size(self%materials)
-            associate (m => self%materials(k), own => tests%material == k .and. tests%used)
-               if (.not. (m%reference .and. any(own)) .or. allocated(error)) cycle
+      associate (s => self%found, tests => self%found%tests)
+         off = abs(s%mean(1) - s%prior_mean(1))/s%prior_sd(1)
+         do k = 1, size(self%found%materials)
+            associate (m => self%found%materials(k), own => tests%material == k .and. tests%used)
+               if (.not. (m%reference .and. any(own))) cycle
                known = .true.
-               found = sum(pack(tests%ln_modulus, own))/count(own)
-               if (abs(off) > most_sds .or. abs(found - m%prior_mean) > most_misfit) call refuse(error, place(self%problem%path, &
-                  & 'curves', 'radius_um')//'the curves of the reference '//m%name//' are those of another tip or material: at a ' &
-                  & //'radius of '//to_text(exp(s%mean(1)), 3)//' um, '//to_text(abs(off), &
-                  & 2)//' sds from the stated one, they mean ' &
-                  & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), &
-                  & 3)//' GPa. Check radius_um, radius_sd_um ' &
-                  & //'and &references')
+               found = sum(tests%ln_modulus, own)/count(own)
+               if (off <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
+               call refuse(error, place(self%problem%path, 'curves', 'radius_um')//'the curves of the reference '//m%name &
+                  & //' are those of another tip or material: at a radius of '//to_text(exp(s%mean(1)), 3)//' um, ' &
+                  & //to_text(off, 2)//' sds from the stated one, they mean '//to_text(exp(found), 3)//' GPa for its ' &
+                  & //to_text(exp(m%prior_mean), 3)//' GPa. Check radius_um, radius_sd_um and &references')
+               return
             end associate
          end do
          if (.not. known) call warn(self%warnings, 'no test is of a reference: only ratios of the moduli are known. All moduli ' &
             & //'share the relative sd of 1/sqrt(radius), '//to_text(50.0_wp*sqrt(s%covariance(1, 1)), 2)//' %, of radius_um and ' &
             & //'radius_sd_um; indent a material of known modulus with the same tip')
       end associate
-   end subroutine question_shared
+   end subroutine check_references
 end module curves_stage

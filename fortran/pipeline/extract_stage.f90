@@ -2,7 +2,7 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use constants_posterior, only: posterior_type
-   use errors, only: error_type, warning_type
+   use errors, only: error_type
    use extraction, only: extract, extraction_type
    use extraction_document, only: describe_prior, save_posterior, write_extraction
    use files, only: new_file_type
@@ -21,8 +21,6 @@ module extract_stage
    type, extends(stage_type) :: extract_stage_type
       type(surrogate_type) :: surrogate
       type(posterior_type) :: posterior
-      !> The prior that was in effect, in a few lines.
-      type(warning_type), allocatable :: prior(:)
    contains
       procedure :: begin, finish
    end type extract_stage_type
@@ -62,7 +60,7 @@ contains
       if (.not. allocated(error)) call write_draws(found, self%output//'/posterior.csv', error)
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
-      call describe_prior(found, self%prior)
+      call describe_prior(found, self%more)
       self%done = to_text(size(found%chains%draws, 3))//' chains of '//to_text(size(found%chains%draws, 2))//' samples: ' &
          & //self%output//'/posterior.csv'
    end subroutine finish

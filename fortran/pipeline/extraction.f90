@@ -5,16 +5,16 @@ module extraction
    use crystal_elasticity, only: hill_young_poisson, polycrystal_averages
    use errors, only: error_type
    use further_knowledge, only: conflict_type, expect_gains, find_conflict, gain_type, without_knowledge
-   use halfspace_theory, only: halfspace_modulus, halfspace_type
-   use kinds, only: degree, i8, wp
+   use halfspace_theory, only: halfspace_moduli
+   use kinds, only: i8, wp
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
    use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: combination_type, compare_quantities, correlate, find_combinations, known_quantity_type, &
       & most_probable_point, parameter_type, predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
-   use problem_posterior, only: allowed_error, choose_field_degree, find_field_error, free_run, new_problem_posterior, &
-      & omit_weak_waves, pilot_run, prior_run, sample_aside, sample_posterior, theory_run
+   use problem_posterior, only: allowed_error, choose_field_degree, draw_aside, find_field_error, free_run, &
+      & new_problem_posterior, omit_weak_waves, pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
@@ -27,9 +27,6 @@ module extraction
 
    !> R-hat above which chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
-
-   !> Of harmonics, where the last digits of the theory do not matter.
-   integer, parameter :: rough_degree = 12
 
    type :: extraction_type
       type(posterior_type) :: posterior
@@ -122,7 +119,6 @@ contains
 
       if (size(self%posterior%prior%knowledge%mean) > 0) then
          call without_knowledge(self%posterior, free, error)
-         if (.not. allocated(error) .and. free%grains%has_theory) call free%set_field_degree(rough_degree, error)
          if (.not. allocated(error)) call sample_aside(problem, free, free_run, chains, error)
       end if
       if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, chains, self%conflict, error)
@@ -131,13 +127,22 @@ contains
    subroutine describe_surrogate(surrogate, self)
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(inout) :: self
+      real(wp), allocatable :: theory(:), circular(:)
+      type(error_type), allocatable :: error
       real(wp) :: modulus, sd
       integer :: k, i
 
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
       self%surrogate_contact_radius = surrogate%contact_radius
-      if (surrogate%contact_radius > 0.0_wp) self%surrogate_correction = mean_correction(surrogate)
+      if (surrogate%contact_radius > 0.0_wp) then
+         associate (known => surrogate%simulations)
+            allocate (theory(self%simulations), circular(self%simulations))
+            call halfspace_moduli(stiffnesses(surrogate%basis%domain%class, known%constants), known%euler_deg, 1, theory, &
+               & circular, error)
+            if (.not. allocated(error)) self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/self%simulations
+         end associate
+      end if
       if (self%simulations == 0) return
       k = self%posterior%n_constants
       do i = 1, self%posterior%n_moduli
@@ -147,25 +152,6 @@ contains
       end do
    end subroutine describe_surrogate
 
-   !> How far the simulations of a surrogate are from the theory on average, relative.
-   real(wp) function mean_correction(surrogate)
-      type(surrogate_type), intent(in) :: surrogate
-      type(halfspace_type) :: theory
-      type(error_type), allocatable :: error
-      integer :: i, n
-
-      mean_correction = 0.0_wp
-      n = size(surrogate%simulations%modulus)
-      do i = 1, n
-         associate (simulations => surrogate%simulations)
-            call halfspace_modulus(surrogate%basis%domain%class%stiffness(simulations%constants(:, i)), &
-               & simulations%euler_deg(:, i)*degree, theory, error)
-            if (allocated(error)) cycle
-            mean_correction = mean_correction + abs(simulations%modulus(i)/theory%modulus - 1.0_wp)/n
-         end associate
-      end do
-   end function mean_correction
-
    !> What theory alone would say, without the correction of the specimen.
    subroutine compare_theory(problem, self, error)
       type(problem_type), intent(in) :: problem
@@ -173,19 +159,17 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: theory
       type(posterior_type) :: posterior
-      type(chains_type) :: chains
+      real(wp), allocatable :: draws(:, :)
       real(wp), dimension(self%posterior%dimension) :: mean, sd
       integer :: n
 
       allocate (self%theory_mean(0), self%theory_sd(0))
       if (self%simulations == 0 .or. .not. self%posterior%grains%has_theory) return
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call new_problem_posterior(problem, theory, .false., posterior, error)
-      if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_aside(problem, posterior, theory_run, chains, error)
+      if (.not. allocated(error)) call draw_aside(problem, theory, theory_run, posterior, draws, error)
       if (allocated(error)) return
       n = self%posterior%n_constants
-      call moments(flattened(chains%draws), mean, sd)
+      call moments(draws, mean, sd)
       self%theory_mean = mean(:n)
       self%theory_sd = sd(:n)
    end subroutine compare_theory
@@ -204,8 +188,7 @@ contains
          call sample_posterior(problem, self%posterior, self%chains, error)
          return
       end if
-      call self%posterior%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
+      call sample_aside(problem, self%posterior, pilot_run, self%chains, error)
       if (allocated(error)) return
       some = self%chains%draws(:, :, 1)
       do attempt = 1, most_attempts

@@ -40,7 +40,10 @@ contains
 
       call check_table(problem, found, warnings, blamed)
       call check_limits(found, .true., warnings)
-      call check_theory(found, warnings)
+      ! Theory that was read too roughly, after all attempts.
+      if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
+         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
+         & //fixed(100.0_wp*allowed_error, 0)//' %')
       if (problem%measurements%omitted > 0) call warn(warnings, to_text(problem%measurements%omitted)//' of ' &
          & //to_text(problem%velocities%n)//' velocities are left out: at crystals of the posterior their wave is within 3 % of ' &
          & //'the slowest bulk wave, or hardly moves along the normal. What is measured there is the pseudo-surface wave. ' &
@@ -93,31 +96,20 @@ contains
       do i = 1, size(found%limits)
          associate (limit => found%limits(i))
             if (limit%stated .neqv. stated) cycle
+            name = trim(limit%name)
+            remedy = '. It is stated in &prior: widen it there if it is not meant'
+            if (.not. stated) then
+               name = name(index(name, '.') + 1:)//' in the domain of the surrogate'
+               remedy = '. Build the surrogate for a wider &domain'
+            end if
             do side = 1, 2
-               if (.not. limit%ends(side)) cycle
-               name = 'the '//trim(merge('upper', 'lower', side == 2))//' limit of '//trim(limit%name)
-               remedy = '. It is stated in &prior: widen it there if it is not meant'
-               if (.not. stated) then
-                  name = 'the '//trim(merge('upper', 'lower', side == 2))//' limit of ' &
-                     & //trim(limit%name(index(limit%name, '.') + 1:))//' in the domain of the surrogate'
-                  remedy = '. Build the surrogate for a wider &domain'
-               end if
-               call warn(warnings, 'the posterior is truncated by '//name//', '//to_text(limit%range(side), 4)//' (' &
+               if (limit%ends(side)) call warn(warnings, 'the posterior is truncated by the '//merge('upper', 'lower', side == 2) &
+                  & //' limit of '//name//', '//to_text(limit%range(side), 4)//' (' &
                   & //fixed(100.0_wp*limit%share(side), 0)//' % of the draws lie next to it)'//remedy)
             end do
          end associate
       end do
    end subroutine check_limits
-
-   !> Theory that was read too roughly, after all attempts.
-   subroutine check_theory(found, warnings)
-      type(extraction_type), intent(in) :: found
-      type(warning_type), allocatable, intent(inout) :: warnings(:)
-
-      if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
-         & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
-         & //fixed(100.0_wp*allowed_error, 0)//' %')
-   end subroutine check_theory
 
    !> sds that had to be more than doubled.
    subroutine check_scale(found, warnings)
@@ -172,7 +164,7 @@ contains
       names = ''
       do i = 1, found%posterior%n_constants
          if (found%verdict(i) /= 'not_determined') cycle
-         names = listed(names, trim(found%names(i)), ', ')
+         names = names//', '//trim(found%names(i))
          associate (share => found%parameter_shares(i)%prior)
             if (share > 0.0_wp) names = names//' (prior '//fixed(100.0_wp*share, 0)//' %)'
          end associate
@@ -183,12 +175,12 @@ contains
          associate (gain => found%gains(i))
             j = minloc(gain%sd_then/gain%sd_now, dim=1)
             if (gain%sd_then(j)/gain%sd_now(j) > worth_it) cycle
-            advice = listed(advice, trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
-               & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa', '; ')
+            advice = advice//'; '//trim(gain%name)//' to '//fixed(100.0_wp*gain%relative_sd, 0)//' % would reduce the sd of ' &
+               & //trim(found%names(j))//' from '//short(gain%sd_now(j))//' to '//short(gain%sd_then(j))//' GPa'
          end associate
       end do
-      if (len(advice) > 0) advice = '. State in &knowledge what else is known: '//advice
-      call warn(warnings, 'not determined by the measurements: '//names//advice)
+      if (len(advice) > 0) advice = '. State in &knowledge what else is known: '//advice(3:)
+      call warn(warnings, 'not determined by the measurements: '//names(3:)//advice)
    end subroutine check_determined
 
    !> What is said in &knowledge and cannot be brought together with all else.
@@ -226,11 +218,8 @@ contains
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
 
-      if (abs(value) < 10.0_wp) then
-         text = to_text(value, 2)
-      else
-         text = fixed(value, 0)
-      end if
+      text = fixed(value, 0)
+      if (abs(value) < 10.0_wp) text = to_text(value, 2)
    end function short
 
    !> 'C11^1.00 C12^-0.30' of constants with these `names` and `exponents`; powers that hardly count are left out.
@@ -247,15 +236,6 @@ contains
       end do
       text = text(2:)
    end function powers_text
-
-   !> A list with one more item after a mark.
-   pure function listed(list, item, mark) result(longer)
-      character(len=*), intent(in) :: list, item, mark
-      character(len=:), allocatable :: longer
-
-      longer = item
-      if (len(list) > 0) longer = list//mark//item
-   end function listed
 
    !> Orientations that are not those of the grains, or else grains without which the others agree: `blamed` for all residuals.
    subroutine check_table(problem, found, warnings, blamed)
@@ -330,12 +310,12 @@ contains
          do round = 1, most
             i = maxloc(largest, dim=1)
             if (.not. largest(i) > matters) exit
-            line = listed(line, change_text(changes(i)), '; ')
-            ! In or out, the same limit is told of once.
+            line = line//'; '//change_text(changes(i))
+            ! In or out, the same limit is named once.
             where (changes%name == changes(i)%name .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
          end do
       end associate
-      if (len(line) > 0) call warn(warnings, 'the result depends on the prior: '//line)
+      if (len(line) > 0) call warn(warnings, 'the result depends on the prior: '//line(3:))
 
    contains
 

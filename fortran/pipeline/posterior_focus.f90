@@ -5,19 +5,16 @@
 !> for. Choosing simulations there does not bias the surrogate: given the model, what was chosen for known reasons is ignorable.
 module posterior_focus
    use constants_posterior, only: posterior_type
-   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: logarithmic_mean
    use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: degree, wp
    use machine, only: thread_count
    use problem, only: problem_type
-   use problem_posterior, only: check_step_2, focus_run, new_problem_posterior, omit_weak_waves, sample_aside
-   use samplers, only: chains_type
-   use statistics, only: flattened
+   use problem_posterior, only: check_step_2, draw_aside, focus_run, new_problem_posterior, stiffnesses
    use prior_sensitivity, only: limit_type, list_limits
    use surrogate_domain, only: domain_type
-   use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
+   use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
    use variance_shares, only: find_shares, from_surrogate, shares_type
    implicit none
    private
@@ -111,17 +108,17 @@ contains
       round%simulations = size(surrogate%simulations%modulus)
       round%z = error_of_predictions(focus, surrogate)
       wide = surrogate
-      call drop_bounds(wide%basis%domain, crystals_of(surrogate%basis%domain%class, candidates%constants))
+      call drop_bounds(wide%basis%domain, stiffnesses(surrogate%basis%domain%class, candidates%constants))
       focus%domain = wide%basis%domain
       call widen(wide%basis%domain)
-      call draw(problem, wide, posterior, draws, error)
+      call draw_aside(problem, wide, focus_run, posterior, draws, error)
       if (.not. allocated(error)) call find_shares(posterior, draws, draws(:posterior%n_constants, :), .true., &
          & thread_count(problem%settings%execution%workers), shares, error)
       if (allocated(error)) return
       round%share = [(shares(i)%by_source(from_surrogate), i=1, size(shares))]
       limits = list_limits(posterior%prior, draws)
       round%truncated = any([(.not. limits(i)%stated .and. any(limits(i)%ends), i=1, size(limits))])
-      crystals = crystals_of(problem%class, draws)
+      crystals = stiffnesses(problem%class, draws)
       call hold(focus%domain, crystals)
       ! Of the rough ones others in each round.
       associate (stride => size(focus%rough, 3)/tempered)
@@ -150,43 +147,9 @@ contains
          measurements%scatter_sd = max(loose_grain, measurements%scatter_sd)
       end associate
       call new_theory_surrogate(theory, error)
-      if (.not. allocated(error)) call draw(loose, theory, posterior, draws, error)
-      if (.not. allocated(error)) crystals = crystals_of(problem%class, draws)
+      if (.not. allocated(error)) call draw_aside(loose, theory, focus_run, posterior, draws, error)
+      if (.not. allocated(error)) crystals = stiffnesses(problem%class, draws)
    end subroutine draw_roughly
-
-   !> Stiffnesses, GPa, (6, 6, n).
-   pure function crystals_of(class, constants) result(c)
-      type(crystal_class_type), intent(in) :: class
-      !> GPa, and more parameters, (parameter, n).
-      real(wp), intent(in) :: constants(:, :)
-      real(wp), allocatable :: c(:, :, :)
-      integer :: i
-
-      allocate (c(6, 6, size(constants, 2)))
-      do i = 1, size(constants, 2)
-         c(:, :, i) = class%stiffness(constants(:class%n_constants, i))
-      end do
-   end function crystals_of
-
-   !> Draws of the posterior with a surrogate, (parameter, draw).
-   subroutine draw(problem, surrogate, posterior, draws, error)
-      type(problem_type), intent(in) :: problem
-      type(surrogate_type), intent(in) :: surrogate
-      type(posterior_type), intent(out) :: posterior
-      real(wp), allocatable, intent(out) :: draws(:, :)
-      type(error_type), allocatable, intent(out) :: error
-      !> Of harmonics.
-      integer, parameter :: rough_degree = 12
-      type(chains_type) :: chains
-      type(problem_type) :: used
-
-      used = problem
-      call omit_weak_waves(used, surrogate, error)
-      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, .false., posterior, error)
-      if (.not. allocated(error)) call posterior%set_field_degree(rough_degree, error)
-      if (.not. allocated(error)) call sample_aside(problem, posterior, focus_run, chains, error)
-      if (.not. allocated(error)) draws = flattened(chains%draws)
-   end subroutine draw
 
    !> Root mean square of the errors, over their sds, with which the round's surrogate predicts the simulations since, those of the theory
    !> alone left out; below 0: there are none.
@@ -194,21 +157,20 @@ contains
       type(focus_type), intent(in) :: focus
       !> With these simulations.
       type(surrogate_type), intent(in) :: surrogate
-      real(wp) :: mean, sd
-      integer :: i, n
+      real(wp), dimension(size(surrogate%simulations%modulus)) :: mean, sd
+      type(error_type), allocatable :: error
+      integer :: first
 
-      z = 0.0_wp
-      n = 0
-      if (size(focus%rounds) > 0) then
-         associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
-            do i = focus%rounds(size(focus%rounds))%simulations + tempered + 1, size(known%modulus)
-               call predict(focus%surrogate, class%stiffness(known%constants(:, i)), degree*known%euler_deg(:, i), mean, sd)
-               z = z + ((known%modulus(i) - mean)/sd)**2
-               n = n + 1
-            end do
-         end associate
-      end if
-      z = merge(sqrt(z/max(1, n)), -1.0_wp, n > 0)
+      z = -1.0_wp
+      if (size(focus%rounds) == 0) return
+      first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
+      associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
+         if (first > size(mean)) return
+         call predict_crystals(focus%surrogate, stiffnesses(class, known%constants(:, first:)), degree*known%euler_deg(:, first:), &
+            & 1, mean(first:), sd(first:), error)
+         if (.not. allocated(error)) z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &
+            & /sqrt(real(size(mean) - first + 1, wp))
+      end associate
    end function error_of_predictions
 
    !> Whether the surrogate with which the round begins is accurate enough: then the round is not needed.
@@ -283,14 +245,11 @@ contains
       real(wp), intent(in) :: first(:, :, :), others(:, :, :)
       integer :: i, n
 
-      n = size(first, 3) + size(others, 3)
-      allocate (found%constants(domain%class%n_constants, n), found%euler_deg(3, n))
-      do i = 1, n
-         if (i <= size(first, 3)) then
-            found%constants(:, i) = domain%class%constants_of(first(:, :, i))
-         else
-            found%constants(:, i) = domain%class%constants_of(others(:, :, i - size(first, 3)))
-         end if
+      n = size(first, 3)
+      allocate (found%constants(domain%class%n_constants, n + size(others, 3)), found%euler_deg(3, n + size(others, 3)))
+      do i = 1, size(found%euler_deg, 2)
+         if (i <= n) found%constants(:, i) = domain%class%constants_of(first(:, :, i))
+         if (i > n) found%constants(:, i) = domain%class%constants_of(others(:, :, i - n))
          found%euler_deg(:, i) = problem%measurements%euler_deg(:, modulo(i - 1, problem%measurements%n) + 1)
       end do
    end function candidates_of

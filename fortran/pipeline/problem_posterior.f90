@@ -5,6 +5,7 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
+   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type, exit_bad_input, refuse
    use kinds, only: degree, wp
@@ -17,24 +18,28 @@ module problem_posterior
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
+   use statistics, only: flattened
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, sample_posterior, &
-      & choose_field_degree, find_field_error, allowed_error
+   public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
+      & choose_field_degree, find_field_error, allowed_error, stiffnesses
 
-   !> Burn-in, samples, chains, and from where on their random streams are.
+   !> Burn-in, samples, chains, and from where on their random streams are; whether the last digits of the theory do not matter.
    type, public :: run_type
       integer :: burn_in, samples, chains, first_stream
+      logical :: is_rough = .true.
    end type run_type
    !> To see how the posterior must be computed; the prior; the posterior without any knowledge; by the theory alone; and that at which
    !> simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 1000000), prior_run = run_type(5000, 2500, 4, 0), &
-      & free_run = run_type(2000, 500, 2, 2000000), theory_run = run_type(5000, 1500, 4, 3000000), &
-      & focus_run = run_type(3000, 600, 2, 4000000)
+   type(run_type), parameter, public :: pilot_run = run_type(5000, 400, 1, 1000000), &
+      & prior_run = run_type(5000, 2500, 4, 0, .false.), free_run = run_type(2000, 500, 2, 2000000), &
+      & theory_run = run_type(5000, 1500, 4, 3000000), focus_run = run_type(3000, 600, 2, 4000000)
 
+   !> Of harmonics, where that is so.
+   integer, parameter :: rough_degree = 12
    !> Bytes of a number, and how often a draw is kept at a time.
    real(wp), parameter :: bytes = 8.0_wp, copies = 3.0_wp
    !> No posterior has so many chains; the streams begin at 1.
@@ -189,7 +194,7 @@ contains
       if (.not. allocated(error)) call new_observable(problem%settings%measurements%modulus_kind, problem%settings%measurements, &
          & observable, error)
       if (allocated(error)) return
-      call new_prior(surrogate%basis, problem%class, problem%settings%prior, &
+      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
          & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior
@@ -211,7 +216,7 @@ contains
       real(wp), allocatable :: weak(:)
       integer :: i, round
 
-      if (.not. allocated(problem%velocities)) return
+      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
       associate (speeds => problem%velocities)
          allocate (waves(speeds%n), weak(speeds%n))
          weak = 0.0_wp
@@ -237,6 +242,7 @@ contains
          pilot%settings%measurements = problem%settings%measurements
       end do
       call append_velocities(problem%measurements, problem%velocities, weak <= some)
+      problem%are_detected = .true.
    end subroutine omit_weak_waves
 
    !> The chains that &sampler asks for.
@@ -257,15 +263,49 @@ contains
    !> Chains that &sampler does not ask for, by the sampler that mixes best, from random streams of their own.
    subroutine sample_aside(problem, density, run, chains, error)
       type(problem_type), intent(in) :: problem
-      type(posterior_type), intent(in) :: density
+      type(posterior_type), intent(inout) :: density
       !> One of those above.
       type(run_type), intent(in) :: run
       type(chains_type), intent(out) :: chains
       type(error_type), allocatable, intent(out) :: error
 
+      if (run%is_rough .and. density%grains%has_theory) call density%set_field_degree(rough_degree, error)
+      if (allocated(error)) return
       call run_chains(problem, density, 'ensemble', run%burn_in, 'aside '//to_text(run%burn_in)//' '//to_text(run%samples), &
          & run_settings_type(run%samples, run%chains, first_stream=far_stream + run%first_stream), chains, error)
    end subroutine sample_aside
+
+   !> The draws of such chains of the posterior with a surrogate, (parameter, draw).
+   subroutine draw_aside(problem, surrogate, run, posterior, draws, error)
+      type(problem_type), intent(in) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      type(run_type), intent(in) :: run
+      type(posterior_type), intent(out) :: posterior
+      real(wp), allocatable, intent(out) :: draws(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      type(problem_type) :: used
+      type(chains_type) :: chains
+
+      used = problem
+      call omit_weak_waves(used, surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, .false., posterior, error)
+      if (.not. allocated(error)) call sample_aside(problem, posterior, run, chains, error)
+      if (.not. allocated(error)) draws = flattened(chains%draws)
+   end subroutine draw_aside
+
+   !> Of crystals of a class, GPa, (6, 6, n).
+   pure function stiffnesses(class, constants) result(c)
+      type(crystal_class_type), intent(in) :: class
+      !> GPa, and perhaps more parameters, (parameter, n).
+      real(wp), intent(in) :: constants(:, :)
+      real(wp), allocatable :: c(:, :, :)
+      integer :: i
+
+      allocate (c(6, 6, size(constants, 2)))
+      do i = 1, size(constants, 2)
+         c(:, :, i) = class%stiffness(constants(:class%n_constants, i))
+      end do
+   end function stiffnesses
 
    !> Chains of a density, those that are kept from the disk.
    subroutine run_chains(problem, density, method, burn_in, label, settings, chains, error)

@@ -18,51 +18,39 @@ module simulate_stage
 
    type, extends(stage_type) :: simulate_stage_type
       private
-      !> Of each crystal, and which row has the same crystal in the same orientation first.
-      type(row_type), allocatable :: crystals(:)
-      integer, allocatable :: first(:)
-      !> The crystals of the batch.
-      integer, allocatable :: chosen(:)
+      !> Of each crystal the number in the batch, which has the same crystal in the same orientation once.
+      integer, allocatable :: place(:)
    contains
       procedure :: begin, finish
    end type simulate_stage_type
 
 contains
 
-   !> What the campaign has; all that is missing is the batch, once.
+   !> All crystals that differ are the batch, once.
    subroutine begin(self, error)
       class(simulate_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: stored
-      logical :: found
-      integer :: i, position
+      type(row_type) :: rows(self%problem%crystals%n)
+      integer :: first(size(rows)), i
 
       associate (points => self%problem%crystals)
-         allocate (self%crystals(points%n))
-         call self%campaign%open(self%output//'/'//campaign_name, identity_text(self%problem%settings), error)
-         if (.not. allocated(error)) call self%campaign%next_position(position, error)
-         if (allocated(error)) return
-         do i = 1, points%n
-            associate (row => self%crystals(i), class => points%classes(points%class(i)))
+         do i = 1, size(rows)
+            associate (row => rows(i), class => points%classes(points%class(i)))
                row%symmetry = class%name
                row%constants = points%constants(:class%n_constants, i)
                row%euler_deg = points%euler_deg(:, i)
-               call self%campaign%find(row%symmetry, row%constants, row%euler_deg, stored, found, error)
-               if (allocated(error)) return
-               if (found) row = stored
             end associate
          end do
-         self%first = first_of_equals(self%crystals)
-         self%chosen = [(i, i=1, points%n)]
-         self%chosen = pack(self%chosen, self%crystals%outcome%status == outcome_waiting .and. self%first == self%chosen)
-         self%n_expected = size(self%chosen)
-         allocate (self%batch(self%n_expected), self%rows(self%n_expected))
-         do i = 1, self%n_expected
-            self%rows(i) = self%crystals(self%chosen(i))
-            self%rows(i)%position = position + i - 1
-            self%batch(i) = job_type(points%stiffness(:, :, self%chosen(i)), self%rows(i)%euler_deg)
-         end do
+         first = first_of_equals(rows)
+         associate (chosen => pack([(i, i=1, size(rows))], first == [(i, i=1, size(rows))]))
+            self%place = [(findloc(chosen, first(i), 1), i=1, size(rows))]
+            self%rows = rows(chosen)
+            self%batch = [(job_type(points%stiffness(:, :, chosen(i)), points%euler_deg(:, chosen(i))), i=1, size(chosen))]
+         end associate
       end associate
+      call self%campaign%open(self%output//'/'//campaign_name, identity_text(self%problem%settings), error)
+      if (.not. allocated(error)) call self%look_up(.false., error)
+      self%n_expected = count(self%rows%outcome%status == outcome_waiting)
    end subroutine begin
 
    !> moduli.csv, curves.csv, and the document.
@@ -74,16 +62,12 @@ contains
       type(json_type) :: page
       class(indenter_type), allocatable :: indenter
       character(len=:), allocatable :: warning
-      real(wp) :: largest(size(self%crystals)), modulus(size(self%crystals))
+      real(wp), dimension(size(self%place)) :: largest, modulus
+      type(row_type) :: rows(size(self%place))
       integer :: i, failed
 
-      associate (rows => self%crystals, problem => self%problem)
-         do i = 1, size(self%chosen)
-            rows(self%chosen(i)) = self%rows(i)
-         end do
-         do i = 1, size(rows)
-            if (self%first(i) /= i) rows(i) = rows(self%first(i))
-         end do
+      associate (problem => self%problem)
+         rows = self%rows(self%place)
          modulus = merge(rows%outcome%modulus, ieee_value(1.0_wp, ieee_quiet_nan), rows%outcome%status == outcome_done)
          call write_moduli(problem, self%output//'/moduli.csv', modulus, error)
          if (.not. allocated(error)) call write_curves(problem, self%output//'/curves.csv', rows, error)
@@ -119,7 +103,7 @@ contains
    !> The first row with the same crystal, by class and constants, in the same orientation, for each.
    function first_of_equals(rows) result(first)
       type(row_type), intent(in) :: rows(:)
-      integer, allocatable :: first(:)
+      integer :: first(size(rows))
       real(wp), allocatable :: points(:, :)
       integer :: i, j, most
 

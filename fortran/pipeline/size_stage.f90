@@ -142,8 +142,7 @@ contains
       call page%begin_object()
       call page%put('variable', trim(merge('thickness_um   ', 'grain_radius_um', &
          & self%problem%settings%specimen%geometry == 'film')))
-      call page%put('contact_radius_um', self%contact_radius)
-      call page%put('limit', limit)
+      call page%put_numbers('contact_radius_um, limit', [self%contact_radius, limit])
       call page%begin_array('results')
       do i = 1, size(self%cases)
          associate (one => self%cases(i), moduli => all_moduli(self%problem%crystals%n + (i - 1)*n_sizes + 1: &

@@ -12,17 +12,16 @@ module problem
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
    use repeated_tests, only: combine_tests, judge_scatter, refuse_copied_rows
-   use settings_schema, only: candidate_sources, settings_type
+   use settings_schema, only: settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings, settings_namelist
-   use settings_list, only: choice_list_type
    use statistics, only: median
    use stiffness_table, only: new_stiffness_table, stiffness_table_type
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, find_column, name_columns
    use tables, only: parse_table, read_table, table_type
    use velocity_tables, only: append_velocities, read_velocities
-   use text, only: lower, newline, split_list, to_text
+   use text, only: lower, newline, to_text
    implicit none
    private
    public :: problem_type, new_problem
@@ -41,6 +40,8 @@ module problem
       type(warning_type), allocatable :: warnings(:)
       !> The tables that the file names, unallocated if it names none; the speeds among the measurements as they were read.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
+      !> Whether the measurements have only those speeds whose wave is detected.
+      logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
       !> Measurements in a spreadsheet, which Python turns into text (see `set_table`): its path. Unallocated: there is none.
@@ -54,7 +55,8 @@ module problem
       type(points_type), allocatable :: references
       !> Relative errors that measurements share: columns of sd 1, (row of the table, error); unallocated: none.
       real(wp), allocatable :: shared_errors(:, :)
-      character(len=:), allocatable :: shared_digest
+      !> The file that they come from, unallocated: the table of the measurements.
+      character(len=:), allocatable :: shared_file, shared_digest
       !> Of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
@@ -72,14 +74,12 @@ module problem
 contains
 
    !> The settings of a parsed namelist, with the tables that they name.
-   subroutine new_problem(path, namelist, command, needed, choices, self, error)
+   subroutine new_problem(path, namelist, command, needed, self, error)
       !> A file, or the origin of keywords.
       character(len=*), intent(in) :: path
       type(namelist_file_type), intent(in) :: namelist
       !> See `problem_type`.
       character(len=*), intent(in) :: command, needed
-      !> Words that modules above the settings own.
-      type(choice_list_type), intent(in) :: choices(:)
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(lattice_type) :: lattice
@@ -95,7 +95,7 @@ contains
          self%groups = self%groups//namelist%groups(i)%text//' '
       end do
       allocate (self%warnings(0))
-      call read_settings(path, namelist, command, needed, choices, self%settings, error)
+      call read_settings(path, namelist, command, needed, self%settings, error)
       if (allocated(error)) return
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
@@ -156,6 +156,7 @@ contains
             call read_table(resolve_path(self%folder, s%measurements%velocities), table, error)
             call take_velocities(self, table, error)
          end if
+         if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
          if (allocated(s%measurements%file) .and. .not. allocated(error)) then
             file = resolve_path(self%folder, s%measurements%file)
@@ -166,15 +167,13 @@ contains
                call take_measurements(self, table, error)
             end if
          end if
-         if (.not. allocated(error) .and. allocated(s%measurements%shared_errors)) call read_shared_errors(self, &
-            & resolve_path(self%folder, s%measurements%shared_errors), error)
          if (.not. allocated(error) .and. allocated(s%knowledge%stiffness_file)) then
             call read_table(resolve_path(self%folder, s%knowledge%stiffness_file), table, error)
             call take_stiffness(self, table, place(self%path, 'knowledge', 'stiffness_file') &
                & //printable(s%knowledge%stiffness_file)//': ', error)
          end if
          if (.not. allocated(error) .and. allocated(s%next%candidates)) call load_grains(self, s%next%candidates, error)
-         if (allocated(error) .or. any(split_list(candidate_sources) == s%design%candidates)) return
+         if (allocated(error) .or. any(['latin    ', 'factorial'] == s%design%candidates)) return
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables
@@ -187,59 +186,44 @@ contains
       type(table_type) :: table
 
       if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) .or. allocated(self%measurements)) return
+      self%shared_file = folder//'/shared_errors.csv'
       call read_table(folder//'/measurements.csv', table, error)
       call take_measurements(self, table, error)
-      if (.not. allocated(error)) call read_shared_errors(self, folder//'/shared_errors.csv', error)
    end subroutine take_curve_results
 
-   !> Relative errors that measurements share: the columns of a file with a row for each, that of the grains' names apart.
-   subroutine read_shared_errors(self, path, error)
-      type(problem_type), intent(inout) :: self
-      character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
-
-      call read_table(path, table, error)
-      if (.not. allocated(error)) call take_shared_errors(self, table, '', error)
-      if (.not. allocated(error)) call check_shared_rows(self, error)
-      if (allocated(error)) error%message = place(self%path, 'measurements', 'shared_errors')//printable(path)//': '//error%message
-   end subroutine read_shared_errors
-
-   subroutine check_shared_rows(self, error)
-      type(problem_type), intent(in) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      if (.not. (allocated(self%shared_errors) .and. allocated(self%measurements))) return
-      if (size(self%shared_errors, 1) /= self%measurements%table%rows) call refuse(error, 'shared_errors has ' &
-         & //to_text(size(self%shared_errors, 1))//' rows for '//to_text(self%measurements%table%rows)//' of the measurements; ' &
-         & //'each row has the errors of one of them')
-   end subroutine check_shared_rows
-
-   !> Those of the columns of a table whose names begin with `prefix`.
-   subroutine take_shared_errors(self, table, prefix, error)
+   !> Relative errors that the measurements of a table share: the columns of a file with a row for each, or its own shared_1, shared_2, ..
+   subroutine take_shared_errors(self, table, error)
       type(problem_type), intent(inout) :: self
       type(table_type), intent(in) :: table
-      character(len=*), intent(in) :: prefix
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: columns(:)
+      type(table_type) :: source
+      logical, allocatable :: chosen(:)
       integer :: i, j
 
-      columns = pack([(j, j=1, table%columns)], [(index(table%name(j), prefix) == 1 .and. table%name(j) /= 'grain', j=1, &
-         & table%columns)])
-      if (size(columns) == 0) return
-      if (allocated(self%shared_errors)) deallocate (self%shared_errors)
-      allocate (self%shared_errors(table%rows, size(columns)))
-      do j = 1, size(columns)
-         do i = 1, table%rows
-            call table%number(columns(j), i, self%shared_errors(i, j), error)
-            if (allocated(error)) return
-         end do
-      end do
-      self%shared_digest = table%digest()
+      source = table
+      if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
+      if (.not. allocated(error) .and. source%rows /= table%rows) call refuse(error, to_text(source%rows)//' rows for ' &
+         & //to_text(table%rows)//' of the measurements; each row has the errors of one of them')
+      chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) .and. source%name(j) /= 'grain'), j=1, &
+         & source%columns)]
+      if (.not. allocated(error) .and. any(chosen)) then
+         if (allocated(self%shared_errors)) deallocate (self%shared_errors)
+         allocate (self%shared_errors(source%rows, count(chosen)))
+         associate (columns => pack([(j, j=1, source%columns)], chosen))
+            do i = 1, source%rows
+               do j = 1, size(columns)
+                  if (.not. allocated(error)) call source%number(columns(j), i, self%shared_errors(i, j), error)
+               end do
+            end do
+         end associate
+         self%shared_digest = source%digest()
+      end if
+      if (allocated(error) .and. allocated(self%shared_file)) error%message = 'shared_errors: '//printable(self%shared_file)//': ' &
+         & //error%message
    end subroutine take_shared_errors
 
    !> A table that is no file; of measurements in a spreadsheet the text that was made of it; of 'ebsd' a row for each measurement. Of
-   !> 'warning' what is to be told of a table.
+   !> 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
       !> 'measurements', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
@@ -331,13 +315,12 @@ contains
             & 'misalignment_sd_deg = '//to_text(self%settings%measurements%misalignment_sd_deg)//' needs Euler angles: ' &
             & //'directions alone do not say how a turn of the sample moves them. Or state orientation_sd_deg')
       end if
-      if (.not. allocated(error)) call take_shared_errors(self, measurements%table, 'shared_', error)
+      if (.not. allocated(error)) call take_shared_errors(self, measurements%table, error)
       if (allocated(error)) then
          error%message = prefix_of_table(self)//error%message
       else
          self%measurements = measurements
-         call check_shared_rows(self, error)
-         if (.not. allocated(error)) call question_measurements(self, error)
+         call question_measurements(self, error)
          if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
       end if
    end subroutine set_measurements

@@ -5,7 +5,7 @@ module settings_checks
    use errors, only: error_type, refuse
    use kinds, only: wp
    use namelist_file, only: place
-   use settings_schema, only: knowledge_settings_type, settings_type
+   use settings_schema, only: settings_type
    use text, only: join, to_text
    implicit none
    private
@@ -19,6 +19,7 @@ contains
       type(settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: class
       type(error_type), allocatable, intent(out) :: error
+      integer :: names(2)
       logical :: needed
 
       call check_bounds(path, 'domain', class, settings%domain%c_min, settings%domain%c_max, error)
@@ -31,7 +32,15 @@ contains
          call refuse(error, place(path, 'problem', 'symmetry')//'the variable is missing; allowed '//crystal_class_names())
          return
       end if
-      call check_knowledge(path, settings%knowledge, error)
+      names = [0, 0]
+      if (allocated(settings%knowledge%quantity)) names(1) = size(settings%knowledge%quantity)
+      if (allocated(settings%references%name)) names(2) = size(settings%references%name)
+      associate (k => settings%knowledge, r => settings%references)
+         call check_lists(path, 'knowledge', [character(len=8) :: 'quantity', 'mean', 'sd'], &
+            & [names(1), count_of(k%mean), count_of(k%sd)], error)
+         if (.not. allocated(error)) call check_lists(path, 'references', [character(len=12) :: 'name', 'young_gpa', &
+            & 'young_sd_gpa', 'nu'], [names(2), count_of(r%young_gpa), count_of(r%young_sd_gpa), count_of(r%nu)], error)
+      end associate
       if (.not. allocated(error)) call check_velocities(path, settings, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
@@ -125,26 +134,32 @@ contains
       end if
    end subroutine check_velocities
 
-   !> Three lists of equal length, or none.
-   subroutine check_knowledge(path, knowledge, error)
-      character(len=*), intent(in) :: path
-      type(knowledge_settings_type), intent(in) :: knowledge
+   !> Lists of a group that are of equal length, or none is there.
+   subroutine check_lists(path, group, names, sizes, error)
+      character(len=*), intent(in) :: path, group
+      !> Of the variables, and the numbers of their values.
+      character(len=*), intent(in) :: names(:)
+      integer, intent(in) :: sizes(:)
       type(error_type), allocatable, intent(out) :: error
-      character(len=8), parameter :: names(3) = [character(len=8) :: 'quantity', 'mean', 'sd']
-      integer :: sizes(3), i, j
+      integer :: i, j
 
-      sizes = 0
-      if (allocated(knowledge%quantity)) sizes(1) = size(knowledge%quantity)
-      if (allocated(knowledge%mean)) sizes(2) = size(knowledge%mean)
-      if (allocated(knowledge%sd)) sizes(3) = size(knowledge%sd)
       i = maxloc(sizes, dim=1)
       j = findloc(sizes == sizes(i), .false., dim=1)
       if (j == 0) return
       if (sizes(j) == 0) then
-         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
+         call refuse(error, place(path, group, trim(names(j)))//'the variable is missing; '//trim(names(i))//' needs it')
       else
-         call refuse(error, place(path, 'knowledge', trim(names(j)))//'the number of values is '//to_text(sizes(j)) &
-            & //', that of '//trim(names(i))//' is '//to_text(sizes(i))//'; each quantity needs a mean and an sd')
+         call refuse(error, place(path, group, trim(names(j)))//'the number of values is '//to_text(sizes(j)) &
+            & //', that of '//trim(names(i))//' is '//to_text(sizes(i))//'; each '//trim(names(1))//' needs ' &
+            & //join(names(2:), ', '))
       end if
-   end subroutine check_knowledge
+   end subroutine check_lists
+
+   !> How many numbers there are.
+   pure integer function count_of(values)
+      real(wp), allocatable, intent(in) :: values(:)
+
+      count_of = 0
+      if (allocated(values)) count_of = size(values)
+   end function count_of
 end module settings_checks

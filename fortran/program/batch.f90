@@ -2,13 +2,12 @@
 program batch
    use abstract_stage, only: stage_type
    use errors, only: error_type, exit_bad_input, exit_status, exit_unusable, raise, warning_type
-   use extract_stage, only: extract_stage_type
    use files, only: printable
    use namelist_file, only: place
    use problem, only: problem_type
-   use problem_input, only: all_choices, read_problem
+   use problem_input, only: read_problem
    use running_command, only: show_progress, take_folder, watch_signals
-   use settings_reader, only: schema_markdown
+   use settings_schema, only: schema_page
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
    use stages, only: check_simulator, check_stages, groups_of, new_stage
@@ -50,7 +49,7 @@ contains
             call say('bayesindent-batch '//package_version)
             call end_process(0)
          case ('--schema')
-            word = schema_markdown(all_choices())
+            word = schema_page()
             call say(word(:len(word) - 1))
             call end_process(0)
          case ('--check')
@@ -81,7 +80,7 @@ contains
       logical :: usable
       integer :: i
 
-      call read_problem(path, command, self, error)
+      call read_problem(path, command, '', self, error)
       if (.not. allocated(error) .and. allocated(self%spreadsheet)) call raise(error, place(path, 'measurements', 'file') &
          & //printable(self%settings%measurements%file)//': a spreadsheet is read by bayesindent, not by bayesindent-batch; save ' &
          & //'its sheet as CSV', exit_bad_input)
@@ -135,12 +134,9 @@ contains
       end do
       call tell(stage%warnings)
       call say(name//': '//stage%done)
-      select type (stage)
-      type is (extract_stage_type)
-         do i = 1, size(stage%prior)
-            call say(stage%prior(i)%text)
-         end do
-      end select
+      do i = 1, size(stage%more)
+         call say(stage%more(i)%text)
+      end do
    end subroutine perform_stage
 
    subroutine tell(warnings)

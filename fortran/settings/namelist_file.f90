@@ -81,26 +81,17 @@ contains
    subroutine replace_entries(file, stated)
       type(namelist_file_type), intent(inout) :: file
       type(namelist_file_type), intent(in) :: stated
-      type(entry_type), allocatable :: entries(:)
-      type(name_type), allocatable :: groups(:)
       integer :: i, k
 
       do i = 1, size(stated%groups)
          if (any([(file%groups(k)%text == stated%groups(i)%text, k=1, size(file%groups))])) cycle
-         allocate (groups(size(file%groups) + 1))
-         groups(:size(file%groups)) = file%groups
-         groups(size(groups)) = stated%groups(i)
-         call move_alloc(groups, file%groups)
+         file%groups = [file%groups, stated%groups(i)]
       end do
       do i = 1, size(stated%entries)
          do k = 1, size(file%entries)
             if (file%entries(k)%group == stated%entries(i)%group .and. file%entries(k)%name == stated%entries(i)%name) exit
          end do
-         if (k > size(file%entries)) then
-            allocate (entries(k))
-            entries(:k - 1) = file%entries
-            call move_alloc(entries, file%entries)
-         end if
+         if (k > size(file%entries)) file%entries = [file%entries, stated%entries(i)]
          file%entries(k) = stated%entries(i)
       end do
    end subroutine replace_entries

@@ -2,21 +2,21 @@
 !>
 !> A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 !>
-!> And the settings as a page of the documentation, as a namelist, and as named values.
+!> And the settings as a namelist, and as named values.
 module settings_reader
-   use errors, only: error_type, refuse, warn, warning_type
+   use errors, only: error_type, refuse, warning_type
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
    use namelist_file, only: namelist_file_type, place, value_type
-   use settings_list, only: allowed_in_words, choice_list_type, is_text, kind_choice, kind_file, kind_integer, kind_logical, &
-      & kind_names, kind_source, longest_item, settings_list_type, shape_constants, shape_list, shape_one, variable_type
+   use settings_list, only: is_text, kind_choice, kind_file, kind_integer, kind_logical, kind_source, longest_item, &
+      & settings_list_type, shape_list, shape_one, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
    use spelling, only: suggestion
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
    private
-   public :: read_settings, schema_markdown, settings_namelist, put_settings
+   public :: read_settings, settings_namelist, put_settings
 
    !> Longest text, bytes.
    integer, parameter :: longest_text = 512
@@ -27,11 +27,10 @@ contains
 
    !> Read the settings of a namelist. `needed`: groups that are as if given, separated by blanks, because of `command`, which is ''
    !> where tables come as arrays, so that no file is required.
-   subroutine read_settings(path, file, command, needed, choices, settings, error)
+   subroutine read_settings(path, file, command, needed, settings, error)
       character(len=*), intent(in) :: path
       type(namelist_file_type), intent(in) :: file
       character(len=*), intent(in) :: command, needed
-      type(choice_list_type), intent(in) :: choices(:)
       type(settings_type), intent(out) :: settings
       type(error_type), allocatable, intent(out) :: error
       type(settings_list_type) :: list
@@ -39,7 +38,7 @@ contains
       character(len=:), allocatable :: reason
       integer :: i, j
 
-      list = list_settings(settings, choices)
+      list = list_settings(settings)
       call check_names(path, file, list, error)
       if (allocated(error)) return
       do i = 1, size(list%groups)
@@ -165,7 +164,7 @@ contains
          else if (v%kind == kind_file .and. len_trim(string) == 0) then
             message = 'the name of the file is empty'
          else if (any(v%kind == [kind_choice, kind_source]) .and. string /= v%default) then
-            if (index(', '//v%allowed//',', ', '//lower(string)//',') > 0) then
+            if (index(v%allowed, ''''//lower(string)//'''') > 0) then
                string = lower(string)
             else if (v%kind == kind_choice .or. index(string, '.') == 0) then
                message = ''''//printable(string)//''' is not known'//allowed_part(v)
@@ -209,71 +208,33 @@ contains
          message = printable(value%text)//' is not '//trim(nouns(v%kind))//allowed_part(v)
       else if (outcome /= number_ok .and. .not. whole) then
          message = printable(value%text)//' is not a finite number'//allowed_part(v)
-      else if (outcome /= number_ok .or. .not. in_interval(number, v%allowed)) then
+      else if (outcome /= number_ok .or. .not. in_range(number, v%allowed)) then
          message = printable(value%text)//' is out of range'//allowed_part(v)
       end if
    end subroutine check_number
 
-   function allowed_part(v) result(words)
+   pure function allowed_part(v) result(words)
       type(variable_type), intent(in) :: v
       character(len=:), allocatable :: words
 
-      words = allowed_in_words(v)
-      if (len(words) == 0) return
-      words = '; allowed '//words
-      if (len(v%unit) > 0) words = words//' '//v%unit
+      words = ''
+      if (len(v%allowed) > 0) words = '; allowed '//v%allowed
+      if (len(words) > 0 .and. len(v%unit) > 0) words = words//' '//v%unit
    end function allowed_part
 
-   !> Whether `number` is in an interval such as '[0, 1)'.
-   pure logical function in_interval(number, interval)
+   !> Whether `number` is in a range such as '0 to below 1'.
+   pure logical function in_range(number, range)
       real(wp), intent(in) :: number
-      character(len=*), intent(in) :: interval
+      character(len=*), intent(in) :: range
       real(wp) :: low, high
-      integer :: comma, n, outcome
+      integer :: middle, outcome
 
-      comma = index(interval, ',')
-      n = len(interval)
-      call read_real(interval(2:comma - 1), low, outcome)
-      call read_real(trim(adjustl(interval(comma + 1:n - 1))), high, outcome)
-      in_interval = (number > low .or. (interval(1:1) == '[' .and. .not. number < low)) &
-         & .and. (number < high .or. (interval(n:) == ']' .and. .not. number > high))
-   end function in_interval
-
-   !> The variables as a page of the documentation.
-   function schema_markdown(choices) result(page)
-      !> The words that modules above the settings own.
-      type(choice_list_type), intent(in) :: choices(:)
-      character(len=:), allocatable :: page
-      type(settings_list_type) :: schema
-      type(settings_type) :: unset
-      integer :: i, j
-
-      schema = list_settings(unset, choices)
-      page = '# Namelist groups' //newline//newline &
-         & //'Written by `bayesindent-batch --schema`. A file needs `&problem`; the other groups say what is done.' &
-         & //newline//'`*` is required, `unset` has no value. Paths are relative to the folder of the file.'//newline
-      do i = 1, size(schema%groups)
-         page = page//newline//'## `&'//schema%groups(i)%name//'`'//newline//newline//schema%groups(i)%meaning//newline &
-            & //newline//'| variable | type | unit | default | allowed | meaning |'//newline//'|---|---|---|---|---|---|'//newline
-         do j = 1, size(schema%variables)
-            associate (v => schema%variables(j))
-               if (v%group_number /= i) cycle
-               page = page//'| `'//v%name//'` | '//kind_in_words(v)//' | '//v%unit//' | '//v%default//' | ' &
-                  & //allowed_in_words(v)//' | '//v%meaning//' |'//newline
-            end associate
-         end do
-      end do
-   end function schema_markdown
-
-   function kind_in_words(v) result(words)
-      type(variable_type), intent(in) :: v
-      character(len=:), allocatable :: words
-
-      words = trim(kind_names(v%kind))
-      if (v%kind == kind_source) words = 'choice or file'
-      if (v%shape == shape_constants) words = words//' for each constant'
-      if (v%shape == shape_list) words = 'list of '//words//'s'
-   end function kind_in_words
+      middle = index(range, ' to ')
+      call read_real(range(index(range(:middle - 1), ' ') + 1:middle - 1), low, outcome)
+      call read_real(range(index(range, ' ', back=.true.) + 1:), high, outcome)
+      in_range = (number > low .or. (index(range, 'above') == 0 .and. .not. number < low)) &
+         & .and. (number < high .or. (index(range, 'below') == 0 .and. .not. number > high))
+   end function in_range
 
    !> The groups that are given, and those of the list `needed`, as namelists; numbers to the last bit.
    function settings_namelist(settings, needed, only_needed) result(page)
@@ -322,15 +283,13 @@ contains
       if (len(variable%unit) > 0) line = line//' ! '//variable%unit
    end function line_of
 
-   !> Add all settings to named values, 'group.variable', in their own types; what is unset is not there.
+   !> Add all settings to named values, 'group.variable', each a list of texts; what is unset is not there.
    subroutine put_settings(settings, values)
       type(settings_type), intent(in) :: settings
       type(named_values_type), intent(inout) :: values
       type(settings_list_type) :: list
       type(warning_type), allocatable :: texts(:)
-      real(wp), allocatable :: reals(:)
-      character(len=:), allocatable :: name
-      integer :: outcome, i, j
+      integer :: i, j
 
       list = list_settings(settings)
       do i = 1, size(list%groups)
@@ -339,30 +298,12 @@ contains
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
             if (.not. allocated(v%values)) cycle
-            name = v%group//'.'//v%name
-            if (is_text(v) .and. v%shape == shape_one) then
-               call values%put(name, v%values(1)%text)
-            else if (is_text(v)) then
-               texts = [warning_type ::]
-               do j = 1, size(v%values)
-                  call warn(texts, v%values(j)%text)
-               end do
-               call values%put(name, texts)
-            else if (v%kind == kind_logical) then
-               call values%put(name, v%values(1)%text == '.true.')
-            else
-               reals = spread(0.0_wp, 1, size(v%values))
-               do j = 1, size(reals)
-                  call read_real(v%values(j)%text, reals(j), outcome)
-               end do
-               if (v%kind == kind_integer) then
-                  call values%put(name, nint(reals(1)))
-               else if (v%shape == shape_one) then
-                  call values%put(name, reals(1))
-               else
-                  call values%put_array(name, reals, shape(reals))
-               end if
-            end if
+            allocate (texts(size(v%values)))
+            do j = 1, size(texts)
+               texts(j)%text = v%values(j)%text
+            end do
+            call values%put(v%group//'.'//v%name, texts)
+            deallocate (texts)
          end associate
       end do
    end subroutine put_settings

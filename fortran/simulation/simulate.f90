@@ -9,14 +9,13 @@
 !> changes here orphans every campaign.
 module simulate
    use indenters, only: indenter_type
-   use abstract_specimen, only: specimen_type
+   use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_failure, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, new_indentation_model, numerics_revision, &
       & simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: i8, wp
-   use mesh_resolution, only: largest_mesh_error, resolution_warning
    use namelist_file, only: place, value_type
    use settings_list, only: is_text, kind_logical, settings_list_type
    use settings_schema, only: list_settings, settings_type
@@ -178,15 +177,61 @@ contains
       real(wp), intent(out) :: largest(:)
       !> One line.
       character(len=:), allocatable, intent(out) :: warning
-
-      logical :: extended(size(largest))
+      class(specimen_type), allocatable :: specimen
+      logical :: two_meshes
+      integer :: i
 
       largest = 0.0_wp
       warning = ''
       if (settings%simulation%simulator /= 'fe') return
-      call largest_mesh_error(settings, stiffness, largest, extended)
+      call find_specimen(settings, specimen)
+      if (.not. allocated(specimen)) return
+      associate (asked => settings%simulation)
+         do i = 1, size(largest)
+            two_meshes = specimen%wants_extrapolation(asked%refine, stiffness(:, :, i))
+            if (allocated(asked%extrapolate)) two_meshes = asked%extrapolate
+            largest(i) = specimen%mesh_error(asked%refine, stiffness(:, :, i), two_meshes)
+         end do
+      end associate
       warning = resolution_warning(largest)
    end subroutine simulation_error
+
+   !> A warning of crystals whose remaining error is large; '' if there are none. Crystals are counted from 1.
+   pure function resolution_warning(largest) result(warning)
+      !> The error that remains for each crystal, relative (crystals).
+      real(wp), intent(in) :: largest(:)
+      character(len=:), allocatable :: warning
+      !> From this error on a result is warned of.
+      real(wp), parameter :: limit = 0.01_wp
+      integer :: percent(2)
+
+      warning = ''
+      if (.not. any(largest > limit)) return
+      percent = nint(100.0_wp*[minval(largest, largest > limit), maxval(largest)])
+      warning = 'the crystal is'
+      if (size(largest) > 1) warning = to_text(count(largest > limit))//' of '//to_text(size(largest))//' crystals are'
+      warning = warning//' so near instability that the error of the mesh may reach about '//to_text(percent(1))
+      if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
+      warning = warning//' %: refine, extrapolate, or compare with the theory'//rows_of(largest > limit)
+   end function resolution_warning
+
+   !> The numbers of those that are chosen from several, in brackets.
+   pure function rows_of(chosen) result(words)
+      logical, intent(in) :: chosen(:)
+      character(len=:), allocatable :: words
+      integer, parameter :: most_listed = 10
+      integer, allocatable :: number(:)
+      integer :: i
+
+      words = ''
+      if (size(chosen) == 1) return
+      number = pack([(i, i=1, size(chosen))], chosen)
+      do i = 1, min(size(number), most_listed)
+         words = words//', '//to_text(number(i))
+      end do
+      if (size(number) > most_listed) words = words//', ..'
+      words = ' (rows '//words(3:)//')'
+   end function rows_of
 
    !> The identity of the physics of a problem.
    function identity_text(settings) result(identity)
@@ -206,16 +251,16 @@ contains
       allocate (pairs(0))
       wanted = 'simulator'
       if (settings%simulation%simulator == 'fe') then
-         call add_pair(pairs, 'numerics', to_text(numerics_revision))
+         call add_pair('numerics', to_text(numerics_revision))
          wanted = common
          call new_indentation(settings, indenter, specimen, error)
          if (allocated(indenter)) wanted = wanted//', '//indenter%variables
          if (allocated(specimen)) then
             wanted = wanted//', '//specimen%variables
             two_meshes = .not. allocated(settings%simulation%extrapolate)
-            if (two_meshes) call add_pair(pairs, 'extrapolate', '"as needed"')
+            if (two_meshes) call add_pair('extrapolate', '"as needed"')
             if (.not. two_meshes) two_meshes = settings%simulation%extrapolate
-            if (two_meshes) call add_pair(pairs, 'coarse_ratio', to_text(specimen%coarse_ratio))
+            if (two_meshes) call add_pair('coarse_ratio', to_text(specimen%coarse_ratio))
          end if
       end if
       list = list_settings(settings)
@@ -226,7 +271,7 @@ contains
             value = v%values(1)%text
             if (is_text(v)) value = '"'//value//'"'
             if (v%kind == kind_logical) value = value(2:len(value) - 1)
-            call add_pair(pairs, v%name, value)
+            call add_pair(v%name, value)
          end associate
       end do
       identity = ''
@@ -234,21 +279,21 @@ contains
          identity = identity//', '//pairs(i)%text
       end do
       identity = '{'//identity(3:)//'}'
+
+   contains
+
+      !> Put a pair in its place.
+      subroutine add_pair(name, value)
+         !> Of the variable; JSON.
+         character(len=*), intent(in) :: name, value
+         type(value_type) :: pair
+         integer :: i
+
+         pair%text = '"'//name//'": '//value
+         do i = 1, size(pairs)
+            if (pairs(i)%text > pair%text) exit
+         end do
+         pairs = [pairs(:i - 1), pair, pairs(i:)]
+      end subroutine add_pair
    end function identity_text
-
-   !> Put a pair in its place.
-   subroutine add_pair(pairs, name, value)
-      type(value_type), allocatable, intent(inout) :: pairs(:)
-      !> Of the variable; JSON.
-      character(len=*), intent(in) :: name, value
-      type(value_type) :: pair
-      integer :: i
-
-      pair%text = '"'//name//'": '//value
-      do i = 1, size(pairs)
-         if (pairs(i)%text > pair%text) exit
-      end do
-      pairs = [pairs(:i - 1), pair, pairs(i:)]
-   end subroutine add_pair
-
 end module simulate

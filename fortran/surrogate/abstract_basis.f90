@@ -39,7 +39,7 @@ module abstract_basis
       procedure(exchange_interface), deferred :: exchange
       procedure(evaluate_many_interface), deferred :: evaluate_many
       procedure(new_grain_model_interface), deferred :: new_grain_model
-      procedure :: term_degrees, evaluate_terms, evaluate_crystals, to_y, to_modulus
+      procedure :: term_degrees, evaluate_crystals, to_y, to_modulus
    end type basis_type
 
    !> The moduli that a surrogate gives certain grains, as a function of the crystal alone: what depends on the orientations is
@@ -144,21 +144,6 @@ contains
       if (growth > 0.0_wp) spread_of = spread_of + growth*log_anisotropy(c)**growth_power
    end function spread_of
 
-   !> The terms of one crystal in one orientation.
-   subroutine evaluate_terms(self, c, euler, terms, scale, spread)
-      class(basis_type), intent(in) :: self
-      !> Stiffness in crystal axes of a stable crystal, GPa; Bunge-Euler angles, radians.
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      !> (n_terms), GPa, and relative.
-      real(wp), intent(out) :: terms(:), scale, spread
-      real(wp) :: column(self%n_terms, 1), one(1), other(1)
-
-      call self%evaluate_many(reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), column, one, other)
-      terms = column(:, 1)
-      scale = one(1)
-      spread = other(1)
-   end subroutine evaluate_terms
-
    !> The terms of crystals of the domain's class, one after another: those of each do not depend on the others.
    subroutine evaluate_crystals(self, constants, euler_deg, terms, scale, spread)
       class(basis_type), intent(in) :: self
@@ -170,8 +155,8 @@ contains
 
       allocate (terms(self%n_terms, size(constants, 2)), scale(size(constants, 2)), spread(size(constants, 2)))
       do i = 1, size(scale)
-         call self%evaluate_terms(self%domain%class%stiffness(constants(:, i)), degree*euler_deg(:, i), terms(:, i), scale(i), &
-            & spread(i))
+         call self%evaluate_many(reshape(self%domain%class%stiffness(constants(:, i)), [6, 6, 1]), degree*euler_deg(:, i:i), &
+            & terms(:, i:i), scale(i:i), spread(i:i))
       end do
    end subroutine evaluate_crystals
 

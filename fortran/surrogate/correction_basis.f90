@@ -47,8 +47,8 @@ module correction_basis
       integer, allocatable :: degrees(:)
       !> The factors of each, 0 for the number 1, (greatest_degree, n).
       integer, allocatable, private :: factors(:, :)
-      !> Coordinates are counted from here.
-      real(wp), private :: centre(n_coordinates) = 0.0_wp
+      !> The scale is counted from here.
+      real(wp), private :: centre = 0.0_wp
       !> Before the product, (n).
       real(wp), allocatable, private :: weights(:)
    end type axial_polynomials_type
@@ -102,7 +102,7 @@ contains
       if (present(centre)) then
          self%n_coordinates = n_coordinates
          last = n_factors
-         self%centre(n_coordinates) = centre
+         self%centre = centre
       end if
       allocate (self%degrees(1), self%factors(greatest_degree, 1), self%weights(1))
       self%degrees = 0
@@ -168,31 +168,23 @@ contains
       real(wp), intent(in), contiguous :: x(:, :)
       !> (point, n).
       real(wp), intent(out), contiguous :: values(:, :)
-      real(wp) :: re(size(x, 1)), im(size(x, 1)), old, turn
-      integer :: i, k, p, place
+      complex(wp) :: factors(size(x, 1), n_factors), product(size(x, 1), 0:greatest_degree)
+      integer, parameter :: last_wave = n_axial + n_waves
+      integer :: chosen(greatest_degree), i, k
 
+      factors(:, :n_axial) = x(:, :n_axial)
+      factors(:, n_axial + 1:last_wave) = cmplx(x(:, n_axial + 1:last_wave), x(:, last_wave + 1:last_wave + n_waves), wp)
+      factors(:, last_wave + 1:last_wave + n_waves) = conjg(factors(:, n_axial + 1:last_wave))
+      if (self%n_coordinates == n_coordinates) factors(:, n_coordinates) = x(:, n_coordinates) - self%centre
+      product(:, 0) = 1.0_wp
+      chosen = 0
       do k = 1, self%n
-         re = self%weights(k)
-         im = 0.0_wp
-         do i = 1, self%degrees(k)
-            place = self%factors(i, k)
-            if (.not. is_wave(place)) then
-               re = re*(x(:, place) - self%centre(place))
-               im = im*(x(:, place) - self%centre(place))
-            else
-               turn = 1.0_wp
-               if (place > n_axial + n_waves) then
-                  turn = -1.0_wp
-                  place = place - n_waves
-               end if
-               do p = 1, size(re)
-                  old = re(p)
-                  re(p) = old*x(p, place) - im(p)*(turn*x(p, place + n_waves))
-                  im(p) = im(p)*x(p, place) + old*(turn*x(p, place + n_waves))
-               end do
-            end if
+         ! The first factors are often those of the polynomial before.
+         do i = max(1, findloc(self%factors(:, k) /= chosen, .true., 1)), self%degrees(k)
+            product(:, i) = product(:, i - 1)*factors(:, self%factors(i, k))
          end do
-         values(:, k) = re
+         chosen = self%factors(:, k)
+         values(:, k) = self%weights(k)*real(product(:, self%degrees(k)), wp)
       end do
    end subroutine evaluate_polynomials
 

@@ -10,7 +10,7 @@ module surrogate_domain
    use text, only: split_list, to_text
    implicit none
    private
-   public :: domain_type, new_domain, new_wide_domain, exchange_domain, spread_crystals
+   public :: domain_type, complete_domain, exchange_domain, spread_crystals
 
    !> Born-stable crystals of a class within limits: bounds of the constants and a cap on Eq. 14, or limits of the log-anisotropy, of
    !> Poisson's ratio, that of the isotropic part of log K, and of the scale. What is not stated is no limit.
@@ -31,53 +31,13 @@ module surrogate_domain
 
 contains
 
-   !> The domain of a class between bounds below a cap.
-   subroutine new_domain(class, lower, upper, anisotropy_cap, domain, error, stiffness)
+   !> Give a domain, whose limits are stated, its class, of which it is where no members are; refused are classes that it does not hold, and
+   !> limits that are none.
+   subroutine complete_domain(class, domain, error)
       !> Name or synonym of the crystal class.
-      character(len=*), intent(in) :: class
-      !> GPa, (n_constants).
-      real(wp), intent(in) :: lower(:), upper(:)
-      !> Above 0.
-      real(wp), intent(in) :: anisotropy_cap
-      type(domain_type), intent(out) :: domain
-      type(error_type), allocatable, intent(out) :: error
-      !> See `domain_type`.
-      real(wp), intent(in), optional :: stiffness(2)
-
-      domain%lower = lower
-      domain%upper = upper
-      domain%anisotropy_cap = anisotropy_cap
-      call complete_domain(class, domain, error, stiffness)
-   end subroutine new_domain
-
-   !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios.
-   subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error, stiffness)
-      !> Name of the crystal class.
-      character(len=*), intent(in) :: class
-      !> Names of the classes that are spread over the domain, separated by ', '.
-      character(len=*), intent(in) :: members
-      !> Above 0.
-      real(wp), intent(in) :: log_anisotropy_max
-      !> The lower and the upper, within -1 .. 0.5.
-      real(wp), intent(in) :: poisson(2)
-      type(domain_type), intent(out) :: domain
-      type(error_type), allocatable, intent(out) :: error
-      !> See `domain_type`.
-      real(wp), intent(in), optional :: stiffness(2)
-
-      domain%members = members
-      allocate (domain%lower(0), domain%upper(0))
-      domain%log_anisotropy_max = log_anisotropy_max
-      domain%poisson = poisson
-      call complete_domain(class, domain, error, stiffness)
-   end subroutine new_wide_domain
-
-   !> Its class, of which it is where no others are named; refused are classes that it does not hold, and limits that are none.
-   subroutine complete_domain(class, domain, error, stiffness)
       character(len=*), intent(in) :: class
       type(domain_type), intent(inout) :: domain
       type(error_type), allocatable, intent(out) :: error
-      real(wp), intent(in), optional :: stiffness(2)
       type(crystal_class_type) :: member
       character(len=:), allocatable :: names(:)
       integer :: i
@@ -85,7 +45,7 @@ contains
       call new_crystal_class(class, domain%class, error)
       if (allocated(error)) return
       if (.not. allocated(domain%members)) domain%members = domain%class%name
-      if (present(stiffness)) domain%stiffness = stiffness
+      if (.not. allocated(domain%lower)) allocate (domain%lower(0), domain%upper(0))
       allocate (names, source=split_list(domain%members))
       do i = 1, size(names)
          call new_crystal_class(trim(names(i)), member, error)
@@ -153,7 +113,8 @@ contains
          call file%fail('the limits of the domain are no ranges')
       else
          domain%poisson = poisson
-         call complete_domain(name, domain, error, scale)
+         domain%stiffness = scale
+         call complete_domain(name, domain, error)
          if (allocated(error)) call file%fail(error%message)
       end if
    end subroutine exchange_domain
@@ -197,8 +158,9 @@ contains
          distance = maxval(abs(self%coordinates_of(c)))
       else if (self%log_anisotropy_max < huge(1.0_wp)) then
          call logarithmic_mean(c, poisson, anisotropy, stiffness)
-         distance = max(anisotropy/self%log_anisotropy_max, abs(position(poisson, self%poisson)))
-         if (self%has_scale()) distance = max(distance, abs(position(log(stiffness), log(self%stiffness))))
+         distance = max(anisotropy/self%log_anisotropy_max, abs(position(poisson, self%poisson(1), self%poisson(2))))
+         if (self%has_scale()) distance = max(distance, abs(position(log(stiffness), log(self%stiffness(1)), &
+            & log(self%stiffness(2)))))
       end if
    end function normalised_distance
 
@@ -209,14 +171,14 @@ contains
       real(wp), intent(in) :: c(6, 6)
       real(wp) :: x(size(self%lower))
 
-      x = (2.0_wp*self%class%constants_of(c) - self%lower - self%upper)/(self%upper - self%lower)
+      x = position(self%class%constants_of(c), self%lower, self%upper)
    end function coordinates_of
 
    !> A value, mapped from its range to [-1, 1].
-   pure real(wp) function position(value, range)
-      real(wp), intent(in) :: value, range(2)
+   pure elemental real(wp) function position(value, least, greatest)
+      real(wp), intent(in) :: value, least, greatest
 
-      position = (2.0_wp*value - range(1) - range(2))/(range(2) - range(1))
+      position = (2.0_wp*value - least - greatest)/(greatest - least)
    end function position
 
    !> n crystals of the domain of a Latin hypercube, with indentation directions uniform on the sphere.

@@ -146,27 +146,13 @@ contains
             if (allocated(error)) return
          end if
       end associate
-      associate (known => learner%simulations)
-         call append_columns(known%constants, constants)
-         call append_columns(known%euler_deg, euler_deg)
+      associate (known => learner%simulations, regression => learner%design%regression)
+         ! An array constructor would be on the stack, and these may be large.
+         known%constants = reshape(known%constants, [size(constants, 1), regression%n_data], constants)
+         known%euler_deg = reshape(known%euler_deg, [3, regression%n_data], euler_deg)
          known%modulus = [known%modulus, modulus]
       end associate
    end subroutine add_simulations
-
-   !> Columns after others. An array constructor would be on the stack, and these may be large.
-   subroutine append_columns(columns, more)
-      real(wp), allocatable, intent(inout) :: columns(:, :)
-      !> As long.
-      real(wp), intent(in) :: more(:, :)
-      real(wp), allocatable :: longer(:, :)
-      integer :: n
-
-      n = size(columns, 2)
-      allocate (longer(size(columns, 1), n + size(more, 2)))
-      longer(:, :n) = columns
-      longer(:, n + 1:) = more
-      call move_alloc(longer, columns)
-   end subroutine append_columns
 
    !> Revert to an earlier design; simulations that it does not have are dropped.
    subroutine revert(learner, design)

@@ -17,7 +17,7 @@ module surrogate_model
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
    use settings_schema, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, exchange_domain, new_wide_domain
+   use surrogate_domain, only: domain_type, complete_domain, exchange_domain
    use text, only: to_text
    implicit none
    private
@@ -74,7 +74,8 @@ contains
       type(surrogate_settings_type) :: settings
 
       settings%model = 'halfspace'
-      call new_wide_domain(general_class, general_class, huge(1.0_wp), [-0.999_wp, 0.499_wp], domain, error)
+      domain%poisson = [-0.999_wp, 0.499_wp]
+      call complete_domain(general_class, domain, error)
       if (.not. allocated(error)) call new_basis(domain, settings, surrogate%basis, error)
       allocate (surrogate%coefficients(0), surrogate%covariance(0, 0), surrogate%simulations%constants(21, 0), &
          & surrogate%simulations%euler_deg(3, 0), surrogate%simulations%modulus(0))
@@ -305,17 +306,15 @@ contains
       type(surrogate_type), intent(inout) :: surrogate
       type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: packed(:)
-      integer :: n, j, first
+      logical, allocatable :: lower(:, :)
+      integer :: n, i, j
 
       n = surrogate%basis%n_terms
-      if (.not. file%reading) then
-         allocate (packed(n*(n + 1)/2))
-         first = 1
-         do j = 1, n
-            packed(first:first + n - j) = surrogate%covariance(j:, j)
-            first = first + n - j + 1
-         end do
-      end if
+      allocate (lower(n, n))
+      do j = 1, n
+         lower(:, j) = [(i >= j, i=1, n)]
+      end do
+      if (.not. file%reading) packed = pack(surrogate%covariance, lower)
       call file%reals('covariance', packed)
       if (allocated(file%error) .or. .not. file%reading) return
       if (size(packed) /= n*(n + 1)/2 .or. size(surrogate%coefficients) /= n) then
@@ -323,12 +322,9 @@ contains
             & //' covariances; '//to_text(n)//' and '//to_text(n*(n + 1)/2)//' are needed')
          return
       end if
-      allocate (surrogate%covariance(n, n))
-      first = 1
-      do j = 1, n
-         surrogate%covariance(j:, j) = packed(first:first + n - j)
-         surrogate%covariance(j, j:) = packed(first:first + n - j)
-         first = first + n - j + 1
+      surrogate%covariance = unpack(packed, lower, 0.0_wp)
+      do j = 2, n
+         surrogate%covariance(:j - 1, j) = surrogate%covariance(j, :j - 1)
       end do
    end subroutine exchange_covariance
 

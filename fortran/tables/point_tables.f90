@@ -150,33 +150,31 @@ contains
       call read_optional(points%table, 'contact_radius_um', lengths_allowed, ' um', points%contact_radius_um, error)
       call read_optional(points%table, 'depth_nm', 1.0e3_wp*lengths_allowed, ' nm', depth_nm, error)
       if (.not. allocated(error)) points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
-      call add_zero_error(points, asked%zero_sd_nm, error)
+      call add_zero_error()
       call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
+
+   contains
+
+      !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
+      subroutine add_zero_error()
+         real(wp), parameter :: power = 1.5_wp, most = 1000.0_wp
+         real(wp), allocatable :: zero_sd_nm(:)
+         integer :: i
+
+         call read_optional(points%table, 'zero_sd_nm', [0.0_wp, most], ' nm', zero_sd_nm, error)
+         if (allocated(error)) return
+         zero_sd_nm = merge(zero_sd_nm, asked%zero_sd_nm, zero_sd_nm >= 0.0_wp)
+         i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
+         if (i > 0) then
+            call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i))//' nm needs the ' &
+               & //'depth of the test (column depth_nm or depth_um) and its sd_gpa')
+            return
+         end if
+         where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
+            & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
+      end subroutine add_zero_error
    end subroutine read_measurements
-
-   !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
-   subroutine add_zero_error(points, usual, error)
-      type(points_type), intent(inout) :: points
-      !> Of the rows that do not state theirs, nm.
-      real(wp), intent(in) :: usual
-      type(error_type), allocatable, intent(inout) :: error
-      real(wp), parameter :: power = 1.5_wp, most = 1000.0_wp
-      real(wp), allocatable :: zero_sd_nm(:)
-      integer :: i
-
-      call read_optional(points%table, 'zero_sd_nm', [0.0_wp, most], ' nm', zero_sd_nm, error)
-      if (allocated(error)) return
-      zero_sd_nm = merge(zero_sd_nm, usual, zero_sd_nm >= 0.0_wp)
-      i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
-      if (i > 0) then
-         call refuse(error, 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i))//' nm needs the ' &
-            & //'depth of the test (column depth_nm or depth_um) and its sd_gpa')
-         return
-      end if
-      where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
-         & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
-   end subroutine add_zero_error
 
    !> The columns x_um and y_um.
    subroutine read_positions(table, positions, error)
@@ -293,6 +291,7 @@ contains
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
       type(error_type), allocatable, intent(out) :: error
+      !> The class whose constants are all entries.
       type(crystal_class_type) :: general
       real(wp), allocatable :: values(:)
       integer, allocatable :: own(:, :)
@@ -313,9 +312,9 @@ contains
       end do
       ! All 21 columns and no word on the symmetry: the crystals are given whole.
       if (all(column > 0) .and. points%table%find('symmetry') == 0) then
-         call read_classes(points, general, error)
+         call read_classes(general)
       else
-         call read_classes(points, default_class, error)
+         call read_classes(default_class)
       end if
       if (allocated(error)) return
       allocate (own(21, size(points%classes)), source=0)
@@ -325,85 +324,80 @@ contains
          end associate
       end do
       do i = 1, points%n
-         call take_constants(points, i, general, own(:, points%class(i)), column, error)
+         call take_constants(own(:, points%class(i)))
          if (allocated(error)) return
       end do
-   end subroutine read_constants
 
-   !> The class of each row, which may say it.
-   subroutine read_classes(points, usual, error)
-      type(points_type), intent(inout) :: points
-      !> Of the rows that do not.
-      type(crystal_class_type), intent(in) :: usual
-      type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: class
-      integer, allocatable :: first(:)
-      character(len=:), allocatable :: cell
-      integer :: column, i, j
+   contains
 
-      column = points%table%find('symmetry')
-      first = first_rows(points%table, column)
-      allocate (points%classes(0), points%class(points%n))
-      do i = 1, points%n
-         if (first(i) < i) then
-            points%class(i) = points%class(first(i))
-            cycle
-         end if
-         cell = ''
-         if (column > 0) cell = points%table%cell(column, i)
-         class = usual
-         if (len(cell) > 0) call new_crystal_class(cell, class, error)
-         if (allocated(error)) then
-            error%message = points%table%place(column, i)//error%message
-            return
-         end if
-         do j = 1, size(points%classes)
-            if (points%classes(j)%name == class%name) exit
-         end do
-         if (j > size(points%classes)) points%classes = [points%classes, class]
-         points%class(i) = j
-      end do
-   end subroutine read_classes
+      !> Of the entries of row i the constants of its class, and the stiffness.
+      subroutine take_constants(own)
+         !> Which entries are the constants of the row's class.
+         integer, intent(in) :: own(21)
+         real(wp) :: entries(21), implied(21)
+         integer :: k
 
-   !> Of the entries of row i the constants of its class, and the stiffness.
-   subroutine take_constants(points, i, general, own, column, error)
-      type(points_type), intent(inout) :: points
-      integer, intent(in) :: i
-      !> The class whose constants are all entries.
-      type(crystal_class_type), intent(in) :: general
-      !> Which entries are the constants of the row's class; the columns of all, or 0.
-      integer, intent(in) :: own(21), column(21)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: entries(21), implied(21)
-      integer :: j, k
+         entries = points%constants(:, i)
+         points%constants(:, i) = nan
+         associate (class => points%classes(points%class(i)), table => points%table)
+            do k = 1, class%n_constants
+               j = own(k)
+               if (column(j) == 0) then
+                  call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
+                     & //join(class%constants, ', '))
+               else if (.not. abs(entries(j)) <= stiffness_most) then
+                  call table%number(column(j), i, entries(j), error)
+               end if
+               if (allocated(error)) return
+               points%constants(k, i) = entries(j)
+            end do
+            points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
+            ! A constant that does not apply is empty, or what the symmetry makes it.
+            implied = general%constants_of(points%stiffness(:, :, i))
+            do j = 1, 21
+               if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
+               call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
+                  & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
+               return
+            end do
+         end associate
+         call check_stiffness(points%stiffness(:, :, i), error)
+         if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
+      end subroutine take_constants
 
-      entries = points%constants(:, i)
-      points%constants(:, i) = nan
-      associate (class => points%classes(points%class(i)), table => points%table)
-         do k = 1, class%n_constants
-            j = own(k)
-            if (column(j) == 0) then
-               call refuse(error, 'the column '//class%constants(k)//' is missing; a '//class%name//' crystal has ' &
-                  & //join(class%constants, ', '))
-            else if (.not. abs(entries(j)) <= stiffness_most) then
-               call table%number(column(j), i, entries(j), error)
+      !> The class of each row, which may say it.
+      subroutine read_classes(usual)
+         !> Of the rows that do not.
+         type(crystal_class_type), intent(in) :: usual
+         type(crystal_class_type) :: class
+         integer, allocatable :: first(:)
+         character(len=:), allocatable :: cell
+         integer :: named, i, j
+
+         named = points%table%find('symmetry')
+         first = first_rows(points%table, named)
+         allocate (points%classes(0), points%class(points%n))
+         do i = 1, points%n
+            if (first(i) < i) then
+               points%class(i) = points%class(first(i))
+               cycle
             end if
-            if (allocated(error)) return
-            points%constants(k, i) = entries(j)
+            cell = ''
+            if (named > 0) cell = points%table%cell(named, i)
+            class = usual
+            if (len(cell) > 0) call new_crystal_class(cell, class, error)
+            if (allocated(error)) then
+               error%message = points%table%place(named, i)//error%message
+               return
+            end if
+            do j = 1, size(points%classes)
+               if (points%classes(j)%name == class%name) exit
+            end do
+            if (j > size(points%classes)) points%classes = [points%classes, class]
+            points%class(i) = j
          end do
-         points%stiffness(:, :, i) = class%stiffness(points%constants(:class%n_constants, i))
-         ! A constant that does not apply is empty, or what the symmetry makes it.
-         implied = general%constants_of(points%stiffness(:, :, i))
-         do j = 1, 21
-            if (.not. abs(entries(j) - implied(j)) > 1.0e-3_wp*abs(implied(j)) + 1.0e-3_wp) cycle
-            call table%refuse(column(j), i, ' GPa does not apply to a '//class%name//' crystal, whose ' &
-               & //general%constants(j)//' is '//to_text(implied(j))//' GPa; leave the cell empty', error)
-            return
-         end do
-      end associate
-      call check_stiffness(points%stiffness(:, :, i), error)
-      if (allocated(error)) error%message = 'line '//to_text(points%table%line(i))//': '//error%message
-   end subroutine take_constants
+      end subroutine read_classes
+   end subroutine read_constants
 
    !> `values` of a column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
    subroutine read_optional(table, name, allowed, unit, values, error)

@@ -16,7 +16,7 @@ module repeated_tests
    private
    public :: combine_tests, judge_scatter, refuse_copied_rows
 
-   !> A scatter of less probability is told of; of single grains it is divided by their number.
+   !> Of a scatter of less probability a warning says so; of single grains it is divided by their number.
    real(wp), parameter :: improbable = 0.01_wp
 
 contains
@@ -60,7 +60,8 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(points_type), intent(inout) :: points
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: first(:)
+      !> Of each test the first one of its grain; all those first ones.
+      integer, allocatable :: first(:), kept(:)
       real(wp) :: key(2, points%n)
       integer :: column, i
 
@@ -76,93 +77,82 @@ contains
       key(2, :) = first_rows(points%table, column)
       first = number_equal(key)
       if (all(first == points%row)) return
-      call check_tests(class, points, column, first, error)
-      if (.not. allocated(error)) call merge_tests(points, first)
-   end subroutine combine_tests
+      call check_tests()
+      if (.not. allocated(error)) call merge_tests()
 
-   !> The tests of a grain have sds, and the orientation of its first one.
-   subroutine check_tests(class, points, column, first, error)
-      type(crystal_class_type), intent(in) :: class
-      type(points_type), intent(in) :: points
-      !> Of the grains' names; of each test the first one of its grain.
-      integer, intent(in) :: column, first(:)
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: alike = 5.0_wp
-      type(region_type) :: region
-      real(wp) :: direction(3, points%n), angle
-      integer :: i
+   contains
 
-      if (.not. all(points%sd_gpa > 0.0_wp)) then
-         call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
-            & //'combine them the column sd_gpa is needed')
-         return
-      end if
-      call new_region(class, region)
-      if (region%dimension == 0) return
-      direction = points%directions()
-      do i = 1, points%n
-         angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
-         if (angle > alike) then
-            call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on ' &
-               & //'line '//to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
+      !> The tests of a grain have sds, and the orientation of its first one.
+      subroutine check_tests()
+         real(wp), parameter :: alike = 5.0_wp
+         type(region_type) :: region
+         real(wp) :: direction(3, points%n), angle
+
+         if (.not. all(points%sd_gpa > 0.0_wp)) then
+            call refuse(error, 'the column '//printable(points%table%name(column))//' has several tests of one grain, and to ' &
+               & //'combine them the column sd_gpa is needed')
             return
          end if
-      end do
-   end subroutine check_tests
+         call new_region(class, region)
+         if (region%dimension == 0) return
+         direction = points%directions()
+         do i = 1, points%n
+            angle = angle_between(region, direction(:, i), direction(:, first(i)))/degree
+            if (angle > alike) then
+               call points%table%refuse(column, i, ' is indented '//fixed(angle, 1)//' degrees away from its direction on line ' &
+                  & //to_text(points%table%line(first(i)))//'; tests of one grain are within 5 degrees of each other', error)
+               return
+            end if
+         end do
+      end subroutine check_tests
 
-   !> Weighted means; sizes and depths are plain means of what is given.
-   subroutine merge_tests(points, first)
-      type(points_type), intent(inout) :: points
-      !> Of each test the first one of its grain.
-      integer, intent(in) :: first(:)
-      real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
-      integer, allocatable :: kept(:)
+      !> Weighted means; sizes and depths are plain means of what is given.
+      subroutine merge_tests()
+         real(wp), dimension(points%n) :: weight, precision, modulus, chi_square, tests
 
-      kept = pack(points%row, first == points%row)
-      weight = 1.0_wp/points%sd_gpa**2
-      tests = sums(spread(1.0_wp, 1, points%n), first)
-      precision = sums(weight, first)
-      modulus = sums(weight*points%modulus_gpa, first)
-      modulus(kept) = modulus(kept)/precision(kept)
-      chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2, first)
-      points%orientation_sd_deg = means_of(points%orientation_sd_deg, first, kept)
-      points%depth_um = means_of(points%depth_um, first, kept)
-      points%contact_radius_um = means_of(points%contact_radius_um, first, kept)
-      points%grain_radius_um = means_of(points%grain_radius_um, first, kept)
-      points%n = size(kept)
-      points%euler_deg = points%euler_deg(:, kept)
-      points%group = points%group(kept)
-      points%row = kept
-      points%modulus_gpa = modulus(kept)
-      points%sd_gpa = 1.0_wp/sqrt(precision(kept))
-      points%tests = nint(tests(kept))
-      points%chi_square = chi_square(kept)
-   end subroutine merge_tests
+         kept = pack(points%row, first == points%row)
+         weight = 1.0_wp/points%sd_gpa**2
+         tests = sums(spread(1.0_wp, 1, points%n))
+         precision = sums(weight)
+         modulus = sums(weight*points%modulus_gpa)
+         modulus(kept) = modulus(kept)/precision(kept)
+         chi_square = sums(weight*(points%modulus_gpa - modulus(first))**2)
+         points%orientation_sd_deg = means_of(points%orientation_sd_deg)
+         points%depth_um = means_of(points%depth_um)
+         points%contact_radius_um = means_of(points%contact_radius_um)
+         points%grain_radius_um = means_of(points%grain_radius_um)
+         points%n = size(kept)
+         points%euler_deg = points%euler_deg(:, kept)
+         points%group = points%group(kept)
+         points%row = kept
+         points%modulus_gpa = modulus(kept)
+         points%sd_gpa = 1.0_wp/sqrt(precision(kept))
+         points%tests = nint(tests(kept))
+         points%chi_square = chi_square(kept)
+      end subroutine merge_tests
 
-   !> Of each grain the sum of its tests' `values`, at the place of its first test.
-   pure function sums(values, first)
-      real(wp), intent(in) :: values(:)
-      integer, intent(in) :: first(:)
-      real(wp) :: sums(size(values))
-      integer :: i
+      !> Of each grain the sum of its tests' `values`, at the place of its first test.
+      pure function sums(values)
+         real(wp), intent(in) :: values(:)
+         real(wp) :: sums(size(values))
+         integer :: i
 
-      sums = 0.0_wp
-      do i = 1, size(values)
-         sums(first(i)) = sums(first(i)) + values(i)
-      end do
-   end function sums
+         sums = 0.0_wp
+         do i = 1, size(values)
+            sums(first(i)) = sums(first(i)) + values(i)
+         end do
+      end function sums
 
-   !> Of each grain the mean of the `values` that are given; NaN if none is.
-   pure function means_of(values, first, kept) result(means)
-      real(wp), intent(in) :: values(:)
-      !> As in `merge_tests`: of each test the first one of its grain; all those first ones.
-      integer, intent(in) :: first(:), kept(:)
-      real(wp) :: means(size(kept)), total(size(values)), given(size(values))
+      !> Of each grain the mean of the `values` that are given; NaN if none is.
+      pure function means_of(values) result(means)
+         real(wp), intent(in) :: values(:)
+         real(wp) :: means(size(kept)), total(size(values)), given(size(values))
 
-      total = sums(merge(values, 0.0_wp, values >= 0.0_wp), first)
-      given = sums(merge(1.0_wp, 0.0_wp, values >= 0.0_wp), first)
-      means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
-   end function means_of
+         total = sums(merge(values, 0.0_wp, values >= 0.0_wp))
+         given = sums(merge(1.0_wp, 0.0_wp, values >= 0.0_wp))
+         means = merge(total(kept)/max(given(kept), 1.0_wp), values(kept), given(kept) > 0.0_wp)
+      end function means_of
+   end subroutine combine_tests
 
    !> Warn of tests that scatter more or less than their sds say: all together, and in single grains.
    subroutine judge_scatter(points, prefix, warnings)

@@ -85,40 +85,38 @@ contains
       end if
       call check_stiffness(class%stiffness(self%mean), error)
       if (allocated(error)) error%message = 'the mean: '//error%message
-      if (.not. allocated(error)) call check_covariance(self, class, error)
-   end subroutine new_stiffness_table
+      if (.not. allocated(error)) call check_covariance()
 
-   !> Symmetric to the digits that people write, and positive definite.
-   subroutine check_covariance(self, class, error)
-      type(stiffness_table_type), intent(inout) :: self
-      type(crystal_class_type), intent(in) :: class
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), parameter :: tolerance = 1.0e-3_wp
-      real(wp) :: correlation(class%n_constants, class%n_constants)
-      integer :: i, j
+   contains
 
-      associate (c => self%covariance, names => class%constants)
-         do i = 1, class%n_constants
-            if (c(i, i) > 0.0_wp) cycle
-            call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
-            return
-         end do
-         do j = 1, class%n_constants
+      !> Symmetric to the digits that people write, and positive definite.
+      subroutine check_covariance()
+         real(wp), parameter :: tolerance = 1.0e-3_wp
+         real(wp) :: correlation(class%n_constants, class%n_constants)
+
+         associate (c => self%covariance, names => class%constants)
             do i = 1, class%n_constants
-               correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))
-               if (abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j))) cycle
-               call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row '//names(i)//', column ' &
-                  & //names(j)//', but '//to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
+               if (c(i, i) > 0.0_wp) cycle
+               call refuse(error, 'the variance of '//names(i)//' is '//to_text(c(i, i))//' GPa^2; above 0 is allowed')
                return
             end do
-         end do
-         correlation = 0.5_wp*(correlation + transpose(correlation))
-         c = 0.5_wp*(c + transpose(c))
-      end associate
-      call cholesky_factor(correlation, error)
-      if (.not. allocated(error)) return
-      deallocate (error)
-      call refuse(error, 'the covariance is not positive definite; it must say that no combination of the constants is known ' &
-         & //'exactly')
-   end subroutine check_covariance
+            do j = 1, class%n_constants
+               do i = 1, class%n_constants
+                  correlation(i, j) = c(i, j)/sqrt(c(i, i))/sqrt(c(j, j))
+                  if (abs(c(i, j) - c(j, i)) <= tolerance*sqrt(c(i, i))*sqrt(c(j, j))) cycle
+                  call refuse(error, 'the covariance is not symmetric: '//to_text(c(i, j))//' GPa^2 in row '//names(i) &
+                     & //', column '//names(j)//', but '//to_text(c(j, i))//' GPa^2 in row '//names(j)//', column '//names(i))
+                  return
+               end do
+            end do
+            correlation = 0.5_wp*(correlation + transpose(correlation))
+            c = 0.5_wp*(c + transpose(c))
+         end associate
+         call cholesky_factor(correlation, error)
+         if (.not. allocated(error)) return
+         deallocate (error)
+         call refuse(error, 'the covariance is not positive definite; it must say that no combination of the constants is known ' &
+            & //'exactly')
+      end subroutine check_covariance
+   end subroutine new_stiffness_table
 end module stiffness_table

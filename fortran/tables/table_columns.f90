@@ -17,7 +17,7 @@ module table_columns
    implicit none
    private
    public :: find_column, find_modulus, column_list, nearest_to, check_unit, column_hint, name_columns, degrees, find_ways, &
-      & read_directions, angles_of_direction, direction_names
+      & read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
    type :: column_type
@@ -101,7 +101,8 @@ contains
       end if
       if (column == 0 .and. size(found) == 1) column = found(1)
       if (column > 0) call check_unit(table, column, known_columns(i)%units, error)
-      if (present(needed) .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
+      if (.not. present(needed)) return
+      if (needed .and. column == 0) call refuse(error, 'the column '//name//' is missing; the columns are ' &
          & //column_list(table)//nearest_to(table, name))
    end subroutine find_column
 
@@ -285,7 +286,8 @@ contains
       integer :: equals, column, i, k
 
       if (.not. allocated(said)) return
-      names = join(known_columns%name, ', ')//', '//direction_names()
+      names = join(known_columns%name, ', ')//', ' &
+         & //join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
       known = split_list(names)
       given = ''
       table%given_names = ''
@@ -340,13 +342,6 @@ contains
       end do
    end subroutine find_ways
 
-   !> The names of the columns of all ways, separated by ', '.
-   pure function direction_names() result(names)
-      character(len=:), allocatable :: names
-
-      names = join([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names], ', ')
-   end function direction_names
-
    !> Bunge-Euler angles of every row, degrees.
    subroutine read_directions(table, way, columns, class, parameters, euler_deg, error)
       type(table_type), intent(in) :: table
@@ -363,7 +358,7 @@ contains
       integer :: i, j
 
       if (way /= quaternions) then
-         call lattice_of(class, parameters, ways(way), lattice, error)
+         call find_lattice(ways(way))
          if (allocated(error)) return
       end if
       do i = 1, table%rows
@@ -384,39 +379,35 @@ contains
                if (way == four_directions) row(:2) = row(:2) - row(3)
                row(3) = row(4)
             end if
-            if (way == directions .or. way == four_directions) then
-               v = matmul(lattice%edges, row(:3))
-            else
-               v = matmul(lattice%normals, row(:3))
-            end if
+            v = matmul(lattice%normals, row(:3))
+            if (way == directions .or. way == four_directions) v = matmul(lattice%edges, row(:3))
          end if
          if (allocated(error)) return
          euler_deg(:, i) = angles_of_direction(v/norm2(v))
       end do
+
+   contains
+
+      !> The cell to which indices refer.
+      subroutine find_lattice(way)
+         type(way_type), intent(in) :: way
+         character(len=:), allocatable :: open
+
+         open = lattice_parameters(class)
+         if (allocated(parameters)) then
+            call new_lattice(class, parameters, lattice, error)
+         else if (len(open) == 0) then
+            call new_lattice(class, [real(wp) ::], lattice, error)
+         else
+            call refuse(error, 'the columns '//join(way%names(:way%n), ', ')//' are indices of a '//class%name//' crystal, whose ' &
+               & //'directions depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is ' &
+               & //'needed')
+         end if
+         if (.not. allocated(error) .and. way%n == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
+            & //join(way%names, ', ')//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
+            & //' crystal has three')
+      end subroutine find_lattice
    end subroutine read_directions
-
-   !> The cell to which indices refer.
-   subroutine lattice_of(class, parameters, way, lattice, error)
-      type(crystal_class_type), intent(in) :: class
-      real(wp), allocatable, intent(in) :: parameters(:)
-      type(way_type), intent(in) :: way
-      type(lattice_type), intent(out) :: lattice
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: open
-
-      open = lattice_parameters(class)
-      if (allocated(parameters)) then
-         call new_lattice(class, parameters, lattice, error)
-      else if (len(open) == 0) then
-         call new_lattice(class, [real(wp) ::], lattice, error)
-      else
-         call refuse(error, 'the columns '//join(way%names(:way%n), ', ')//' are indices of a '//class%name//' crystal, whose ' &
-            & //'directions depend on its cell: &problem lattice = '//open//' (lengths in any unit, angles in degrees) is needed')
-      end if
-      if (.not. allocated(error) .and. way%n == 4 .and. .not. lattice%is_hexagonal) call refuse(error, 'the columns ' &
-         & //join(way%names, ', ')//' are four indices, which only cells with 120 degrees between a and b have; a '//class%name &
-         & //' crystal has three')
-   end subroutine lattice_of
 
    !> The sample's z in crystal axes: the third column of the matrix of the rotation from sample to crystal axes.
    pure function direction_of_quaternion(q) result(v)

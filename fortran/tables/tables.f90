@@ -69,36 +69,56 @@ contains
       table%given_names = ''
       table%units = ''
       above = 1
-      if (rows > 1) call read_units(table, bounds(:, table%columns + 1:2*table%columns), above)
+      if (rows > 1) call read_units(bounds(:, table%columns + 1:2*table%columns))
       table%rows = rows - above
       table%line = line(above + 1:rows)
       allocate (table%bounds(2, table%columns, 0:table%rows))
       table%bounds(:, :, 0) = bounds(:, :table%columns)
       table%bounds(:, :, 1:) = reshape(bounds(:, above*table%columns + 1:rows*table%columns), [2, table%columns, table%rows])
-      call check_header(table, line(1), error)
+      call check_header()
       if (allocated(error)) return
       if (table%rows == 0) call refuse(error, 'the table is empty: no row follows the header')
+
+   contains
+
+      !> A row of units and nothing else is one of the rows `above` those of the table.
+      subroutine read_units(bounds)
+         !> Of the cells below the header.
+         integer, intent(in) :: bounds(:, :)
+         character(len=longest_unit) :: units(size(bounds, 2))
+         character(len=:), allocatable :: word
+         integer :: j
+
+         do j = 1, table%columns
+            word = bare_unit(table%buffer(bounds(1, j):bounds(2, j)))
+            if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
+            units(j) = word
+         end do
+         if (all(units == '')) return
+         above = 2
+         where (units /= '-') table%units = units
+      end subroutine read_units
+
+      !> Names must be names, and each of its own.
+      subroutine check_header()
+         real(wp) :: value
+         integer :: i, j, outcome
+         logical :: numeric
+
+         numeric = .true.
+         do j = 1, table%columns
+            call read_real(table%name(j), value, outcome)
+            numeric = numeric .and. outcome /= number_malformed
+         end do
+         if (numeric) call refuse(error, 'line '//to_text(line(1)) &
+            & //': numbers where the header row with the names of the columns must be')
+         do j = 2, table%columns
+            if (allocated(error)) return
+            if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call refuse(error, 'line ' &
+               & //to_text(line(1))//': the column '//printable(table%name(j))//' is there twice')
+         end do
+      end subroutine check_header
    end subroutine parse_table
-
-   !> A row of units and nothing else is one of the rows `above` those of the table.
-   subroutine read_units(table, bounds, above)
-      type(table_type), intent(inout) :: table
-      !> Of the cells below the header.
-      integer, intent(in) :: bounds(:, :)
-      integer, intent(inout) :: above
-      character(len=longest_unit) :: units(table%columns)
-      character(len=:), allocatable :: word
-      integer :: j
-
-      do j = 1, table%columns
-         word = bare_unit(table%buffer(bounds(1, j):bounds(2, j)))
-         if (len(word) > 0 .and. index(known_units, ' '//word//' ') == 0) return
-         units(j) = word
-      end do
-      if (all(units == '')) return
-      above = 2
-      where (units /= '-') table%units = units
-   end subroutine read_units
 
    !> 'gpa' of '[GPa]'.
    pure function bare_unit(string) result(word)
@@ -109,29 +129,6 @@ contains
       if (scan(word, '([') == 1 .and. scan(word, ')]') == len(word)) word = word(2:len(word) - 1)
       word = trim(adjustl(word))
    end function bare_unit
-
-   !> Names must be names, and each of its own.
-   subroutine check_header(table, line, error)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: line
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: value
-      integer :: i, j, outcome
-      logical :: numeric
-
-      numeric = .true.
-      do j = 1, table%columns
-         call read_real(table%name(j), value, outcome)
-         numeric = numeric .and. outcome /= number_malformed
-      end do
-      if (numeric) call refuse(error, 'line '//to_text(line) &
-         & //': numbers where the header row with the names of the columns must be')
-      do j = 2, table%columns
-         if (allocated(error)) return
-         if (len(table%name(j)) > 0 .and. any([(table%name(i) == table%name(j), i=1, j - 1)])) call refuse(error, 'line ' &
-            & //to_text(line)//': the column '//printable(table%name(j))//' is there twice')
-      end do
-   end subroutine check_header
 
    !> What separates the cells: of comma, semicolon and tab that which the header has most of, outside quotes.
    pure character function delimiter_of(header)
@@ -177,9 +174,9 @@ contains
       number = 1
       i = 1
       do while (i <= len(table%buffer))
-         ! At the start of a line: skip it if blank or a comment.
+         ! At the start of a line: skip it if # is the first that is not blank, or if all is blank: then both places are 0.
          last = i - 2 + index(table%buffer(i:), newline)
-         if (is_skipped(table%buffer(i:last))) then
+         if (index(table%buffer(i:last), '#') == verify(table%buffer(i:last), ' '//tab//return)) then
             i = last + 2
             number = number + 1
             cycle
@@ -268,15 +265,6 @@ contains
       end do
       if (index(delimiter//newline, buffer(i:i)) == 0) call refuse(error, 'text follows a closing double quote')
    end subroutine take_cell
-
-   pure logical function is_skipped(line)
-      character(len=*), intent(in) :: line
-      integer :: i
-
-      i = verify(line, ' '//tab//return)
-      is_skipped = i == 0
-      if (i > 0) is_skipped = line(i:i) == '#'
-   end function is_skipped
 
    !> The cell in a `column` and `row`.
    pure function cell(self, column, row) result(string)

@@ -199,29 +199,27 @@ contains
       type(harmonics_type), intent(in) :: harmonics
       real(wp), intent(in) :: rotations(:, :, :), fit(:, :), euler(:, :)
       type(field_type), intent(inout) :: field
-      real(wp), allocatable :: circle(:, :), along(:, :), weight(:, :)
-      real(wp) :: g(3, 3), theta, turned(3), square(6), cosines(n_modes)
+      real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
+      real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
       integer :: grain, i, k, r, image, n_points, n_rotations, m, n_grains, row, n_retained
 
       n_grains = size(euler, 2)
       n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
       n_rotations = size(rotations, 3)
       ! A polynomial of degree L on a circle has L/2 harmonics of 2 theta: so many points integrate the modes exactly.
-      n_points = maxval(harmonics%degrees)/2 + 4
+      n_points = size(theta)
+      theta = [(pi*(k - 1)/n_points, k=1, n_points)]
       allocate (field%to_modes(n_grains*n_retained, 6, size(field%nodes, 2)), source=0.0_wp)
-      allocate (circle(harmonics%n, n_points), along(harmonics%n, n_modes), weight(n_modes, size(fit, 2)))
+      allocate (circle(harmonics%n, n_points), waves(n_points, n_modes))
+      do k = 1, n_points
+         waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), m=1, highest_mode)]*2.0_wp/n_points
+      end do
       do grain = 1, n_grains
          g = rotation_matrix(euler(:, grain))
-         along = 0.0_wp
          do k = 1, n_points
-            theta = pi*(k - 1)/n_points
-            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta) + g(:, 2)*sin(theta), circle(:, k))
-            cosines = [0.5_wp, (cos(2.0_wp*m*theta), sin(2.0_wp*m*theta), m=1, highest_mode)]*2.0_wp/n_points
-            do m = 1, n_modes
-               along(:, m) = along(:, m) + cosines(m)*circle(:, k)
-            end do
+            call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), circle(:, k))
          end do
-         weight = matmul(transpose(along), fit)
+         weight = matmul(transpose(matmul(circle, waves)), fit)
          image = 0
          do i = 1, size(field%nodes, 2)
             do r = 1, n_rotations
@@ -397,19 +395,8 @@ contains
       real(wp), intent(in) :: of_directions(:)
       !> (grain).
       real(wp), intent(out), contiguous :: moduli(:)
-      !> Grains at a time.
-      integer, parameter :: block = 256
-      real(wp) :: coefficients(size(self%fit, 1))
-      integer :: first, last, h
 
-      coefficients = matmul(self%fit, of_directions)
-      do first = 1, size(moduli), block
-         last = min(first + block - 1, size(moduli))
-         moduli(first:last) = 0.0_wp
-         do h = 1, size(coefficients)
-            moduli(first:last) = moduli(first:last) + coefficients(h)*self%reading(first:last, h)
-         end do
-      end do
+      moduli = matmul(self%reading, matmul(self%fit, of_directions))
    end subroutine expand
 
 end module compliance_field

@@ -5,10 +5,13 @@ Least squares: P = k (h - h0)^1.5 up to 10 mN in every test, one radius from the
 
     ./bayesindent bench curves
     ./bayesindent bench curves --sets 200 --constants 200
+    ./bayesindent bench curves --speed
 """
 
 import argparse
 import json
+import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -33,6 +36,8 @@ CASES = {
     "drift that changes by 0.3 nm/s": {"drift_change": 0.3},
     "a dent of 5 % in the tip": {"dent": 0.05},
 }
+#: Curves, and points of each, whose time is measured.
+SPEED = ((100, 1000), (200, 16000))
 #: Of 90 % intervals, in sds.
 NINETY = 1.645
 
@@ -65,8 +70,7 @@ def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, 
     curves, tests = truth.draw()
     write(folder, curves, tests)
     (folder / "a.nml").write_text(NAMELIST)
-    batch = shutil.which("bayesindent-batch") or Path(sys.executable).with_name("bayesindent-batch")
-    subprocess.run([batch, "a.nml", "--output", "here"], cwd=folder, check=True, capture_output=True)
+    run_batch(folder)
     document = json.loads((folder / "here" / "curves.json").read_text())
     radius = document["tip"]["radius_um"]
     found: dict[str, list[float]] = {"radius": [np.log(radius["mean"] / truth.radius) * radius["mean"] / radius["sd"]]}
@@ -98,6 +102,31 @@ def study(seed: int, changes: dict, folder: Path, constants: bool) -> dict[str, 
     return found
 
 
+def run_batch(folder: Path) -> float:
+    """Step 0 of a.nml on one thread: seconds of CPU."""
+    batch = shutil.which("bayesindent-batch") or Path(sys.executable).with_name("bayesindent-batch")
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    subprocess.run([batch, "a.nml", "--output", "here"], cwd=folder, check=True, capture_output=True, env=environment)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def speed(folder: Path) -> None:
+    """Seconds of CPU for curves from a file to the tables of the moduli."""
+    for curves, points in SPEED:
+        # A tenth of `points` before the contact and a quarter for unloading are added.
+        truth = Truth(
+            np.random.default_rng(1), grains=(curves - 10) // 3, references=curves - (curves - 10) // 3 * 3, points=points * 20 // 27
+        )
+        rows, tests = truth.draw()
+        write(folder, rows, tests)
+        (folder / "a.nml").write_text(NAMELIST)
+        print(
+            f"{len(tests)} curves of {len(rows) / len(tests):.0f} points: {run_batch(folder):.1f} s of CPU on one thread, reading included"
+        )
+
+
 def read(path: Path) -> dict[str, list]:
     """The columns of a CSV."""
     from bayesindent.pipeline.curves import read_columns
@@ -110,7 +139,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=40, help="data sets of each case")
     parser.add_argument("--constants", type=int, default=0, help="data sets of the first case that go on to constants")
+    parser.add_argument("--speed", action="store_true", help="the time of many curves, and nothing else")
     arguments = parser.parse_args()
+    if arguments.speed:
+        with tempfile.TemporaryDirectory() as folder:
+            speed(Path(folder))
+        return
     import warnings
 
     warnings.simplefilter("ignore", bi.BayesindentWarning)

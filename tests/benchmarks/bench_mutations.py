@@ -19,10 +19,11 @@ from collections import Counter
 from pathlib import Path
 
 import openpyxl
+from measured_tables import read_measurements
 from programs import BATCH
 
 from bayesindent.core import BayesindentError
-from bayesindent.settings.problem import Problem, read_measurements
+from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
 
 SOURCE = Path(__file__).parents[2]

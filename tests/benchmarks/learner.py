@@ -87,15 +87,15 @@ class Learner(NativeObject):
 
     def precisions(self) -> dict[str, float]:
         """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""
-        return self._call("describe")
+        return {name: self.values(name) for name in ("alpha", "beta", "fall", "log_evidence")}
 
     def values(self, name: str) -> np.ndarray:
-        """'mean' or 'prior_width' of the coefficients (n_terms,)."""
+        """'mean' or 'prior_width' of the coefficients (n_terms,), and what `precisions` has."""
         return self._call("values")[name]
 
     def covariance(self) -> np.ndarray:
         """Posterior covariance (n_terms, n_terms) of the coefficients."""
-        return self._call("covariance")["values"]
+        return self.values("covariance")
 
     def variances(self) -> np.ndarray:
         """Variance of y at each candidate, noise not included."""

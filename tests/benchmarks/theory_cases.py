@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import numpy as np
+from measured_tables import read_measurements
 from paper_domains import DOMAINS
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
-from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 

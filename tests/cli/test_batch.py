@@ -66,7 +66,7 @@ def test_check_writes_nothing(batch, tmp_path):
 
 def test_documentation_is_current(batch):
     page = SOURCE / "docs" / "namelists.md"
-    assert page.read_text() == batch("--schema").stdout, "write it anew: bayesindent-batch --schema > docs/namelists.md"
+    assert page.read_text() == batch("--schema").stdout, "the build is older than docs/namelists.md"
 
 
 def table(path):

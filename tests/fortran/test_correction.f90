@@ -13,9 +13,9 @@ program test_correction
       & n_coordinates, n_waves, new_log_coordinates, wave_orders
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
-   use surrogate_domain, only: new_domain, spread_crystals
+   use surrogate_domain, only: spread_crystals
    use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
+   use testing, only: check, check_close, check_refused, check_success, class_of, evaluate_terms, finish, new_domain, wide
    implicit none
 
    !> One of each stiffness.
@@ -263,23 +263,23 @@ contains
       origin = 0.0_wp
       euler = [0.3_wp, 0.9_wp, 2.1_wp]
       c = random_crystal('triclinic')
-      call basis%evaluate_terms(c, euler, terms, scale, spread)
-      call basis%evaluate_terms(c, [1.9_wp, euler(2:)], others, other, spread)
+      call evaluate_terms(basis, c, euler, terms, scale, spread)
+      call evaluate_terms(basis, c, [1.9_wp, euler(2:)], others, other, spread)
       call check_close('phi1 does not matter', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
       call check_close('nor to the theory', other/scale, 1.0_wp, 1.0e-10_wp)
-      call basis%evaluate_terms(c, [euler(1), euler(2) + 0.1_wp, euler(3)], others, other, spread)
+      call evaluate_terms(basis, c, [euler(1), euler(2) + 0.1_wp, euler(3)], others, other, spread)
       call check('Phi does', maxval(abs(terms - others)) > 1.0e-3_wp)
       seen = rotate_stiffness(c, rotation_matrix(euler))
-      call basis%evaluate_terms(seen, origin, others, other, spread)
+      call evaluate_terms(basis, seen, origin, others, other, spread)
       call check_close('a crystal in the frame of the sample', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
       mirrored = [.false., .false., .false., .true., .false., .true.]
       do i = 1, 6
          seen(:, i) = merge(-seen(:, i), seen(:, i), mirrored .neqv. mirrored(i))
       end do
-      call basis%evaluate_terms(seen, origin, others, other, spread)
+      call evaluate_terms(basis, seen, origin, others, other, spread)
       call check_close('a mirrored one', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
       call check_close('is as stiff', other/scale, 1.0_wp, 1.0e-10_wp)
-      call basis%evaluate_terms(7.0_wp*c, euler, others, other, spread)
+      call evaluate_terms(basis, 7.0_wp*c, euler, others, other, spread)
       if (present(stiffness)) then
          ! The term of degree 1 that is the scale alone is the last of them.
          i = findloc(basis%prior_degrees, 1, 1, back=.true.)
@@ -292,8 +292,8 @@ contains
       call check_close('to the theory it does', other/scale, 7.0_wp, 1.0e-9_wp)
       ! An isotropic crystal has no waves.
       c = random_crystal('isotropic')
-      call basis%evaluate_terms(c, origin, terms, scale, spread)
-      call basis%evaluate_terms(c, euler, others, other, spread)
+      call evaluate_terms(basis, c, origin, terms, scale, spread)
+      call evaluate_terms(basis, c, euler, others, other, spread)
       call check_close('an isotropic crystal has no orientation', maxval(abs(terms - others)), 0.0_wp, 1.0e-9_wp)
    end subroutine test_invariance
 
@@ -454,7 +454,7 @@ contains
          call model%set_grains(degree*euler_deg(:, i:i), error)
          call model%evaluate_columns(c, columns(:1, :))
          kept(i) = sum(columns(1, :)**2)
-         call surrogate%basis%evaluate_terms(c, degree*euler_deg(:, i), terms, scale, spread)
+         call evaluate_terms(surrogate%basis, c, degree*euler_deg(:, i), terms, scale, spread)
          whole(i) = sum(terms*matmul(surrogate%covariance, terms))
       end do
       call check('nothing is added', maxval(kept/whole) < 1.0_wp + 1.0e-10_wp)

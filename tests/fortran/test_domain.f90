@@ -5,8 +5,8 @@ program test_domain
    use errors, only: error_type
    use kinds, only: degree, wp
    use linear_algebra, only: symmetric_eigen
-   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
-   use testing, only: check, check_close, check_refused, check_success, class_of, finish, wide
+   use surrogate_domain, only: domain_type, spread_crystals
+   use testing, only: check, check_close, check_refused, check_success, class_of, finish, new_domain, new_wide_domain, wide
    implicit none
 
    call test_limits()

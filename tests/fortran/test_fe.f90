@@ -9,7 +9,7 @@ program test_fe
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
-   use abstract_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
+   use basic_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
    use random, only: new_random_stream, random_stream_type
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, free_analysis, &
       & release_factor, retained_factor, solve_factored

@@ -7,11 +7,11 @@ program test_fit
    use halfspace_theory, only: halfspace_modulus, halfspace_type
    use kinds, only: degree, wp
    use settings_schema, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
+   use surrogate_domain, only: domain_type, spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, fit_learner, learner_type, new_learner, &
       & set_learner_candidates, surrogate_of
    use surrogate_model, only: predict, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, finish
+   use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, new_domain, new_wide_domain
    implicit none
 
    call test_fits('cubic', 'paper', 2, 4, 200, 6.0_wp)
@@ -137,7 +137,7 @@ contains
          call surrogate_of(learner, '{}', surrogate, error)
          do i = 1, 200
             c = basis%domain%class%stiffness(constants(:, i))
-            call basis%evaluate_terms(c, degree*euler_deg(:, i), terms(:, i), scale, spread(i))
+            call evaluate_terms(basis, c, degree*euler_deg(:, i), terms(:, i), scale, spread(i))
             call predict(surrogate, c, degree*euler_deg(:, i), mean(i), sd(i))
          end do
          if (rule == 2) sd = sd/mean

@@ -1,7 +1,6 @@
 !> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the identity of a physics.
 program test_indentation
-   use abstract_specimen, only: specimen_type
-   use problem_input, only: all_choices
+   use basic_specimen, only: specimen_type
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, indentation_result_type, new_indentation_model, &
       & simulate_indentation
@@ -9,11 +8,11 @@ program test_indentation
    use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
    use machine, only: check_memory, free_memory, memory_text
-   use mesh_resolution, only: largest_mesh_error, resolution_warning
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
-   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulator_type
+   use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, simulation_error, &
+      & simulator_type
    use specimens, only: geometry_names, new_specimen
    use testing, only: check, check_close, check_refused, check_success, default_settings, finish, stiffness_of
    use text, only: split_list, to_text
@@ -245,35 +244,33 @@ contains
    subroutine test_resolution()
       type(settings_type) :: settings
       real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), automatic(2), block(2)
-      logical :: extended(2)
       character(len=:), allocatable :: warning
 
       pair(:, :, 1) = stiffness_of('cubic', [168.4_wp, 121.4_wp, 75.4_wp])
       pair(:, :, 2) = stiffness_of('cubic', [130.0_wp, 125.0_wp, 100.0_wp])
       settings = default_settings()
-      call largest_mesh_error(settings, pair, coarse, extended)
-      call check('nothing without being asked', .not. any(extended))
+      call simulation_error(settings, pair, coarse, warning)
       settings%simulation%refine = 2.0_wp
-      call largest_mesh_error(settings, pair, fine, extended)
+      call simulation_error(settings, pair, fine, warning)
       settings%simulation%refine = 1.0_wp
       settings%simulation%extrapolate = .true.
-      call largest_mesh_error(settings, pair, extrapolated, extended)
+      call simulation_error(settings, pair, extrapolated, warning)
       deallocate (settings%simulation%extrapolate)
-      call largest_mesh_error(settings, pair, automatic, extended)
-      call check('what is not stated is as needed', all(extended .eqv. [.false., .true.]) &
-         & .and. .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp))
-      warning = resolution_warning(automatic)
+      call simulation_error(settings, pair, automatic, warning)
+      call check('what is not stated is as needed', .not. any(abs(automatic - [coarse(1), extrapolated(2)]) > 0.0_wp) &
+         & .and. extrapolated(1) < coarse(1))
       call check('what remains is warned of', index(warning, '1 of 2 crystals are so near instability') == 1 &
          & .and. index(warning, 'with the theory (rows 2)') > 0, warning)
       settings%simulation%extrapolate = .false.
       settings%specimen%geometry = 'block'
-      call largest_mesh_error(settings, pair, block, extended)
+      call simulation_error(settings, pair, block, warning)
       call check('copper within 0.3 %, the other beyond 2 %', coarse(1) < 0.003_wp .and. coarse(2) > 0.02_wp, &
          & to_text(coarse(1))//' '//to_text(coarse(2)))
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) < 0.5_wp*coarse(2) &
          & .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
-      call check('no warning for copper', resolution_warning(coarse(:1)) == '')
-      warning = resolution_warning(coarse)
+      call simulation_error(settings, pair(:, :, :1), block(:1), warning)
+      call check('no warning for copper', warning == '')
+      call simulation_error(settings, pair, block, warning)
       call check('a warning for the other', index(warning, '1 of 2 crystals are so near instability') == 1 &
          & .and. index(warning, '(rows 2)') > 0, warning)
    end subroutine test_resolution
@@ -369,7 +366,7 @@ contains
             identities = identities//identity_text(settings)
          end do
       end do
-      schema = list_settings(settings, all_choices())
+      schema = list_settings(settings)
       do i = 1, size(schema%variables)
          associate (group => schema%variables(i)%group, name => schema%variables(i)%name)
             if (all(['specimen  ', 'indenter  ', 'simulation'] /= group)) cycle

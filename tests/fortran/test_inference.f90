@@ -104,16 +104,16 @@ contains
       integer, parameter :: many = 4000, cells = 400
       type(mixture_type) :: mixture
       type(random_stream_type) :: stream
-      real(wp) :: points(many, 2), weights(many), z, total, u(2)
+      real(wp) :: points(2, many), weights(many), z, total, u(2)
       integer :: i, j
 
       stream = new_random_stream(5, 1)
       do i = 1, many
          do j = 1, 2
             call stream%normal(z)
-            points(i, j) = z
+            points(j, i) = z
          end do
-         if (mod(i, 4) == 0) points(i, 1) = points(i, 1) + 8.0_wp
+         if (mod(i, 4) == 0) points(1, i) = points(1, i) + 8.0_wp
       end do
       weights = 1.0_wp
       call new_mixture(points, 4, mixture)
@@ -126,7 +126,7 @@ contains
          end do
       end do
       call check_close('a mixture integrates to one', total, 1.0_wp, 1.0e-4_wp)
-      call check_close('weight of the far cloud', sum(mixture%weight, mixture%mean(1, :) > 4.0_wp), 0.25_wp, 0.01_wp)
+      call check_close('weight of the far cloud', sum(mixture%weight, mixture%mean(:, 1) > 4.0_wp), 0.25_wp, 0.01_wp)
       total = 0.0_wp
       do i = 1, 20000
          call draw_mixture(mixture, stream, u)

@@ -1,17 +1,24 @@
 !> Text to numbers, CSV tables, the syntax of namelists, and the schema's own consistency.
 program test_input
-   use crystal_class, only: crystal_class_type
+   use acquisitions, only: acquisition_names
+   use bases, only: basis_names
+   use crystal_class, only: crystal_class_names, crystal_class_type
+   use error_models, only: likelihood_names
    use errors, only: error_type
    use kinds, only: wp
    use namelist_file, only: namelist_file_type, parse_namelist
-   use problem_input, only: all_choices
+   use indenters, only: indenter_names
+   use observables, only: observable_names
+   use paper_basis, only: truncation_names
+   use samplers, only: sampler_names
    use settings_schema, only: settings_type
    use settings_list, only: settings_list_type
    use settings_schema, only: list_settings
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings
    use settings_list, only: kind_choice, kind_integer, kind_real
-   use text, only: number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real
+   use specimens, only: geometry_names
+   use text, only: join, number_malformed, number_not_finite, number_ok, number_text, read_integer, read_real, split_list
    use random, only: new_random_stream, random_stream_type
    use tables, only: csv_cell, parse_table, table_type
    use testing, only: check, check_refused, check_success, finish
@@ -139,9 +146,10 @@ contains
    subroutine test_schema()
       type(settings_list_type) :: s
       type(settings_type) :: unset
-      integer :: i, j, n
+      real(wp) :: low, high
+      integer :: i, j, n, outcome(2)
 
-      s = list_settings(unset, all_choices())
+      s = list_settings(unset)
       do i = 1, size(s%variables)
          associate (v => s%variables(i))
             if (v%kind == kind_choice) call check('row '//v%group//' '//v%name//' has words', len(v%allowed) > 0)
@@ -149,13 +157,55 @@ contains
                & s%variables(j)%name == v%name, j=1, size(s%variables))]) == 1)
             call check('row '//v%group//' '//v%name//' has a meaning', len(v%meaning) > 0)
             if (v%kind == kind_integer .or. v%kind == kind_real) then
-               n = len(v%allowed)
-               call check('row '//v%group//' '//v%name//' has an interval', n > 4 .and. index(v%allowed, ',') > 0 &
-                  & .and. scan(v%allowed(1:1), '[(') == 1 .and. scan(v%allowed(n:n), '])') == 1)
+               n = index(v%allowed, ' to ')
+               call check('row '//v%group//' '//v%name//' has a range', n > 0)
+               call read_real(v%allowed(index(v%allowed(:n - 1), ' ') + 1:n - 1), low, outcome(1))
+               call read_real(v%allowed(index(v%allowed, ' ', back=.true.) + 1:), high, outcome(2))
+               call check('row '//v%group//' '//v%name//' has two ends', all(outcome == number_ok) .and. low < high)
             end if
          end associate
       end do
+      call check_words(s, 'problem', 'symmetry', crystal_class_names())
+      call check_words(s, 'specimen', 'geometry', geometry_names)
+      call check_words(s, 'indenter', 'shape', indenter_names)
+      call check_words(s, 'surrogate', 'model', basis_names)
+      call check_words(s, 'surrogate', 'truncation', truncation_names)
+      call check_words(s, 'design', 'variance_of', acquisition_names)
+      call check_words(s, 'measurements', 'modulus_kind', observable_names)
+      call check_words(s, 'measurements', 'likelihood', likelihood_names)
+      call check_words(s, 'sampler', 'method', sampler_names)
    end subroutine test_schema
+
+   !> The words of a variable are those of the module that owns them, and each is read.
+   subroutine check_words(schema, group, name, words)
+      type(settings_list_type), intent(in) :: schema
+      character(len=*), intent(in) :: group, name, words
+      type(namelist_file_type) :: file
+      type(settings_type) :: read
+      type(error_type), allocatable :: error
+      character(len=:), allocatable :: each(:)
+      logical :: known
+      integer :: i
+
+      allocate (each, source=split_list(words))
+      do i = 1, size(schema%variables)
+         if (schema%variables(i)%group == group .and. schema%variables(i)%name == name) exit
+      end do
+      associate (allowed => schema%variables(i)%allowed)
+         call check('the words of '//name, allowed == ''''//join(each, ''', ''')//'''', allowed)
+      end associate
+      do i = 1, size(each)
+         call parse_namelist('f', '&'//group//' '//name//' = '''//trim(each(i))//''' /', file, error)
+         call read_settings('f', file, '', '', read, error)
+         known = .true.
+         ! Another variable of the group may be missing.
+         if (allocated(error)) known = index(error%message, 'the variable is missing') > 0
+         call check('the word '//trim(each(i)), known)
+      end do
+      call parse_namelist('f', '&'//group//' '//name//' = ''no_word'' /', file, error)
+      call read_settings('f', file, '', '', read, error)
+      call check_refused('no word of '//name, error, 'is not known')
+   end subroutine check_words
 
    !> Values, defaults and what is unset, as components of the types.
    subroutine test_settings()
@@ -165,24 +215,24 @@ contains
       type(error_type), allocatable :: error
 
       call parse_namelist('f', '&execution /', file, error)
-      call read_settings('f', file, '', '', all_choices(), s, error)
+      call read_settings('f', file, '', '', s, error)
       call check('defaults', s%specimen%geometry == 'halfspace' .and. nint(s%indenter%radius_um) == 16 &
          & .and. .not. s%simulation%given .and. s%design%budget == 40)
       call check('unset without default', .not. allocated(s%prior%c_min) .and. .not. allocated(s%problem%symmetry))
       call parse_namelist('f', '&problem symmetry = ''Cubic'' / &prior c_max = 3*250 / &knowledge quantity = ''C11'', ' &
          & //'''C12/C11'' mean = 2*1.5 sd = 1 2 / &simulation vtu = t extrapolate = .f. depths = 3 /', file, error)
       call check_success('a file', error)
-      call read_settings('f', file, 'build', 'problem design', all_choices(), s, error)
+      call read_settings('f', file, 'build', 'problem design', s, error)
       call check_success('its settings', error)
       call check('a word in lower case', s%problem%symmetry == 'cubic')
       call check('one bound alone', .not. allocated(s%prior%c_min) .and. size(s%prior%c_max) == 3)
       call check('lists', s%knowledge%quantity(2) == 'C12/C11' .and. size(s%knowledge%mean) == 2 .and. nint(s%knowledge%sd(2)) == 2)
       call check('numbers and logicals', s%simulation%vtu .and. .not. s%simulation%extrapolate .and. s%simulation%depths == 3)
       call check('groups that are given', s%simulation%given .and. s%prior%given .and. .not. s%design%given)
-      call read_settings('f', file, 'extract', 'problem measurements', all_choices(), s, error)
+      call read_settings('f', file, 'extract', 'problem measurements', s, error)
       call check_refused('a group that is needed', error, 'f: &measurements: the group is missing; extract needs it')
       call parse_namelist('f', '&prior c_max = 3*250 /', file, error)
-      call read_settings('f', file, '', '', all_choices(), s, error)
+      call read_settings('f', file, '', '', s, error)
       call check_settings('f', s, class, error)
       call check_refused('constants of no class', error, '&problem symmetry')
    end subroutine test_settings

@@ -11,9 +11,10 @@ program test_surrogate
    use paper_basis, only: paper_basis_type
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
-   use surrogate_domain, only: domain_type, new_domain, new_wide_domain, spread_crystals
+   use surrogate_domain, only: domain_type, spread_crystals
    use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, finish
+   use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, evaluate_terms, finish, &
+      & new_domain, new_wide_domain
    implicit none
 
    real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp]
@@ -150,7 +151,7 @@ contains
                weight = clenshaw_curtis_weight(i, 8)*clenshaw_curtis_weight(j, 8)*clenshaw_curtis_weight(k, 8)/8
                x = -cos(pi*[i, j, k]/8)
                constants = domain%lower + 0.5_wp*(x + 1)*(domain%upper - domain%lower)
-               call basis%evaluate_terms(domain%class%stiffness(constants), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
+               call evaluate_terms(basis, domain%class%stiffness(constants), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
                do q = 1, 27
                   gram(:, q) = gram(:, q) + weight*p*p(q)
                end do
@@ -161,7 +162,7 @@ contains
          call check_close('orthonormal polynomials', maxval(abs(gram)), 0.0_wp, 1.0e-12_wp)
          call check_close('the scale of a box is 1', scale, 1.0_wp, 0.0_wp)
          ! Every product is that of its degrees, at the corner x = 1 where each factor is sqrt(2n+1).
-         call basis%evaluate_terms(domain%class%stiffness(domain%upper), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
+         call evaluate_terms(basis, domain%class%stiffness(domain%upper), [0.0_wp, 0.0_wp, 0.0_wp], p, scale, spread)
          do q = 1, 27
             p(q) = p(q) - product(sqrt(2.0_wp*basis%polynomials%degrees(:, q) + 1))
          end do
@@ -238,7 +239,7 @@ contains
          euler = reshape([0.3_wp, 0.7_wp, 1.9_wp, 0.0_wp, 0.0_wp, 0.0_wp, 2.0_wp, 1.2_wp, 3.0_wp, 0.2_wp, 0.5_wp, 0.1_wp], [3, 4])
          allocate (terms(basis%n_terms, 4))
          do i = 4, 1, -1
-            call basis%evaluate_terms(c, euler(:, i), terms(:, i), scale, spread)
+            call evaluate_terms(basis, c, euler(:, i), terms(:, i), scale, spread)
          end do
          call predict(surrogate, c, euler(:, 1), modulus, sd)
          y = dot_product(terms(:, 1), surrogate%coefficients)
@@ -325,7 +326,7 @@ contains
       c = surrogate%basis%domain%class%stiffness(crystal)
       do i = 1, 5
          euler(:, i) = [0.1_wp*i, 0.3_wp*i, 0.7_wp]
-         call surrogate%basis%evaluate_terms(c, euler(:, i), terms(:, i), scale, spread)
+         call evaluate_terms(surrogate%basis, c, euler(:, i), terms(:, i), scale, spread)
       end do
       call new_grain_model(surrogate, surrogate%basis%domain%class, euler(:, :2), .true., model, error)
       call model%set_grains(euler, error)

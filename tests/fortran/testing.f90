@@ -1,15 +1,16 @@
 !> A test harness of a few lines: each check prints one line of the Test Anything Protocol.
 module testing
+   use abstract_basis, only: basis_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use kinds, only: pi, wp
    use settings_schema, only: settings_type
-   use surrogate_domain, only: domain_type, new_wide_domain
+   use surrogate_domain, only: complete_domain, domain_type
    use text, only: to_text
    implicit none
    private
    public :: check, check_close, check_success, check_refused, class_of, stiffness_of, default_settings, wide, finish
-   public :: clenshaw_curtis_weight, long_cases
+   public :: clenshaw_curtis_weight, evaluate_terms, long_cases, new_domain, new_wide_domain
 
    integer :: count = 0, failures = 0
 
@@ -104,6 +105,49 @@ contains
       settings%simulation%depths = 10
       settings%simulation%extrapolate = .false.
    end function default_settings
+
+   !> The domain of a class between bounds (GPa) below a cap, of any scale or within the range `stiffness`, GPa.
+   subroutine new_domain(class, lower, upper, anisotropy_cap, domain, error, stiffness)
+      character(len=*), intent(in) :: class
+      real(wp), intent(in) :: lower(:), upper(:), anisotropy_cap
+      type(domain_type), intent(out) :: domain
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: stiffness(2)
+
+      domain%lower = lower
+      domain%upper = upper
+      domain%anisotropy_cap = anisotropy_cap
+      if (present(stiffness)) domain%stiffness = stiffness
+      call complete_domain(class, domain, error)
+   end subroutine new_domain
+
+   !> The domain of all crystals of a class up to a log-anisotropy, between two Poisson's ratios, of `members`.
+   subroutine new_wide_domain(class, members, log_anisotropy_max, poisson, domain, error, stiffness)
+      character(len=*), intent(in) :: class, members
+      real(wp), intent(in) :: log_anisotropy_max, poisson(2)
+      type(domain_type), intent(out) :: domain
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: stiffness(2)
+
+      domain%members = members
+      domain%log_anisotropy_max = log_anisotropy_max
+      domain%poisson = poisson
+      if (present(stiffness)) domain%stiffness = stiffness
+      call complete_domain(class, domain, error)
+   end subroutine new_wide_domain
+
+   !> The terms of one crystal in one orientation (radians).
+   subroutine evaluate_terms(basis, c, euler, terms, scale, spread)
+      class(basis_type), intent(in) :: basis
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      real(wp), intent(out) :: terms(:), scale, spread
+      real(wp) :: column(basis%n_terms, 1), one(1), other(1)
+
+      call basis%evaluate_many(reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), column, one, other)
+      terms = column(:, 1)
+      scale = one(1)
+      spread = other(1)
+   end subroutine evaluate_terms
 
    !> The domain of all crystals of the classes, of any scale or within the range `stiffness`, GPa.
    function wide(members, anisotropy, poisson, stiffness) result(domain)

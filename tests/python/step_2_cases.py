@@ -5,12 +5,12 @@ import json
 
 import numpy as np
 import pytest
+from measured_tables import read_measurements
 from scipy import stats
 from theory_cases import FILES, SYMMETRIES, theory_surrogate
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
-from bayesindent.settings.problem import read_measurements
 from bayesindent.surrogate.basis import Basis
 from conftest import REFERENCE
 

@@ -126,3 +126,21 @@ NAMELIST = """&curves
   nu = 0.17
 /
 """
+
+#: So well known that nothing is left to infer but the modulus.
+KNOWN = {"radius_sd_um": 1e-4, "tip_beta_sd": 1e-4, "compliance_sd_nm_mn": 1e-5, "session_sd": 1e-5}
+
+
+def one_curve(name, modulus, rng=None, n=200, noise=0.0, peak=40.0, beta=1.0, drift=0.0):
+    """Rows of an elastic curve of a sphere of 5 um with white noise."""
+    load = np.linspace(0, peak, n + 1)[1:]
+    time = np.linspace(0, 20, n)
+    depth = 1e3 * sneddon(load, modulus, 5.0, beta) + drift * time + 17.0
+    if noise:
+        depth = depth + noise * rng.normal(size=n)
+    return [(name, *row) for row in zip(time.tolist(), depth.tolist(), load.tolist(), strict=True)]
+
+
+def table(rows):
+    """The columns of rows of curves."""
+    return dict(zip(("test", "time_s", "depth_nm", "load_mn"), map(list, zip(*rows, strict=True)), strict=True))

@@ -2,36 +2,18 @@
 
 import csv
 import json
-import re
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
-from synthetic_curves import NAMELIST, Truth, effective, sneddon, write
+from synthetic_curves import KNOWN, NAMELIST, Truth, effective, one_curve, sneddon, table, write
 
 import bayesindent as bi
-from bayesindent.curves.instruments import tdm_settings
 from conftest import SOURCE
 
-STUDY = SOURCE / "inputs" / "case_studies"
+STUDY, DATA = SOURCE / "inputs" / "case_studies", SOURCE / "inputs" / "data"
 QUARTZ_GPA = 69.64
-#: So well known that nothing is left to infer but the modulus.
-KNOWN = {"radius_sd_um": 1e-4, "tip_beta_sd": 1e-4, "compliance_sd_nm_mn": 1e-5, "session_sd": 1e-5}
-
-
-def one_curve(name, modulus, rng=None, n=200, noise=0.0, peak=40.0, beta=1.0, drift=0.0):
-    """Rows of an elastic curve of a sphere of 5 um with white noise."""
-    load = np.linspace(0, peak, n + 1)[1:]
-    time = np.linspace(0, 20, n)
-    depth = 1e3 * sneddon(load, modulus, 5.0, beta) + drift * time + 17.0
-    if noise:
-        depth = depth + noise * rng.normal(size=n)
-    return [(name, *row) for row in zip(time.tolist(), depth.tolist(), load.tolist(), strict=True)]
-
-
-def table(rows):
-    return dict(zip(("test", "time_s", "depth_nm", "load_mn"), map(list, zip(*rows, strict=True)), strict=True))
 
 
 @pytest.mark.parametrize("beta", [0.0, 1.0, 3.0, -0.8])
@@ -110,32 +92,38 @@ def test_pop_ins_and_densification_end_the_window(glaucophane):
     assert tests["g7-1"]["elastic_to_mn"] == pytest.approx(34, abs=4)
 
 
-def fold(left_out):
-    """Quartz alone, the tests `left_out` as grains of unknown modulus: their moduli and relative sds."""
+def fold(left_out, radius_um=6.0):
+    """Quartz alone, the tests `left_out`(number) as grains of unknown modulus: their moduli and relative sds."""
     names = [row["test"] for row in csv.DictReader(line for line in (STUDY / "glaucophane_tests.csv").open() if not line.startswith("#"))]
     names = [name for name in names if name.startswith("q")]
     rows = list(csv.DictReader(line for line in (STUDY / "glaucophane_curves.csv").open() if not line.startswith("#")))
     curves = {name: [row[name] for row in rows if row["test"].startswith("q")] for name in rows[0]}
-    chosen = [i % 10 in left_out for i in range(len(names))]
+    chosen = [left_out(i) for i in range(len(names))]
     tests = {
         "test": names,
         "grain": [name if out else "" for name, out in zip(names, chosen, strict=True)],
         "reference": ["" if out else "quartz" for out in chosen],
     }
-    document = bi.curves(curves, tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=6.0).document
+    document = bi.curves(curves, tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=radius_um).document
     moduli, sds = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa"))
     return moduli, sds / moduli
 
 
 def test_quartz_that_is_left_out_is_found_again():
-    moduli, sds = fold({0})
+    moduli, sds = fold(lambda number: number % 10 == 0)
     assert np.mean(moduli) == pytest.approx(QUARTZ_GPA, rel=0.02)
     assert np.median(sds) < 0.05
 
 
 @pytest.mark.long
-def test_quartz_ten_fold():
-    moduli, sds = map(np.concatenate, zip(*(fold({k}) for k in range(10)), strict=True))
+@pytest.mark.parametrize(
+    ("part", "parts", "radius_um"),
+    [(lambda number: number % 10, 10, 6.0), (lambda number: number // 4, 9, 6.0), (lambda number: number % 5, 5, 4.2)],
+    ids=["ten-fold", "blocks", "another radius"],
+)
+def test_quartz_ten_fold(part, parts, radius_um):
+    found = [fold(lambda number, k=k: part(number) == k, radius_um) for k in range(parts)]
+    moduli, sds = map(np.concatenate, zip(*found, strict=True))
     assert len(moduli) >= 32
     assert np.mean(moduli) == pytest.approx(QUARTZ_GPA, rel=0.02)
     assert 0.9 <= np.mean(np.abs(np.log(moduli / QUARTZ_GPA)) < 2 * sds) <= 0.99
@@ -160,48 +148,6 @@ def test_intervals_of_synthetic_grains_cover(batch, tmp_path):
     assert np.mean(np.abs(residuals) < 1.645) == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / 75))
 
 
-GOOD = "test,grain,reference\na,g,\nq,,quartz\n"
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("tests", "a,g,", "a,,"), "tests: tests.csv: line 2: test a has none of grain and reference"),
-        (("tests", "quartz", "steel"), "the tests have the reference steel, whose modulus is not stated; stated: quartz"),
-        (("tests", "a,g,", "b,g,"), "curves.csv: line 2, column test: a is no test of the table of tests"),
-        (
-            ("tests", "reference\na,g,\nq,,quartz", "reference,drift_nm_s\na,g,,7\nq,,quartz,"),
-            "line 2, column drift_nm_s: 7 nm/s is no drift",
-        ),
-        (("curves", "load_mn", "load_un"), "the unit un is not read; allowed mn"),
-        (("load", 1e3, 0), "test a, line 2: the curve means a modulus of .* GPa .* Loads in mN and depths in nm are needed"),
-        (("time", -1, 0), "test a, line 3: the time runs backwards"),
-        (("curves", None, ""), "curves.csv: .*empty"),
-        (("curves", None, "test,time_s,depth_nm,load_mn\na,1,2\n"), "line 2: 3 cells where the header has 4"),
-        (("radius", 0.01, 0), "the curves of the reference quartz are those of another tip"),
-    ],
-)
-def test_bad_input_is_one_line(bayesindent, tmp_path, change, message):
-    rows = one_curve("a", 100.0) + one_curve("q", QUARTZ_GPA)
-    what, old, new = change
-    if what == "load":
-        rows = [(*row[:3], row[3] * old) for row in rows]
-    if what == "time":
-        rows = [(row[0], -row[1], *row[2:]) for row in rows]
-    text = "test,time_s,depth_nm,load_mn\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
-    if what == "curves":
-        text = new if old is None else text.replace(old, new)
-    (tmp_path / "curves.csv").write_text(text)
-    (tmp_path / "tests.csv").write_text(GOOD.replace(old, new) if what == "tests" else GOOD)
-    namelist = NAMELIST.replace("radius_um = 5.0", "radius_um = 9.0") if what == "radius" else NAMELIST
-    (tmp_path / "a.nml").write_text(namelist.replace("radius_sd_um = 0.5", "radius_sd_um = 0.1") if what == "radius" else namelist)
-    done = bayesindent("curves", "a.nml")
-    assert done.returncode == 2, done.stderr
-    line = done.stderr.strip().splitlines()[-1]
-    assert line.startswith("a.nml: &")
-    assert re.search(message, line), line
-
-
 def test_a_curve_without_an_elastic_part_is_left_out_and_named():
     plastic = [("p", t, 60.0 * p**0.5, p) for _, t, _, p in one_curve("a", 100.0)]
     rows = [row for name in ("a", "b", "c") for row in one_curve(name, 100.0, np.random.default_rng(3), noise=0.2)] + plastic
@@ -214,30 +160,32 @@ def test_a_curve_without_an_elastic_part_is_left_out_and_named():
     assert all(any(f"test {name} is left out" in str(line.message) for line in told) for name in left)
 
 
-def test_no_value_of_an_instrument_is_left_out():
-    rows = one_curve("a", 100.0)
-    rows.insert(50, ("a", rows[50][1], "1.79769313486232E+308", rows[50][3]))
-    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
-        found = bi.curves(table(rows), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
-    assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
+def test_references_alone_give_the_tip():
+    rows = [row for name in "abc" for row in one_curve(name, QUARTZ_GPA)]
+    tests = {"test": [*"abc"], "reference": ["quartz"] * 3}
+    found = bi.curves(table(rows), tests, {"quartz": (72.0, 0.5, 0.17)}, radius_um=6.0, tip_beta_sd=1e-3, compliance_sd_nm_mn=1e-4)
+    assert found.tip_radius_um[0] == pytest.approx(5.0, abs=2 * found.tip_radius_um[1])
+    assert found.shared_errors.shape == (0, 0)
+    assert found.table["grain"] == []
 
 
-def test_a_file_of_the_instrument(tmp_path):
-    rows = one_curve("a", 100.0)
-    lines = ["Wed Apr 16 10:34:41 2025", "", "", f"Number of Points = {len(rows)}", "", "Depth (nm)\tLoad (µN)\tTime (s)"]
-    lines += [f"{depth:.6f}\t{1e3 * load:.6f}\t{time:.6f}" for _, time, depth, load in rows]
-    file = tmp_path / "a.txt"
-    file.write_bytes("\r".join(lines).encode("latin-1"))
+@pytest.mark.long
+def test_without_a_reference_ratios_are_known():
+    tests = list(csv.DictReader(line for line in (DATA / "copper_tests.csv").open() if not line.startswith("#")))
+    tests = [row for row in tests if not row["reference"]]
+    names = {row["test"] for row in tests}
+    points = list(csv.DictReader(line for line in (DATA / "copper_curves.csv").open() if not line.startswith("#")))
+    columns = {name: [row[name] for row in points if row["test"] in names] for name in points[0]}
     with pytest.warns(bi.BayesindentWarning, match="only ratios"):
-        found = bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
-    assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
-    file.write_bytes("\r".join(lines[:-3]).encode("latin-1"))
-    with pytest.raises(bi.InputError, match="197 points, where the file states 200; it is truncated"):
-        bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
-    (tmp_path / "a.tdm").write_text('<d name="Current_Drift_Rate__nm___s__">-0.54</d><l name="Current_Drift_Correction">1</l>')
-    assert tdm_settings(tmp_path / "a.tdm") == {"drift_nm_s": -0.54, "drift_removed": True}
-    with pytest.raises(bi.InputError, match="reading a .hld file needs nanodent, which is not installed"):
-        bi.curves([tmp_path / "b.hld"], {"test": ["b"], "grain": ["g"]}, radius_um=5.0)
+        found = bi.curves(columns, {name: [row[name] for row in tests] for name in tests[0]}, radius_um=5.0, radius_sd_um=1.5)
+    # Of each modulus the sd of 1/sqrt(radius); of a ratio of two much less.
+    assert np.linalg.norm(found.shared_errors, axis=1) == pytest.approx(0.15, abs=0.02)
+    assert np.linalg.norm(found.shared_errors - found.shared_errors[:1], axis=1).max() < 0.03
+    document = bi.summary(bi.extract(found, "cubic", samples=1000, burn_in=2000))
+    rows = [row for row in document["identifiability"] if row["kind"] == "combination"]
+    unit = [abs(sum(row["exponents"].values())) / sum(map(abs, row["exponents"].values())) for row in rows]
+    # A combination without a unit is determined.
+    assert any(share < 0.1 and row["verdict"] == "determined" and row["sd"] < 0.1 for share, row in zip(unit, rows, strict=True))
 
 
 def test_a_crystal_is_a_reference(tmp_path):

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_tables import read_measurements
 from step_2_cases import KIND
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names
-from bayesindent.settings.problem import read_crystals, read_measurements, schema
+from bayesindent.settings.problem import read_crystals, schema
 from conftest import DOMAIN, REFERENCE, SOURCE
 
 #: The head of a file that asks for a surrogate.

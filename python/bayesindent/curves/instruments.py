@@ -2,7 +2,6 @@
 
 import os
 import re
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,28 +12,37 @@ from ..settings.spreadsheets import reader_of
 
 __all__ = ["as_file", "read_curves", "tdm_settings"]
 
-HEADER = "test,time_s,depth_nm,load_mn"
+#: The last where the stiffness was measured.
+COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
 #: Numbers above this are none: instruments write 1.797e308.
 NO_VALUE = 1e300
 UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
 
 
-def read_curves(curves, folder: Path, origin: str) -> str:
-    """The path of a CSV of curves: itself, or written to `folder` from files of instruments or from a table."""
-    if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() == ".csv":
-        return str(Path(curves).absolute())
-    if isinstance(curves, str | os.PathLike):
+def read_curves(curves, folder: Path, origin: str, drift_removed: bool = True) -> str:
+    """The path of a CSV of curves: itself, or written to `folder` from files of instruments or from a table. `drift_removed` is compared
+    with what the instrument says."""
+    if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() != ".csv":
         curves = [curves]
-    path = folder / "curves.csv"
     if not isinstance(curves, list | tuple):
-        return as_file(curves, path)
-    lines = [HEADER]
+        return as_file(curves, folder / "curves.csv")
+    found = []
     for file in map(Path, curves):
-        for name, (time, depth, load) in read_file(file, f"{origin}: {file}: "):
-            whole = np.abs([time, depth, load]).max(axis=0) < NO_VALUE
-            lines += [f"{name},{t!r},{h!r},{p!r}" for t, h, p in np.transpose([time, depth, load])[whole].tolist()]
-    path.write_text("\n".join(lines) + "\n")
-    return str(path)
+        found += [(name, np.asarray(curve, dtype=float)) for name, curve in read_file(file, f"{origin}: {file}: ")]
+        settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
+        if drift_removed and not settings.get("drift_removed", True):
+            raise InputError(
+                f"{origin}: {beside}: the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state drift_removed=False, "
+                "and drift_nm_s in the table of tests"
+            )
+    names = COLUMNS[: min(len(curve) for _, curve in found)]
+    columns: dict[str, list] = {name: [] for name in ("test", *names)}
+    for test, curve in found:
+        whole = np.abs(curve[: len(names)]).max(axis=0) < NO_VALUE
+        columns["test"] += [test] * int(whole.sum())
+        for name, values in zip(names, curve[:, whole], strict=False):
+            columns[name] += values.tolist()
+    return as_file(columns, folder / "curves.csv")
 
 
 def as_file(table, path: Path) -> str:
@@ -47,43 +55,41 @@ def as_file(table, path: Path) -> str:
     return str(path)
 
 
-def read_file(file: Path, place: str) -> Iterable[tuple[str, tuple]]:
-    """Names and curves (s, nm, mN) of the tests of a file."""
-    if file.suffix.lower() == ".txt":
-        return [(file.stem, read_hysitron(file, place))]
+def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
+    """Names and curves (`COLUMNS`) of the tests of a file."""
+    try:
+        text = file.read_bytes().decode("latin-1") if file.suffix.lower() == ".txt" else ""
+    except OSError as error:
+        raise InputError(f"{place}{error.strerror}") from None
+    if "\rDepth (" in text or "\nDepth (" in text:
+        return [(file.stem, read_hysitron(text, place))]
     if file.suffix.lower() == ".hld":
         nanodent = reader_of(place, file, "a .hld file", "nanodent", ", or export the curve as .txt")
         data = nanodent.load_experiment(file).trace
         return [(file.stem, (data["time_s"], data["disp_nm"], data["force_uN"] / 1e3))]
-    indentation = reader_of(
-        place, file, f"a {file.suffix} file", "micromechanics.indentation", ", or write its columns to a CSV"
-    ).Indentation
-    data, tests = indentation(str(file)), []
-    while True:
-        # The package has um and mN.
-        tests.append((str(data.testName or file.stem), (data.raw.t, 1e3 * data.raw.h, data.raw.p)))
-        if not data.testList:
-            return tests
-        data.nextTest()
+    reader = reader_of(place, file, f"this {file.suffix} file", "micromechanics.indentation", ", or write its columns to a CSV")
+    data, tests = reader.Indentation(str(file), output={"verbose": 0}), []
+    while len(data.raw.h):
+        # The package has um, mN and, of continuous stiffness, mN/um.
+        stiffness = (1e3 * data.raw.slope,) if data.method.name == "CSM" and len(data.raw.slope) == len(data.raw.h) else ()
+        tests.append((str(data.testName or file.stem), (data.raw.t, 1e3 * data.raw.h, data.raw.p, *stiffness)))
+        if not data.testList or not data.nextTest():
+            break
+    if not tests:
+        raise InputError(f"{place}micromechanics finds no curve in it; write its columns to a CSV")
+    return tests
 
 
-def read_hysitron(file: Path, place: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A curve that a Hysitron TI 990 exported: text whose lines end in CR, and in Latin-1."""
-    try:
-        lines = file.read_bytes().decode("latin-1").splitlines()
-    except OSError as error:
-        raise InputError(f"{place}{error.strerror}") from None
-    start = next((i for i, line in enumerate(lines) if line.lower().startswith("depth (")), None)
-    if start is None:
-        raise InputError(f"{place}no line begins with 'Depth ('; a curve that a Hysitron exported as text is needed")
+def read_hysitron(text: str, place: str) -> tuple:
+    """A curve that a Hysitron TI 990 exported: text whose lines end in CR."""
+    lines = text.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("Depth ("))
     names = [name.strip().lower() for name in lines[start].split("\t")]
-    try:
-        order = [
-            next((j, UNITS[name]) for j, name in enumerate(names) if name in UNITS and name.startswith(word))
-            for word in ("time", "depth", "load")
-        ]
-    except StopIteration:
-        raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}") from None
+    order = [
+        (j, UNITS[name]) for word in ("time", "depth", "load") for j, name in enumerate(names) if name in UNITS and name.startswith(word)
+    ]
+    if len(order) != 3:
+        raise InputError(f"{place}line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}")
     rows = []
     for number, line in enumerate(filter(str.strip, lines[start + 1 :]), start + 2):
         try:
@@ -94,8 +100,7 @@ def read_hysitron(file: Path, place: str) -> tuple[np.ndarray, np.ndarray, np.nd
     stated = next((int(line.split("=")[1]) for line in lines[:start] if line.startswith("Number of Points =")), len(rows))
     if stated != len(rows):
         raise InputError(f"{place}{len(rows)} points, where the file states {stated}; it is truncated")
-    time, depth, load = np.transpose(rows)
-    return time, depth, load
+    return tuple(np.transpose(rows))
 
 
 def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:

@@ -1,11 +1,11 @@
 """Workers of a Dask cluster: processes of this machine, those of a scheduler at an address, or jobs of SLURM."""
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
-from itertools import islice
+from functools import lru_cache, partial
 from typing import Any
 
 from ..core import InputError, MachineError
+from .local import complete
 
 __all__ = ["DaskEngine"]
 
@@ -43,41 +43,15 @@ class DaskEngine:
         return max(1, sum(self._client.nthreads().values()))
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
-        """Call job(item) of all items, and collect(number, result) in this thread for each as it is done.
-
-        Each worker makes the job from its pickle once, and no item waits at one of them while another is idle. An exception, or an
-        interrupt, starts no more; what is done is still collected.
-        """
+        """Call job(item) of all items, see `complete`. Each worker makes the job from its pickle once."""
         import cloudpickle
-        from distributed import as_completed
         from distributed.scheduler import KilledWorker
 
-        pickled = cloudpickle.dumps(job)
-        waiting, completed = iter(enumerate(items)), as_completed([], loop=self._client.loop)
-        under_way: dict[Any, int] = {}
-
-        def start(count: int) -> None:
-            for number, item in islice(waiting, max(0, count)):
-                future = self._client.submit(_run, pickled, item, pure=False)
-                under_way[future] = number
-                completed.add(future)
-
-        start(self.workers)
+        submit = partial(self._client.get_executor(pure=False).submit, _run, cloudpickle.dumps(job))
         try:
-            for future in completed:
-                if future.status == "finished":
-                    # Its worker does not wait for what is done with the result.
-                    start(1)
-                result, number = future.result(), under_way.pop(future)
-                collect(number, result)
-                start(self.workers - len(under_way))
+            complete(submit, lambda: self.workers, items, collect)
         except KilledWorker as error:
             raise MachineError(f"&execution engine: workers died again and again at the same simulation: {error}") from None
-        finally:
-            done = [(future, number) for future, number in under_way.items() if future.status == "finished"]
-            self._client.cancel([future for future in under_way if future.status != "finished"])
-            for future, number in done:
-                collect(number, future.result())
 
 
 @lru_cache(maxsize=1)

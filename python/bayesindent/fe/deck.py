@@ -2,12 +2,9 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .indentation import MeshArrays
 
 __all__ = ["write_deck"]
 
@@ -22,9 +19,7 @@ MATERIALS = ("CRYSTAL", "SURROUNDINGS")
 GAP_STIFFNESS, GAP_TENSION = 1.0e6, 1.0e-9
 
 
-def write_deck(
-    mesh: "MeshArrays", stiffness: np.ndarray, infinite: np.ndarray, depths: Iterable[float], element: str, title: str, parts: Sequence[str]
-) -> str:
+def write_deck(mesh: SimpleNamespace, depths: Iterable[float], element: str, title: str, parts: Sequence[str]) -> str:
     """The text of the deck: a step for each depth, the force on the indenter printed as the reaction of node set INDENTER.
 
     The header says what each material is, by the `parts` of the specimen. Contact is unilateral gaps between each contact node and one node that stands for the indenter; infinite elements
@@ -34,7 +29,7 @@ def write_deck(
     indenter = nodes + 1
     used = MATERIALS[: 1 + mesh.material.max()]
     lines = ["*HEADING", title, "** Units: um, mN, GPa; the axes of the sample, material below z = 0"]
-    for name, part, matrix in zip(used, parts, stiffness, strict=False):
+    for name, part, matrix in zip(used, parts, mesh.materials, strict=False):
         lines += [f"** Material {name}: {part}, {description(matrix)}"]
     if len(mesh.facet):
         lines += ["** Springs: infinite elements, beyond the mesh"]
@@ -44,11 +39,11 @@ def write_deck(
     for material, name in enumerate(used):
         lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
         lines += [f"{e + 1}, " + ", ".join(str(n + 1) for n in mesh.brick[e]) for e in np.flatnonzero(mesh.material == material)]
-        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC, TYPE=ANISO", *elastic_constants(stiffness[material])]
+        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC, TYPE=ANISO", *elastic_constants(mesh.materials[material])]
         lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     lines += gaps(mesh, indenter, len(mesh.brick))
     lines += never_yielding(indenter + 1, 1.5 * mesh.x.max(), len(mesh.brick) + len(mesh.contact))
-    lines += springs(mesh.facet, infinite, len(mesh.brick) + len(mesh.contact) + 1)
+    lines += springs(mesh.facet, mesh.infinite, len(mesh.brick) + len(mesh.contact) + 1)
     for node, masters in zip(mesh.hanging, mesh.master, strict=True):
         masters = masters[masters >= 0]
         for axis in (1, 2, 3):
@@ -80,7 +75,7 @@ def elastic_constants(stiffness: np.ndarray) -> list[str]:
     return [", ".join(values[i : i + 8]) + ("," if i + 8 < len(values) else "") for i in range(0, len(values), 8)]
 
 
-def gaps(mesh: "MeshArrays", indenter: int, offset: int) -> list[str]:
+def gaps(mesh: SimpleNamespace, indenter: int, offset: int) -> list[str]:
     """A unilateral gap under each contact node; those of one clearance share a card."""
     same = defaultdict(list)
     for i, (node, gap) in enumerate(zip(mesh.contact, mesh.gap, strict=True)):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from os import PathLike
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -56,25 +57,6 @@ class IndentationResult:
     contact_residual: float
     equilibrium_residual: float
     warning: str
-
-
-@dataclass(frozen=True)
-class MeshArrays:
-    """A mesh; nodes are numbered from 0, lengths in um."""
-
-    x: np.ndarray
-    brick: np.ndarray
-    #: Material of each brick: the crystal is 0.
-    material: np.ndarray
-    #: Facets that carry infinite elements.
-    facet: np.ndarray
-    contact: np.ndarray
-    #: Height of the indenter above each contact node at zero depth.
-    gap: np.ndarray
-    clamped: np.ndarray
-    #: Hanging nodes, and the up to four nodes (else -1) whose mean they follow.
-    hanging: np.ndarray
-    master: np.ndarray
 
 
 class Indentation(NativeObject):
@@ -200,10 +182,14 @@ class Indentation(NativeObject):
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
         return resolution(self._problem, stiffness)[0]
 
-    def mesh_arrays(self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)) -> MeshArrays:
-        """The finest mesh; where its refined zone is too small for the contact of a crystal, the larger one that is used for it."""
-        found = self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg)
-        return _mesh_of(found)
+    def mesh_arrays(self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)) -> SimpleNamespace:
+        """The finest mesh; where its refined zone is too small for the contact of a crystal, the larger one that is used for it.
+
+        Of nodes `x` in um, `brick`, the `material` of each (the crystal is 0), and the `facet`s that carry infinite elements; `contact` nodes and
+        the `gap` above each at zero depth; `clamped` nodes; `hanging` ones, and the up to four nodes (else -1), `master`, whose mean they follow.
+        Nodes are numbered from 0.
+        """
+        return SimpleNamespace(**(self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg)))
 
     def _fields(self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1) -> dict[str, np.ndarray]:
         return self._call("fields", step=step + 1 if step >= 0 else self.depths + 1 + step, **one_crystal(stiffness, euler_deg))
@@ -238,13 +224,7 @@ class Indentation(NativeObject):
         """
         found = self._fields(stiffness, euler_deg)
         depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
-        return write_deck(
-            _mesh_of(found), found["materials"], found["infinite"], depths, self.element.upper(), title, self.parts.split(", ")
-        )
-
-
-def _mesh_of(found: dict) -> MeshArrays:
-    return MeshArrays(**{item.name: found[item.name] for item in fields(MeshArrays)})
+        return write_deck(SimpleNamespace(**found), depths, self.element.upper(), title, self.parts.split(", "))
 
 
 def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:

@@ -31,9 +31,7 @@ class Posterior(NativeObject):
         self.symmetry = class_name(problem.settings.problem.symmetry)
         self.names = constant_names(self.symmetry)
         found = surrogate._call(what, problem=problem.handle)
-        self.dimension, self.grains, self.groups, self.share_inside = (
-            found[name] for name in ("dimension", "grains", "groups", "share_inside")
-        )
+        self.grains, self.groups = found["grains"], found["groups"]
         self.values, self.document = found, json.loads(found.get("document", "{}"))
         self._hold(found["handle"])
 

@@ -58,7 +58,8 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     """
     origin = "bi.curves"
     with TemporaryDirectory() as folder:
-        files = {"file": read_curves(curves, Path(folder), origin), "tests": as_file(tests, Path(folder) / "tests.csv")}
+        removed = settings.get("drift_removed", True)
+        files = {"file": read_curves(curves, Path(folder), origin, removed), "tests": as_file(tests, Path(folder) / "tests.csv")}
         groups = {"curves": files | settings, "references": references_of(references, crystal_sd)}
         text = ""
         for group, values in groups.items():
@@ -68,10 +69,10 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
         found = {name: read_columns(Path(folder) / f"{name}.csv") for name in ("measurements", "shared_errors", "fits")}
     warn_of(document)
     radius = document["tip"]["radius_um"]
-    shared = np.array([values for name, values in found["shared_errors"].items() if name != "grain"], dtype=float)
+    shared = [values for name, values in found["shared_errors"].items() if name != "grain"]
     return Curves(
         found["measurements"],
-        shared.reshape(-1, len(found["measurements"]["grain"])).T,
+        np.array(shared, dtype=float).reshape(len(shared), len(found["measurements"]["grain"])).T,
         (radius["mean"], radius["sd"]),
         found["fits"],
         document,
@@ -95,5 +96,5 @@ def read_columns(path: Path) -> dict[str, list]:
     """The columns of a CSV of results: numbers, names apart."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
-    return {name: list(cells) if name in ("grain", "test") else [float(cell or "nan") for cell in cells] for name, cells in columns.items()}
+    columns = {name: [row[k] for row in rows] for k, name in enumerate(header)}
+    return {name: cells if name in ("grain", "test") else [float(cell or "nan") for cell in cells] for name, cells in columns.items()}

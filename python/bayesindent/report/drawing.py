@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe, get_context
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
@@ -57,8 +57,6 @@ def series_of(axes: Any) -> Iterator[tuple[str, str, list[list[float]]]]:
             heights, edges, _ = patch.get_data()
             yield "bar", str(patch.get_label()), np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights]).tolist()
 
-
-T = TypeVar("T")
 
 #: Kinds of files of figures that papers take, and dots per inch of what is no line.
 FOR_PAPERS = {"svg": 300, "pdf": 300, "png": 600}
@@ -120,7 +118,7 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool, progress: Pr
     return sections
 
 
-def halved(function: Callable[[T], dict], items: Sequence[T]) -> list[dict]:
+def halved(function: Callable[[Any], dict], items: Sequence) -> list[dict]:
     """function(item) of all items, every second one in a forked process where there is a second core.
 
     The function must not call the core: a forked process has none of the threads of OpenMP that its parent may have started.

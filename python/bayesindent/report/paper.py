@@ -1,7 +1,6 @@
 """The author's pack: what a paper takes from a run, in files that journals take."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,13 +54,6 @@ MPA = 1000.0
 SOLVERS = {"abaqus": "ANISOTROPIC", "calculix": "ANISO"}
 
 
-@dataclass(frozen=True)
-class Table:
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-
 def write_paper(results: Results) -> Path:
     """Write the texts, tables and cards of the pack into the folder `paper` of the results; return it. Figures are `drawing`'s."""
     if not results.documents["extract"] or not results.posterior:
@@ -70,10 +62,10 @@ def write_paper(results: Results) -> Path:
     text, works = methods(results)
     write_text(folder / "methods.tex", text)
     write_text(folder / "references.bib", works)
-    for name, table in tables(results).items():
-        caption = mark(results) + table.caption
-        write_csv(folder / f"{name}.csv", table.header, table.rows, caption)
-        write_text(folder / f"{name}.tex", latex_table(name, caption, table.header, table.rows))
+    for name, (words, header, rows) in tables(results).items():
+        caption = mark(results) + words
+        write_csv(folder / f"{name}.csv", header, rows, caption)
+        write_text(folder / f"{name}.tex", latex_table(name, caption, header, rows))
     write_posterior(results, folder / "posterior.csv")
     mean = [results.documents["extract"]["parameters"][name]["mean"] for name in results.constants]
     matrix = stiffness_rows(results.symmetry, [mean])[0]
@@ -87,12 +79,12 @@ def mark(results: Results) -> str:
     return "Synthetic data. " if results.synthetic else ""
 
 
-def tables(results: Results) -> dict[str, Table]:
-    """The tables that have rows, by the name of their files."""
+def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]]:
+    """Caption, header and rows of the tables that have rows, by the name of their files."""
     document = results.documents["extract"]
     quantities = [row for row in results.identifiability("quantity") if row["name"] not in document["parameters"]]
     found = {
-        "constants": Table(
+        "constants": (
             "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its 95 % interval of highest density, and the "
             "shares of its variance that are due to the measurements, to what else was known and to the prior.",
             ["constant", "mean", "sd", "95 % from", "to", *SHARE_HEADER],
@@ -101,12 +93,12 @@ def tables(results: Results) -> dict[str, Table]:
                 for name, item in document["parameters"].items()
             ],
         ),
-        "quantities": Table(
+        "quantities": (
             "Quantities of the crystal that follow from its constants: mean and sd of the posterior, sd of the prior, shares.",
             ["quantity", "unit", "mean", "sd", "sd of the prior", *SHARE_HEADER],
             [[quantity_name(row["name"]), quantity_format(row)[0], *identifiability_cells(row)] for row in quantities],
         ),
-        "combinations": Table(
+        "combinations": (
             "Products of powers of the constants, from the best to the worst identified: exponents, sds in per cent, shares.",
             [*results.constants, "sd (%)", "sd of the prior (%)", *SHARE_HEADER],
             [
@@ -114,12 +106,12 @@ def tables(results: Results) -> dict[str, Table]:
                 for row in results.identifiability("combination")
             ],
         ),
-        "correlation": Table(
+        "correlation": (
             "Correlation of the constants in the posterior.",
             ["", *document["parameters"]],
             [[name, *(number(value, 2) for value in row)] for name, row in zip(document["parameters"], document["correlation"])],
         ),
-        "grains": Table(
+        "grains": (
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
             ["grain", "orientation", "measured", "sd measured", "predicted", "sd predicted"],
             [
@@ -127,7 +119,7 @@ def tables(results: Results) -> dict[str, Table]:
                 for row, item in enumerate(results.predicted, start=1)
             ],
         ),
-        "velocities": Table(
+        "velocities": (
             "The Rayleigh velocity in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
             "posterior predicts it without the noise.",
             ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
@@ -141,7 +133,7 @@ def tables(results: Results) -> dict[str, Table]:
             ],
         ),
     }
-    return {name: table for name, table in found.items() if table.rows}
+    return {name: table for name, table in found.items() if table[-1]}
 
 
 def latex_table(label: str, caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -13,6 +13,7 @@ from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import constant_names
 from ..pipeline.results_folder import DOCUMENTS, belongs, changed_inputs, read_manifest, read_posterior, read_resolved, surrogate_digest
+from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
 __all__ = ["NothingToShow", "Results", "present"]
@@ -43,7 +44,7 @@ class Results:
         facts = {} if self.result is None else self.result.posterior.attrs
         self.manifest = {} if facts else read_manifest(folder)
         self.resolved = facts["settings"] if facts else read_resolved(folder)
-        self._settings = call("settings.values", path=folder / "resolved.nml", content=self.resolved) if self.resolved else {}
+        self._settings = typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved)) if self.resolved else {}
         #: The folder of the namelist that was last used here.
         self.namelist_folder = Path(self.manifest.get("namelist", ".")).parent
         if not facts and (name := self.group("surrogate").get("file")):
@@ -69,9 +70,7 @@ class Results:
         if not self._settings.get(f"{name}.given"):
             return {}
         start = f"{name}."
-        return {
-            label[len(start) :]: value for label, value in self._settings.items() if label.startswith(start) and label != f"{start}given"
-        }
+        return {key[len(start) :]: value for key, value in self._settings.items() if key.startswith(start) and key != f"{start}given"}
 
     @property
     def warnings(self) -> list[str]:

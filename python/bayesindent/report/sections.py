@@ -12,6 +12,7 @@ from .formatting import (
     number,
     numbers,
     orientation,
+    percent,
     product_html,
     quantities_label,
     quantity_format,
@@ -42,7 +43,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
             [
                 f"{row['side']} limit of {limit_name(row['name'])}",
                 f"{row['value']:.4g}",
-                number(100 * row["share"], 0),
+                percent(row["share"]),
                 "yes" if row["stated"] else "no",
             ]
             for row in document.get("limits", [])

@@ -1,11 +1,11 @@
 """Settings: of a namelist file or of keywords, read, checked and resolved by the Fortran core, as plain Python values."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
-from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,11 @@ from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
 from .spreadsheets import page_of as spreadsheet_page
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "read_measurements", "schema", "spelled", "stages"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
+
+
+#: From texts of a namelist.
+CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,11 @@ class Variable:
     default: str
     allowed: str
     meaning: str
+
+    def value_of(self, texts: list[str]):
+        """The value that these texts of a namelist stand for."""
+        values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
+        return values[0] if self.shape == "one" else np.array(values) if self.kind == "real" else values
 
 
 @dataclass(frozen=True)
@@ -56,16 +65,16 @@ class Points:
     def __init__(self, problem: "Problem", table: str, facts: dict):
         self.problem, self._table = problem, table
         self._classes, self._n = facts[f"{table}.classes"], facts[f"{table}.n"]
-        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("modulus_kind", "names"))
+        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("kind", "names"))
 
     def __len__(self) -> int:
         return self._n
 
-    def _numbers(self, name: str) -> np.ndarray:
-        return self.problem._call("column", table=self._table, column=name)["values"]
+    def _columns(self, name: str) -> dict:
+        return self.problem._call("column", table=self._table, column=name)
 
     def _given(self, name: str) -> np.ndarray | None:
-        values = self._numbers(name)
+        values = self._numbers.get(name, np.nan)
         return None if np.isnan(values).all() else values
 
     @cached_property
@@ -73,7 +82,7 @@ class Points:
         """The crystal class of each row."""
         if not self._classes:
             return self._n * [None]
-        return [self._classes[number - 1] for number in self._numbers("class").tolist()]
+        return [self._classes[number - 1] for number in self._numbers["class"].tolist()]
 
     @cached_property
     def constants(self) -> list[dict]:
@@ -81,15 +90,16 @@ class Points:
         if not self._classes:
             return self._n * [{}]
         names = {symmetry: constant_names(symmetry) for symmetry in self._classes}
-        rows = zip(self.symmetry, self._numbers("constants").tolist(), strict=True)
+        rows = zip(self.symmetry, self._numbers["constants"].tolist(), strict=True)
         return [dict(zip(names[symmetry], values, strict=False)) for symmetry, values in rows]
 
     # Others see the class.
-    stiffness = cached_property(lambda self: self._numbers("stiffness") if self._classes else None)
-    euler_deg = cached_property(lambda self: self._numbers("euler_deg"))
-    modulus_gpa = cached_property(lambda self: self._given("modulus_gpa"))
-    sd_gpa = cached_property(lambda self: self._given("sd_gpa"))
-    _cells = cached_property(lambda self: _rows(self.problem._call("column", table=self._table, column="cells"), "cells"))
+    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"] if self._classes else None)
+    _numbers = cached_property(lambda self: self._columns("numbers"))
+    euler_deg = property(lambda self: self._numbers["euler_deg"])
+    modulus_gpa = property(lambda self: self._given("modulus_gpa"))
+    sd_gpa = property(lambda self: self._given("sd_gpa"))
+    _cells = cached_property(lambda self: _rows(self._columns("cells"), "cells"))
     columns = property(lambda self: self._cells[0])
     rows = property(lambda self: self._cells[1:])
 
@@ -113,7 +123,7 @@ class Problem(NativeObject):
 
     def __init__(self, path: str | os.PathLike, command: str = "run", changes: str = ""):
         self._made_of: tuple = (type(self), (path, command, changes))
-        self._fill(call("file.problem", path=path, command=command, changes=changes or None), Path(path))
+        self._fill(call("file.problem", path=path, command=command, changes=changes), Path(path))
 
     @classmethod
     def from_keywords(
@@ -147,11 +157,11 @@ class Problem(NativeObject):
             self._set_table(name, page)
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
-        facts = self._call("describe")
+        facts = self._facts()
         if "spreadsheet" in facts:
             place = f"{path}: &measurements file: {facts['measurements.file']}: "
             self._set_table("measurements", spreadsheet_page(place, Path(facts["spreadsheet"]), facts["measurements.sheet"]))
-            facts = self._call("describe")
+            facts = self._facts()
         if "indents_um" in facts:
             # Not above: it needs scipy, which is slow to import.
             from .orientation_maps import page_of as page_of_map
@@ -162,18 +172,17 @@ class Problem(NativeObject):
             self._set_table("ebsd", page)
             if told:
                 self._set_table("warning", told)
-            facts = self._call("describe")
+            facts = self._facts()
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()
         self.settings = _settings(facts)
-        #: Pairs of degree and bandlimit of &surrogate scan.
-        self.scan = [tuple(pair) for pair in facts["scan"].tolist()]
-        #: Identity of the physics, under which a campaign keeps simulations: JSON.
-        self.physics = facts["physics"]
         #: The rows of &knowledge stiffness_file, the header first.
         self.stiffness = _rows(facts, "stiffness") if "stiffness" in facts else None
         self._tables = {table: facts for table in ("crystals", "measurements", "candidates", "grains") if f"{table}.n" in facts}
         self._frozen = True
+
+    def _facts(self) -> dict:
+        return typed(self._call("describe"))
 
     def _set_table(self, table: str, page: str) -> None:
         self._call("set_table", table=table, page=page)
@@ -238,12 +247,6 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     return Points(holder, "crystals", holder._call("describe"))
 
 
-def read_measurements(path: str | os.PathLike, symmetry: str, **asked) -> Points:
-    """A CSV of orientations and moduli of grains of a `symmetry`, read as `&measurements` with the variables `asked` reads it."""
-    asked = {"file": Path(path).absolute()} | asked
-    return Problem.from_keywords(os.fspath(path), problem={"symmetry": symmetry}, measurements=asked).measurements
-
-
 @cache
 def _listed() -> dict:
     return call("settings.list")
@@ -252,7 +255,14 @@ def _listed() -> dict:
 @cache
 def schema() -> tuple[Variable, ...]:
     """Every variable that a namelist may set, in order."""
-    return tuple(starmap(Variable, batched(_listed()["schema"], len(fields(Variable)))))
+    found = []
+    for section in _listed()["page"].split("## `&")[1:]:
+        heading, _, meaning, *lines = section.splitlines()
+        for name, words, *more in (line[3:-2].split(" | ") for line in lines if line.startswith("| `")):
+            shape = "constants" if words.endswith(" constant") else "list" if words.startswith("list") else "one"
+            kind = re.sub("list of | for each constant|s$", "", words)
+            found.append(Variable(heading.strip("`"), meaning, name.strip("`"), kind, shape, *more))
+    return tuple(found)
 
 
 @cache
@@ -260,6 +270,12 @@ def stages() -> tuple[Stage, ...]:
     """The commands that read a namelist: 'run', then the stages in order."""
     rows = batched(_listed()["stages"], len(fields(Stage)))
     return tuple(Stage(name, tuple(groups.split()), *more) for name, groups, *more in rows)
+
+
+def typed(found: dict) -> dict:
+    """Named values of the core, with those of settings, which are texts there, in their own types."""
+    names = {f"{variable.group}.{variable.name}": variable for variable in schema()}
+    return {name: names[name].value_of(value) if name in names else value for name, value in found.items()}
 
 
 def batched(values: list, n: int) -> Iterator[list]:

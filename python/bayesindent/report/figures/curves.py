@@ -17,23 +17,20 @@ def curve_fits(results: Results) -> Picture:
     tests = [row for row in present(results.documents["curves"])["tests"] if row["used"]]
     if not (file := results.folder / "fits.csv").exists():
         raise NothingToShow
-    columns = read_columns(file)
-    names = np.array(columns.pop("test"))
-    values = {name: np.array(column) for name, column in columns.items()}
+    columns = {name: np.array(column) for name, column in read_columns(file).items()}
     chosen = [tests[i] for i in np.unique(np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int))]
     figure, axes = panels(1.7 * len(chosen), len(chosen), 2, squeeze=False)
     for (left, right), row in zip(axes, chosen, strict=True):
-        load, depth, fit, elastic = (values[name][names == row["test"]] for name in ("load_mn", "depth_nm", "fit_nm", "elastic"))
+        own = columns["test"] == row["test"]
+        load, depth, fit, elastic = (columns[name][own] for name in ("load_mn", "depth_nm", "fit_nm", "elastic"))
         left.plot(depth - row["zero_nm"], load, ".", ms=2, color=BLUE)
         left.plot(fit - row["zero_nm"], load, color=BLACK, lw=0.8)
         left.set_title(f"{row['test']}: {row['effective_modulus_gpa']:.1f} GPa", loc="left")
         right.plot(load, depth - fit, color=BLUE, lw=1)
         right.axhline(0, color=BLACK, lw=0.8)
-        inside = (depth - fit)[elastic > 0.5]
-        spread = 6 * max(np.std(inside), row["noise_nm"])
+        spread = 6 * max(np.std((depth - fit)[elastic > 0.5]), row["noise_nm"])
         right.set_ylim(-spread, 2 * spread)
-        for axis, along in ((left, "y"), (right, "x")):
-            span = axis.axhspan if along == "y" else axis.axvspan
+        for span in (left.axhspan, right.axvspan):
             span(row["elastic_from_mn"], row["elastic_to_mn"], color=GREEN, alpha=0.15, lw=0)
     axes[-1, 0].set(xlabel="depth from the zero (nm)", ylabel="load (mN)")
     axes[-1, 1].set(xlabel="load (mN)", ylabel="residual (nm)")
@@ -64,20 +61,23 @@ def tip_radius(results: Results) -> Picture:
 def curve_moduli(results: Results) -> Picture:
     """Moduli of tests and grains, by session."""
     document = present(results.documents["curves"])
-    figure, axes = panels(3.4)
+    figure, axes = panels(3.8)
     grains = [row["grain"] for row in present(document["grains"])]
-    sessions = list(dict.fromkeys(row["session"] for row in document["tests"]))
-    for number, session in enumerate(sessions):
-        rows = [row for row in document["tests"] if row["used"] and row["session"] == session and row.get("grain") in grains]
-        places = [grains.index(row["grain"]) - 0.15 + 0.3 * k / max(1, len(rows) - 1) for k, row in enumerate(rows)]
+    tests = [row for row in document["tests"] if row["used"] and row.get("grain") in grains]
+    for number, session in enumerate(dict.fromkeys(row["session"] for row in tests), 1):
+        rows = [row for row in tests if row["session"] == session]
+        # Left of the grain, one beside the other.
+        before = [sum(row["grain"] == other["grain"] for other in tests[: tests.index(row)]) for row in rows]
+        places = [grains.index(row["grain"]) - 0.35 + 0.1 * (k % 3) for row, k in zip(rows, before, strict=True)]
         label = f"tests, session {session}" if session else "tests"
-        axes.plot(places, [row["effective_modulus_gpa"] for row in rows], ".", color=CYCLE[(number + 1) % len(CYCLE)], label=label)
+        axes.plot(places, [row["effective_modulus_gpa"] for row in rows], ".", color=CYCLE[number % len(CYCLE)], label=label)
     moduli, sds, own = (np.array([row[name] for row in document["grains"]]) for name in ("effective_modulus_gpa", "sd_gpa", "own_sd_gpa"))
     axes.errorbar(range(len(grains)), moduli, sds, fmt="none", color=SKY, lw=4, label="sd")
     axes.errorbar(range(len(grains)), moduli, own, fmt="o", color=BLUE, ms=4, label="sd of the grain's own")
     axes.set_xticks(range(len(grains)), grains, rotation=90 if len(grains) > 15 else 0)
-    axes.set(xlabel="grain", ylabel="effective modulus (GPa)")
-    axes.legend()
+    low, high = axes.get_ylim()
+    axes.set(xlabel="grain", ylabel="effective modulus (GPa)", ylim=(low, high + 0.3 * (high - low)))
+    axes.legend(loc="upper center", ncols=2)
     text = f"Effective moduli of {len(grains)} grains and of their tests."
     return Picture(figure, text, f"{text} Wide bars: all errors; narrow ones: those that grains do not share.")
 

@@ -130,15 +130,7 @@ def draw_map(
             place = places[near[0]]
             offset = 13 * (place - centre) / np.linalg.norm(place - centre)
             name = "".join(f"{abs(index)}" + ("\u0305" if index < 0 else "") for index in corner)
-            axes.annotate(
-                name,
-                place,
-                13 * offset / np.linalg.norm(offset),
-                textcoords="offset points",
-                ha="center",
-                va="center",
-                annotation_clip=False,
-            )
+            axes.annotate(name, place, offset, textcoords="offset points", ha="center", va="center", annotation_clip=False)
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.axis("off")

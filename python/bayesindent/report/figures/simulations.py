@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from ..formatting import orientation
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels, plot_difference
+from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels
 
 __all__ = ["draw_bias", "load_depth", "specimen_size", "theory"]
 
@@ -83,27 +83,8 @@ def theory(results: Results) -> Picture:
     if exact is None:
         raise NothingToShow
     simulated = np.array([row["indentation_modulus_gpa"] for row in rows])
-    angles = np.array([row["euler_deg"] for row in rows])
     text = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * np.abs(simulated / exact - 1).max():.2f} %."
-    one_crystal = all(row["constants"] == rows[0]["constants"] for row in rows) and len(rows) > 1
-    if one_crystal and np.ptp(angles[:, 1]) > 0 and not np.ptp(angles[:, [0, 2]], axis=0).any():
-        figure = over_declination(angles[:, 1], simulated, exact)
-    else:
-        figure = against_theory(simulated, exact)
-    return Picture(figure, text, text + " The simulations use nothing of the theory.")
-
-
-def over_declination(declination_deg: np.ndarray, simulated: np.ndarray, theory: np.ndarray) -> Figure:
-    """Simulated moduli of one crystal and the theory over the declination Φ, with the differences."""
-    angle, exact, moduli = np.array([declination_deg, theory, simulated])[:, np.argsort(declination_deg)]
-    figure, (top, bottom) = panels(4.4, 2, 1, sharex=True, height_ratios=(2.5, 1))
-    top.plot(angle, exact, color=BLACK, label="half-space theory")
-    top.plot(angle, moduli, "o", color=BLUE, label="finite elements")
-    plot_difference(bottom, angle, 100 * (moduli / exact - 1), "o-", lw=0.8)
-    top.set_ylabel("indentation modulus (GPa)")
-    top.legend()
-    bottom.set(xlabel="declination Φ (degrees)", ylabel="difference (%)")
-    return figure
+    return Picture(against_theory(simulated, exact), text, text + " The simulations use nothing of the theory.")
 
 
 def against_theory(simulated: np.ndarray, theory: np.ndarray) -> Figure:
@@ -111,6 +92,11 @@ def against_theory(simulated: np.ndarray, theory: np.ndarray) -> Figure:
     figure, left, right = parity_panels(3.4, theory, simulated)
     left.plot(theory, simulated, "o", color=BLUE, ms=4)
     left.set(xlabel="half-space theory (GPa)", ylabel="finite elements (GPa)")
-    plot_difference(right, theory, 100 * (simulated / theory - 1), "o", ms=4)
-    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)")
+    values = 100 * (simulated / theory - 1)
+    right.axhline(0, color=BLACK, lw=0.8)
+    right.plot(theory, values, "o", color=BLUE, ms=4)
+    # Limits that show the line of zero and all values.
+    limit = 1.25 * max(np.max(np.abs(values)), 0.1)
+    ends = min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))
+    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)", ylim=ends)
     return figure

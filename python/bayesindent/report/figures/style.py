@@ -14,7 +14,7 @@ from matplotlib.text import Text
 from ..formatting import subscript
 
 __all__ = [
-    "Picture", "density_axes", "grid_of_constants", "house_style", "logarithmic", "new_figure", "panels", "parity_panels", "plot_difference",
+    "Picture", "density_axes", "grid_of_constants", "house_style", "logarithmic", "new_figure", "panels", "parity_panels",
     "sd_axes", "stamp_synthetic", "text_size", "unique_legend",
 ]  # fmt: skip
 
@@ -126,14 +126,6 @@ def sd_axes(axes: Any) -> None:
     for multiple, alpha in ((2, 0.2), (1, 0.3)):
         axes.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
     axes.axhline(0, color=BLACK, lw=0.8)
-
-
-def plot_difference(axes: Any, x: np.ndarray, values: np.ndarray, style: str, **further: Any) -> None:
-    """Values about a line of zero, within limits that show it and all of them."""
-    axes.axhline(0, color=BLACK, lw=0.8)
-    axes.plot(x, values, style, color=BLUE, **further)
-    limit = 1.25 * max(np.max(np.abs(values)), 0.1)
-    axes.set_ylim(min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values)))
 
 
 def logarithmic(axes: Any) -> None:

@@ -1,0 +1,126 @@
+"""settings_schema.f90 from docs/namelists.md: the types of the settings, and the table of all variables, of which the page is the only list.
+
+A type for each group has a component for each variable, named as the variable; numbers are zero until they are read, and an allocatable component
+that is not allocated is unset.
+"""
+
+import sys
+from pathlib import Path
+
+TEXT, TEXTS, REAL, REALS = "character(len=:), allocatable", "character(len=longest_item), allocatable", "real(wp)", "real(wp), allocatable"
+#: What a component of each Fortran type is until it is read; its values as texts; and it from these.
+COMPONENTS = {
+    "integer": (" = 0", "text_value(to_text({}))", "nint(real_of({}(1)))"),
+    "logical": (" = .false.", "text_value(to_text({}))", "{}(1)%text == '.true.'"),
+    REAL: (" = 0.0_wp", "real_values([{}])", "real_of({}(1))"),
+    REALS: ("(:)", "real_values({})", "real_of({})"),
+    TEXTS: ("(:)", "text_values({})", "name_of({})"),
+    TEXT: ("", "text_value({})", "{}(1)%text"),
+}
+#: By the second column of the page: kind and number of values in `settings_list`, and the Fortran type.
+TYPES = {
+    "integer": ("kind_integer, shape_one", "integer"),
+    "logical": ("kind_logical, shape_one", "logical"),
+    "real": ("kind_real, shape_one", REAL),
+    "real for each constant": ("kind_real, shape_constants", REALS),
+    "list of reals": ("kind_real, shape_list", REALS),
+    "list of texts": ("kind_text, shape_list", TEXTS),
+    "text": ("kind_text, shape_one", TEXT),
+    "choice": ("kind_choice, shape_one", TEXT),
+    "file": ("kind_file, shape_one", TEXT),
+    "choice or file": ("kind_source, shape_one", TEXT),
+}
+
+MODULE = """\
+!> Made of docs/namelists.md by settings_schema.py.
+module settings_schema
+   use kinds, only: wp
+   use settings_list
+   use text, only: to_text
+   implicit none
+   private
+   public :: list_settings, set_settings, schema_page
+
+{types}
+contains
+
+   !> All groups and variables, in order, with the values of `settings`.
+   type(settings_list_type) function list_settings(settings) result(list)
+      type(settings_type), intent(in) :: settings
+
+      allocate (list%groups({n_groups}), list%variables({n_variables}))
+{table}
+      associate (s => settings, g => list%groups, v => list%variables)
+{taken}
+      end associate
+   end function list_settings
+
+   !> Let settings that are new have the values of a list.
+   subroutine set_settings(list, settings)
+      type(settings_list_type), intent(in) :: list
+      type(settings_type), intent(inout) :: settings
+
+      associate (s => settings, g => list%groups, v => list%variables)
+{given}
+      end associate
+   end subroutine set_settings
+
+   !> The page itself.
+   function schema_page() result(page)
+      character(len=:), allocatable :: page
+
+      page = ''
+{page}
+   end function schema_page
+end module settings_schema
+"""
+
+
+def text(words: str) -> str:
+    """A constant of Fortran, on as many lines as it needs."""
+    pieces = [words[i : i + 80].replace("'", "''") for i in range(0, len(words), 80)] or [""]
+    return "' &\n         & //'".join(pieces).join("''")
+
+
+def module(page: str) -> str:
+    """The module of a page: groups in its headings, variables in its tables."""
+    types, table, taken, given, group, n = [], [], [], [], "", 0
+    lines = page.splitlines()
+    for number, line in enumerate(lines):
+        if line.startswith("## `&"):
+            group = line[5:-1]
+            types += [f"   type, public :: {group}_settings_type", "      logical :: given = .false."]
+            table += [f"      call list%add_group({text(group)})"]
+            place = len(table) - n
+            taken += [f"         g({place})%given = s%{group}%given"]
+            given += [f"         s%{group}%given = g({place})%given"]
+        elif line.startswith("| `"):
+            name, kind, unit, default, allowed, meaning = line[2:-2].split(" | ")
+            n, name, (kind_and_shape, declared) = n + 1, name.strip("`"), TYPES[kind]
+            start, texts, value = COMPONENTS[declared]
+            if default == "unset" and start.startswith(" ="):
+                declared, start = f"{declared}, allocatable", ""
+            types += [f"      {declared} :: {name}{start}"]
+            words = ", &\n         & ".join(map(text, (default, allowed, unit, meaning)))
+            table += [f"      call list%add({text(name)}, {kind_and_shape}, &\n         & {words})"]
+            component, values = f"s%{group}%{name}", f"v({n})%values"
+            known = f"if (allocated({component})) " if "allocatable" in declared else ""
+            taken += [f"         {known}{values} = {texts.format(component)}"]
+            given += [f"         if (allocated({values})) {component} = {value.format(values)}"]
+            if not lines[number + 1]:
+                types += [f"   end type {group}_settings_type", ""]
+    groups = [line[5:-1] for line in lines if line.startswith("## `&")]
+    types += ["   type, public :: settings_type", *(f"      type({name}_settings_type) :: {name}" for name in groups), "   end type", ""]
+    return MODULE.format(
+        types="\n".join(types),
+        n_groups=len(groups),
+        n_variables=n,
+        table="\n".join(table),
+        taken="\n".join(taken),
+        given="\n".join(given),
+        page="\n".join(f"      page = page//{text(line)}//achar(10)" for line in lines[:-1]),
+    )
+
+
+if __name__ == "__main__":
+    Path(sys.argv[2]).write_text(module(Path(sys.argv[1]).read_text(encoding="utf-8") + "\n"), encoding="utf-8")
