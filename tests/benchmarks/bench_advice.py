@@ -57,11 +57,11 @@ def follow(name, seed):
     return constant, row["name"], parameters[constant]["sd"], row["sd_then"][constant], then[constant]["sd"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main(argv=None) -> None:
+    parser = argparse.ArgumentParser(prog="bayesindent bench advice", description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=20)
     warnings.simplefilter("ignore")
-    cases = parser.parse_args().cases
+    cases = parser.parse_args(argv).cases
     held = 0
     for i in range(cases):
         name = list(CRYSTALS)[i % len(CRYSTALS)]

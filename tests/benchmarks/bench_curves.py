@@ -134,13 +134,13 @@ def read(path: Path) -> dict[str, list]:
     return read_columns(path)
 
 
-def main() -> None:
+def main(argv=None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesindent bench curves", description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=40, help="data sets of each case")
     parser.add_argument("--constants", type=int, default=0, help="data sets of the first case that go on to constants")
     parser.add_argument("--speed", action="store_true", help="the time of many curves, and nothing else")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     if arguments.speed:
         with tempfile.TemporaryDirectory() as folder:
             speed(Path(folder))

@@ -82,14 +82,14 @@ def widths(found):
     return {name: np.array([one["sd"], np.diff(one["hdi_95"])[0]]) for name, one in found["parameters"].items()}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main(argv=None) -> None:
+    parser = argparse.ArgumentParser(prog="bayesindent bench focus", description=__doc__.splitlines()[0])
     parser.add_argument("--metals", default=",".join(METALS))
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--many", type=int, default=200)
     parser.add_argument("--design", default="")
     parser.add_argument("--output", type=Path)
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     folder = options.output or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
     for metal in options.metals.split(","):

@@ -5,6 +5,7 @@ Quartz: tests that are left out are grains of unknown modulus, the others the re
     ./bayesindent bench splits
 """
 
+import argparse
 import csv
 import warnings
 from collections.abc import Mapping
@@ -90,8 +91,9 @@ def folds(names: list[str], n: int) -> list[set[str]]:
     return [set(names[k::n]) for k in range(n)]
 
 
-def main() -> None:
+def main(argv=None) -> None:
     """Print both tables."""
+    argparse.ArgumentParser(prog="bayesindent bench splits", description=__doc__.splitlines()[0]).parse_args(argv)
     warnings.simplefilter("ignore", bi.BayesindentWarning)
     curves = read()
     quartz = {name: rows for name, rows in curves.items() if name.startswith("q")}
