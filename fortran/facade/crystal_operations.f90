@@ -8,6 +8,7 @@ module crystal_operations
    use kinds, only: wp
    use observables, only: new_observable, observable_type
    use problem_posterior, only: stiffnesses
+   use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use quantities, only: evaluate_quantities, new_quantity, quantity_type, reported_quantities
    use settings_schema, only: measurements_settings_type
    use text, only: split_list
@@ -78,6 +79,10 @@ contains
          ! Indentation modulus (GPa), exact and of a circular contact, of crystals at angles (degrees).
          allocate (x%values(size(c, 3), 2))
          call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), x%values(:, 2), x%error)
+      case ('waves')
+         ! Speed of the surface wave and of the slowest bulk wave (m/s), and the normal part of the displacement, of crystals of a
+         ! density (kg/m3) at angles and in directions (degrees).
+         call measure_waves(c, x)
       case ('reported_quantities')
          call reported_quantities(class, quantities, x%error)
          if (allocated(x%error)) return
@@ -119,4 +124,18 @@ contains
          end do
       end subroutine evaluate
    end subroutine perform_crystal
+
+   subroutine measure_waves(c, x)
+      real(wp), intent(in) :: c(:, :, :)
+      type(exchange_type), intent(inout) :: x
+      type(wave_type) :: waves(size(c, 3))
+      real(wp), pointer :: given(:, :)
+
+      given => x%in%columns('propagation_deg', 1)
+      call rayleigh_waves(c, x%in%columns('euler_deg', 3), given(1, :), waves, x%error)
+      if (allocated(x%error)) return
+      given => x%in%columns('density_kg_m3', 1)
+      x%values = reshape([wave_speed(waves%modulus, given(1, :)), wave_speed(waves%bulk, given(1, :)), waves%normal_share], &
+         & [size(waves), 3])
+   end subroutine measure_waves
 end module crystal_operations

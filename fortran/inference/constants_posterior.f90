@@ -5,13 +5,14 @@
 !> is inferred. The surrogate's own uncertainty is correlated between grains: its covariance is G T(c) Gᵀ with G = (df/dy) K, of the
 !> rank of the harmonics. So V = D + U Uᵀ with a thin U, and |V| and V^-1 cost a matrix of the size of U's columns (Woodbury).
 module constants_posterior
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use abstract_basis, only: grain_model_type
    use constants_prior, only: prior_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, exit_bad_input, raise
    use kinds, only: degree, wp
    use logarithmic_coordinates, only: log_frame_type
-   use measured_grains, only: all_tilts, measured_type, n_tilts, tilt_moments
+   use measured_grains, only: all_tilts, mean_modulus, measured_type, n_tilts, tilt_moments
    use observables, only: new_observable, observable_type
    use output_polynomial, only: is_fitted, output_polynomial_type
    use random, only: random_stream_type
@@ -20,6 +21,7 @@ module constants_posterior
    use small_matrices, only: factor_columns, solve_upper, sum_of_logs
    use surrogate_model, only: surrogate_type
    use text, only: to_text
+   use wave_grains, only: add_waves, wave_grains_type
    implicit none
    private
    public :: posterior_type, new_posterior
@@ -34,6 +36,8 @@ module constants_posterior
       type(measurements_settings_type) :: settings
       logical :: infers_scale = .false., prior_only = .false.
       integer :: n_grains = 0, n_constants = 0, n_groups = 1
+      !> Of the measurements, `n_grains`, so many are moduli, the first ones; the others are speeds.
+      integer :: n_moduli = 0
       !> Directions of each grain that are evaluated: 1, or `n_tilts`.
       integer, private :: n_directions = 1
       !> What the surrogate gives the measured grains, then the same grains with the next tilt, and so on.
@@ -43,11 +47,13 @@ module constants_posterior
       !> Errors that the grains share: the surrogate's, then the calibration's of each group, if any, up to `n_calibrated`, then relative
       !> ones that were stated, then the two tilts of the sample.
       integer :: n_shared = 0, n_calibrated = 0
-      !> Measured values and their sds, GPa.
+      !> Measured values and their sds, GPa, or m/s.
       real(wp), allocatable :: measured(:), sd(:)
       !> Of each grain: sd of the tilt, radians, and group.
       real(wp), allocatable :: tilt_sd(:)
       integer, allocatable :: group(:)
+      !> Relative sds of the calibration errors, (group); of speeds directions of propagation, see `measured_type`.
+      real(wp), allocatable :: calibration(:), propagation(:)
       !> Stated relative errors, (grain, error).
       real(wp), allocatable :: shared(:, :)
       !> Bunge-Euler angles of the rows of `grains`, radians.
@@ -98,19 +104,24 @@ contains
       allocate (posterior%shared(posterior%n_grains, 0))
       if (allocated(measured%shared)) posterior%shared = measured%shared
       posterior%n_groups = max(1, maxval(measured%group))
+      posterior%n_moduli = measured%n_moduli()
+      if (posterior%n_moduli < posterior%n_grains) posterior%propagation = measured%propagation
+      allocate (posterior%calibration(posterior%n_groups), source=settings%calibration_sd)
+      posterior%calibration(maxval([0, measured%group(:posterior%n_moduli)]) + 1:) = settings%velocity_calibration_sd
       posterior%scale = posterior%errors%scale*measured%sd
       posterior%log_scales = sum(log(posterior%scale))
       ! Between 0.3 and 1.5 times the modulus the errors of polynomials hardly depend on it.
-      if (posterior%n_grains > 0) posterior%typical_modulus =  &
-         & posterior%observable%isotropic_modulus(0.7_wp*sum(measured%modulus)/posterior%n_grains)
+      if (posterior%n_grains > 0) posterior%typical_modulus = mean_modulus(posterior%observable, measured, 0.7_wp)
       if (settings%misalignment_sd_deg > 0.0_wp .or. any(measured%tilt_sd > 0.0_wp)) posterior%n_directions = n_tilts
       posterior%euler = measured%euler
       if (posterior%n_directions > 1) posterior%euler = all_tilts(measured%euler, measured%tilt_sd)
       call posterior%observable%new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, posterior%grains, error)
+      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) call add_waves(measured%propagation, &
+         & measured%density, posterior%euler, posterior%grains, error)
       if (allocated(error)) return
       if (posterior%grains%has_theory .and. .not. prior_only) posterior%n_outputs = posterior%grains%n_independent
       if (with_covariance .and. none*surrogate%beta <= 1.0_wp) posterior%scatter = 1.0_wp/surrogate%beta
-      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, settings%calibration_sd > 0.0_wp)
+      posterior%n_calibrated = posterior%grains%n_columns + merge(posterior%n_groups, 0, any(posterior%calibration > 0.0_wp))
       posterior%n_shared = posterior%n_calibrated + size(posterior%shared, 2) + merge(2, 0, settings%misalignment_sd_deg > 0.0_wp)
       posterior%dimension = prior%n_constants + merge(1, 0, posterior%infers_scale)
    end subroutine new_posterior
@@ -284,7 +295,7 @@ contains
       if (self%prior_only) return
       if (self%n_shared == 0 .and. .not. has_own_variance(self)) then
          call evaluate_grains(self, c, model, slopes, scales, independent)
-         call self%observable%from_simulation(model, slopes)
+         call self%observable%from_simulation(model(:self%n_moduli), slopes(:self%n_moduli))
          log_likelihood = self%errors%log_density((model - self%measured)/self%scale, scale_factor(self, x)) - self%log_scales
          return
       end if
@@ -332,6 +343,9 @@ contains
       modulus = rows(:self%n_grains)
       slope = slopes(:self%n_grains)
       own_variance = self%scatter*slope**2 + (self%settings%scatter_sd*modulus)**2
+      ! Speeds are those of the theory.
+      slope(self%n_moduli + 1:) = 0.0_wp
+      own_variance(self%n_moduli + 1:) = 0.0_wp
       if (self%n_directions == 1) return
       do g = 1, self%n_grains
          call tilt_moments(rows(g::self%n_grains), self%tilt_sd(g), modulus(g), variance, tilts)
@@ -357,7 +371,7 @@ contains
 
       call evaluate_grains(self, c, model, slope, own_variance, independent, tilt_slopes)
       map_slope = 1.0_wp
-      call self%observable%from_simulation(model, map_slope)
+      call self%observable%from_simulation(model(:self%n_moduli), map_slope(:self%n_moduli))
       scales = scale_factor(self, x)*self%scale
       if (has_own_variance(self)) scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       if (self%grains%n_columns > 0) then
@@ -373,11 +387,11 @@ contains
             u(:, g) = u(:, g)*slope
          end do
       end if
-      if (self%settings%calibration_sd > 0.0_wp) then
+      if (any(self%calibration > 0.0_wp)) then
          u(:, self%grains%n_columns + 1:self%n_calibrated) = 0.0_wp
          common = self%observable%calibration_slope(model)
          do g = 1, self%n_grains
-            u(g, self%grains%n_columns + self%group(g)) = self%settings%calibration_sd*common(g)/scales(g)
+            u(g, self%grains%n_columns + self%group(g)) = self%calibration(self%group(g))*common(g)/scales(g)
          end do
       end if
       n = self%n_calibrated + size(self%shared, 2)
@@ -407,14 +421,21 @@ contains
    end subroutine infer_shared
 
    !> What the surrogate gives other grains, for `draw_moduli` and predictions of measurements.
-   subroutine new_grains(self, euler, grains, error)
+   subroutine new_grains(self, euler, grains, error, propagation)
       class(posterior_type), intent(in) :: self
       !> Bunge-Euler angles (radians), (3, n).
       real(wp), intent(in) :: euler(:, :)
       class(grain_model_type), allocatable, intent(out) :: grains
       type(error_type), allocatable, intent(out) :: error
+      !> Of waves, radians, (n), NaN of moduli; without it all are moduli.
+      real(wp), intent(in), optional :: propagation(:)
 
       allocate (grains, source=self%grains)
+      select type (grains)
+      type is (wave_grains_type)
+         grains%propagation = spread(ieee_value(1.0_wp, ieee_quiet_nan), 1, size(euler, 2))
+         if (present(propagation)) grains%propagation = propagation
+      end select
       call grains%set_grains(euler, error)
    end subroutine new_grains
 
@@ -464,7 +485,6 @@ contains
       call solve_upper(precision, error)
       b = b + error
       factor = 1.0_wp
-      if (self%settings%calibration_sd > 0.0_wp) factor = factor + self%settings%calibration_sd &
-                                                         & *b(self%grains%n_columns + 1:self%n_calibrated)
+      if (any(self%calibration > 0.0_wp)) factor = factor + self%calibration*b(self%grains%n_columns + 1:self%n_calibrated)
    end subroutine place_shared
 end module constants_posterior

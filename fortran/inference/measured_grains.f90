@@ -5,26 +5,56 @@
 module measured_grains
    use crystal_elasticity, only: euler_angles, rotation_matrix
    use kinds, only: degree, wp
+   use observables, only: observable_type
    implicit none
    private
-   public :: measured_type, all_tilts, tilt_moments, n_tilts
+   public :: measured_type, mean_modulus, all_tilts, tilt_moments, n_tilts
 
-   !> What was measured in n grains.
+   !> What was measured in n grains: moduli, then speeds of waves.
    type :: measured_type
       !> Bunge-Euler angles (3, n) and sds of the tilt of the indented direction, per component, (n); radians.
       real(wp), allocatable :: euler(:, :), tilt_sd(:)
-      !> GPa, (n).
+      !> GPa, or m/s, (n).
       real(wp), allocatable :: modulus(:), sd(:)
+      !> Of waves, radians, (n), NaN of moduli; unallocated: there are no waves. And the density, kg/m3.
+      real(wp), allocatable :: propagation(:)
+      real(wp) :: density = 1.0_wp
       !> Which calibration error a measurement has, 1, 2, .., (n).
       integer, allocatable :: group(:)
       !> Relative errors of sd 1 times these, (n, error).
       real(wp), allocatable :: shared(:, :)
+   contains
+      procedure :: n_moduli
    end type measured_type
 
    !> Directions in which a grain is evaluated: the cells of a grid of tilts, itself in the middle, in their order.
    integer, parameter :: n_tilts = 9, cells(n_tilts) = [5, 1, 2, 3, 4, 6, 7, 8, 9]
 
 contains
+
+   pure integer function n_moduli(self)
+      class(measured_type), intent(in) :: self
+
+      n_moduli = size(self%modulus)
+      if (allocated(self%propagation)) n_moduli = count(.not. abs(self%propagation) <= huge(1.0_wp))
+   end function n_moduli
+
+   !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
+   pure real(wp) function mean_modulus(observable, measured, factor)
+      class(observable_type), intent(in) :: observable
+      type(measured_type), intent(in) :: measured
+      real(wp), intent(in) :: factor
+      !> Over rho v^2, with Poisson's ratio 0.3.
+      real(wp), parameter :: of_wave = 3.32_wp
+      integer :: n
+
+      n = measured%n_moduli()
+      if (n > 0 .or. size(measured%modulus) == 0) then
+         mean_modulus = observable%isotropic_modulus(factor*sum(measured%modulus(:n))/max(1, n))
+      else
+         mean_modulus = factor*of_wave*1.0e-9_wp*measured%density*(sum(measured%modulus)/size(measured%modulus))**2
+      end if
+   end function mean_modulus
 
    !> The orientations (3, n n_tilts) of n grains: as they are, then all with the first tilt, and so on.
    pure function all_tilts(euler, sd) result(others)

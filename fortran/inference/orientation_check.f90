@@ -90,16 +90,16 @@ contains
       real(wp) :: far
       integer :: i, k, n
 
-      n = posterior%n_grains
+      n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
       call new_harmonics(posterior%prior%class, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
-      allocate (u(n, posterior%n_shared))
+      allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
-      fit%scales = scales/posterior%errors%scale
+      fit%scales = scales(:n)/posterior%errors%scale
       allocate (fit%weights(n), source=1.0_wp)
       allocate (fit%shared(n, min(n, posterior%n_shared)), rows(n, harmonics%n, n_directions))
-      call factor_columns(u*posterior%errors%scale, fit%shared)
+      call factor_columns(u(:n, :)*posterior%errors%scale, fit%shared)
       do i = 1, n
          g = rotation_matrix(posterior%euler(:, i))
          directions = reshape([g(:, 3), g(3, :), g(:, 1), g(:, 2)], [3, n_directions])
@@ -108,7 +108,7 @@ contains
          end do
       end do
       ! What the crystal leaves: it bends more than the harmonics do.
-      fit%values = (posterior%measured - model)/fit%scales
+      fit%values = (posterior%measured(:n) - model(:n))/fit%scales
       call fit%to_rows(rows(:, :, 1))
       check%chi_square = fit%chi_square
       ! A harmonic that the grains do not tell from those before it has the pivot 1.
@@ -118,7 +118,7 @@ contains
       if (posterior%infers_scale) check%p = ieee_value(1.0_wp, ieee_quiet_nan)
       far = 5.0_wp
       if (check%p < rare) call find_outliers(fit, rows(:, :, 1), far, check)
-      if (harmonics%n > 1) call try_shuffles(fit, posterior%measured - sum(posterior%measured)/n, rows, check)
+      if (harmonics%n > 1) call try_shuffles(fit, posterior%measured(:n) - sum(posterior%measured(:n))/n, rows, check)
       if (check%is_noticed() .or. size(check%outliers) > 0) return
       ! Now the orientations are above suspicion: as far as one grain of so many is by chance.
       do while (n*erfc((far - 0.1_wp)/sqrt(2.0_wp)) < rare)

@@ -260,7 +260,7 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error)
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%propagation)
       if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
@@ -269,7 +269,7 @@ contains
             call posterior%draw_moduli(chains%draws(:, s, c), grains, stream, predictions%moduli(:, i, c), &
                & predictions%factor(:, i, c))
             slope = 1.0_wp
-            call posterior%observable%from_simulation(predictions%moduli(:, i, c), slope)
+            call posterior%observable%from_simulation(predictions%moduli(:posterior%n_moduli, i, c), slope(:posterior%n_moduli))
             call evaluate_quantities(quantities, posterior%stiffness(chains%draws(:, s, c)), predictions%quantities(:, i, c))
          end do
       end do

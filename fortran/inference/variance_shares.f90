@@ -17,11 +17,13 @@ module variance_shares
    private
    public :: shares_type, find_shares, verdict_of, error_sources, from_surrogate
 
-   !> What the errors of measurements come from: those of each on its own, then those that measurements share.
-   integer, parameter :: n_error_sources = 5
+   !> What the errors of measurements come from: those of each on its own, then those that measurements share; of speeds all but those of
+   !> the orientation.
+   integer, parameter :: n_error_sources = 6
    character(len=*), parameter :: error_sources(n_error_sources) = [character(len=11) :: 'noise', 'surrogate', 'grains', &
-      & 'orientation', 'calibration']
-   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5
+      & 'orientation', 'calibration', 'velocities']
+   integer, parameter :: from_noise = 1, from_surrogate = 2, from_grains = 3, from_orientation = 4, from_calibration = 5, &
+      & from_velocities = 6
 
    type :: shares_type
       !> They sum to one, or are NaN.
@@ -159,7 +161,7 @@ contains
       !> Of each shared error.
       integer, allocatable, intent(out) :: source(:)
       real(wp), dimension(posterior%n_grains) :: model, scales, modulus, slope, variance, residual
-      integer :: j
+      integer :: j, n
 
       call find_residuals(posterior, x, scales, shared, residual, precision)
       precision = precision/scales**2
@@ -169,15 +171,21 @@ contains
       source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, &
          & posterior%n_calibrated + size(posterior%shared, 2)), (from_orientation, j=posterior%n_calibrated &
          & + size(posterior%shared, 2) + 1, posterior%n_shared)]
+      n = posterior%n_moduli
+      do j = 1, posterior%n_shared
+         if (source(j) == from_calibration .and. all(abs(shared(:n, j)) <= 0.0_wp)) source(j) = from_velocities
+      end do
       call posterior%evaluate_grains(posterior%stiffness(x), modulus, slope, variance)
       model = modulus
       residual = 1.0_wp
-      call posterior%observable%from_simulation(model, residual)
+      call posterior%observable%from_simulation(model(:n), residual(:n))
       own = 0.0_wp
       own(:, from_noise) = (posterior%scale_factor(x)*posterior%sd)**2
       own(:, from_surrogate) = posterior%scatter*(slope*residual)**2
-      own(:, from_grains) = (posterior%settings%scatter_sd*modulus*residual)**2
+      own(:n, from_grains) = (posterior%settings%scatter_sd*modulus(:n)*residual(:n))**2
       own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))
+      own(n + 1:, from_velocities) = own(n + 1:, from_noise)
+      own(n + 1:, from_noise) = 0.0_wp
    end subroutine split_errors
 
    !> 'determined', 'weak' or 'not_determined', of a quantity with a `mean` and an `sd`.

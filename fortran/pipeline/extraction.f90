@@ -14,7 +14,7 @@ module extraction
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
    use problem, only: problem_type
    use problem_posterior, only: allowed_error, choose_field_degree, draw_aside, find_field_error, free_run, &
-      & new_problem_posterior, pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
+      & new_problem_posterior, omit_weak_waves, pilot_run, prior_run, sample_aside, sample_posterior, stiffnesses, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
@@ -81,14 +81,16 @@ contains
 
    !> Sample and summarise.
    subroutine extract(problem, surrogate, self, error)
-      type(problem_type), intent(in) :: problem
+      !> Speeds that cannot be used are left out.
+      type(problem_type), intent(inout) :: problem
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: prior
       integer(i8) :: start, end, rate
 
-      call new_problem_posterior(problem, surrogate, .false., self%posterior, error)
+      call omit_weak_waves(problem, surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .false., self%posterior, error)
       if (.not. allocated(error)) call new_problem_posterior(problem, surrogate, .true., prior, error)
       if (allocated(error)) return
       call system_clock(start, rate)
@@ -143,10 +145,10 @@ contains
       end if
       if (self%simulations == 0) return
       k = self%posterior%n_constants
-      do i = 1, self%posterior%n_grains
+      do i = 1, self%posterior%n_moduli
          call predict(surrogate, self%posterior%prior%class%stiffness(self%parameters(:k)%mean), self%posterior%euler(:, i), &
             & modulus, sd)
-         self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_grains
+         self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_moduli
       end do
    end subroutine describe_surrogate
 

@@ -83,6 +83,7 @@ contains
          call document%put('largest_error_sd', found%field_error)
          call document%end_object()
       end if
+      if (allocated(problem%velocities)) call document%put('velocities_left_out', problem%measurements%omitted)
       call document%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
       call document%put('samples', size(found%chains%draws, 2))
       call document%put('chains', size(found%chains%draws, 3))
@@ -183,8 +184,9 @@ contains
             call document%put_numbers('mean, sd, measured, measured_sd', [found%predicted_mean(i), found%predicted_sd(i), &
                & found%posterior%measured(i), found%posterior%sd(i)])
             call document%put('euler_deg', table%euler_deg(:, i))
+            if (i > found%posterior%n_moduli) call document%put('propagation_deg', table%propagation_deg(i))
             if (table%named_by > 0) call document%put('grain', table%name(i))
-            if (allocated(table%tests)) then
+            if (allocated(table%tests) .and. i <= found%posterior%n_moduli) then
                call document%put('tests', table%tests(i))
                call document%put('chi_square_of_tests', table%chi_square(i))
             end if
@@ -315,7 +317,9 @@ contains
       integer :: j
 
       allocate (lines(0))
-      call warn(lines, 'measured: '//found%posterior%observable%name//' of '//to_text(found%posterior%n_grains)//' grains')
+      call warn(lines, 'measured: '//found%posterior%observable%name//' of '//to_text(found%posterior%n_moduli)//' grains')
+      if (found%posterior%n_moduli < found%posterior%n_grains) call warn(lines, 'measured: Rayleigh velocity in ' &
+         & //to_text(found%posterior%n_grains - found%posterior%n_moduli)//' directions')
       associate (prior => found%posterior%prior)
          if (prior%has_default) then
             line = 'the default prior of crystals: log(3K/2G) is 1.07 ± 0.6, the anisotropy follows Student''s t, and the ' &
@@ -379,6 +383,7 @@ contains
          call out%put_array('euler_deg', measured%euler_deg, shape(measured%euler_deg))
          call out%put_array('modulus_gpa', measured%modulus_gpa, [measured%n])
          call out%put_array('sd_gpa', measured%sd_gpa, [measured%n])
+         call out%put('n_moduli', found%posterior%n_moduli)
       end associate
       associate (chains => found%chains, checks => found%checks, predictions => found%predictions, prior => found%posterior%prior)
          call out%put_array('draws', chains%draws, shape(chains%draws))

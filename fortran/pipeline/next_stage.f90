@@ -5,7 +5,7 @@ module next_stage
    use crystal_class, only: crystal_class_type, lattice_type, new_lattice
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: angle_between, lattice_of_directions, new_region, region_type
-   use errors, only: error_type, warn, warning_type
+   use errors, only: error_type, refuse, warn, warning_type
    use extract_stage, only: extract_stage_type
    use extraction, only: extract, extraction_type
    use json, only: json_type
@@ -90,8 +90,12 @@ contains
       few = draws(:, ::max(1, size(draws, 2)/most_draws))
       associate (wanted => problem%settings%next)
          sd = wanted%sd_gpa
-         if (.not. sd > 0.0_wp) then
-            sd = median(posterior%n_grains, posterior%sd)
+         if (.not. sd > 0.0_wp .and. posterior%n_moduli == 0) then
+            call refuse(error, place(problem%path, 'next', 'sd_gpa')//'the variable is missing; it is the sd of the next ' &
+               & //'modulus, and no moduli were measured whose sd it could be')
+            return
+         else if (.not. sd > 0.0_wp) then
+            sd = median(posterior%n_moduli, posterior%sd(:posterior%n_moduli))
             if (posterior%dimension > posterior%n_constants) sd = sd*sum(draws(posterior%dimension, :))/size(draws, 2)
          end if
          if (posterior%dimension > posterior%n_constants) few(posterior%dimension, :) = log(few(posterior%dimension, :))
@@ -323,8 +327,8 @@ contains
       call posterior%place_shared(z, b, precision, factor)
       ! Of the errors that were stated it has those of the mean grain.
       do i = 1, size(posterior%shared, 2)
-         columns(:, posterior%n_calibrated + i) = sum(posterior%shared(:, i))/posterior%n_grains*mean
-         factor = factor + sum(posterior%shared(:, i))/posterior%n_grains*b(posterior%n_calibrated + i)
+         columns(:, posterior%n_calibrated + i) = sum(posterior%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli)*mean
+         factor = factor + sum(posterior%shared(:posterior%n_moduli, i))/max(1, posterior%n_moduli)*b(posterior%n_calibrated + i)
       end do
       if (grains%n_columns > 0) then
          call grains%evaluate_columns(c, influence)

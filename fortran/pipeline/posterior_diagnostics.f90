@@ -44,6 +44,10 @@ contains
       if (found%field_error > allowed_error) call warn(warnings, 'the expansion of the theory errs by ' &
          & //fixed(100.0_wp*found%field_error, 0)//' % of the sd of a grain at one of the draws; the aim is ' &
          & //fixed(100.0_wp*allowed_error, 0)//' %')
+      if (problem%measurements%omitted > 0) call warn(warnings, to_text(problem%measurements%omitted)//' of ' &
+         & //to_text(problem%velocities%n)//' velocities are left out: at crystals of the posterior their wave is within 3 % of ' &
+         & //'the slowest bulk wave, or hardly moves along the normal. What is measured there is the pseudo-surface wave. ' &
+         & //'Choose other directions')
       call check_sizes(problem, found, warnings)
       if (.not. is_truncated(found)) call check_knowledge(found, warnings)
       call check_mixing(found, greatest_r_hat, size(found%chains%draws, 3), warnings)
@@ -341,19 +345,21 @@ contains
       type(warning_type), allocatable, intent(inout) :: warnings(:)
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
-      real(wp), dimension(problem%measurements%n) :: contact_radius, pressure, allowed, bias
+      real(wp), dimension(found%posterior%n_moduli) :: contact_radius, pressure, allowed, bias
       character(len=:), allocatable :: limit
       real(wp) :: ratio
-      integer :: worst, biased
+      integer :: worst, biased, n
 
       call new_indenter(problem%settings%indenter, indenter, error)
-      if (allocated(error)) return
-      associate (measured => problem%measurements, modulus => problem%measurements%modulus_gpa, &
-         & radius => problem%measurements%grain_radius_um, trained => found%surrogate_contact_radius, &
+      n = found%posterior%n_moduli
+      if (allocated(error) .or. n == 0) return
+      associate (measured => problem%measurements, modulus => problem%measurements%modulus_gpa(:n), &
+         & depth => problem%measurements%depth_um(:n), measured_radius => problem%measurements%contact_radius_um(:n), &
+         & radius => problem%measurements%grain_radius_um(:n), trained => found%surrogate_contact_radius, &
          & addition => found%surrogate_correction)
          contact_radius = indenter%contact_radius
-         where (measured%depth_um > 0.0_wp) contact_radius = indenter%contact_radius_of(measured%depth_um)
-         where (measured%contact_radius_um > 0.0_wp) contact_radius = measured%contact_radius_um
+         where (depth > 0.0_wp) contact_radius = indenter%contact_radius_of(depth)
+         where (measured_radius > 0.0_wp) contact_radius = measured_radius
          pressure = indenter%unit_force(indenter%depth_of(contact_radius))/(pi*contact_radius**2)
          allowed = elastic_pressure*modulus
          limit = 'few metals are elastic above 3 % of the modulus'
@@ -369,7 +375,7 @@ contains
          if (trained > 0.0_wp) then
             ! What a film, say, adds to the theory grows with the contact radius.
             ratio = maxval(abs(contact_radius/trained - 1.0_wp))
-            if (any(measured%depth_um > 0.0_wp .or. measured%contact_radius_um > 0.0_wp) .and. ratio > alike) then
+            if (any(depth > 0.0_wp .or. measured_radius > 0.0_wp) .and. ratio > alike) then
                call warn(warnings, 'the measurements have contact radii of ' &
                & //to_text(minval(contact_radius), 3)//' to '//to_text(maxval(contact_radius), 3)//' um, the surrogate is of ' &
                & //to_text(trained, 3)//' um: the specimen correction, '//fixed(100.0_wp*addition, 1) &

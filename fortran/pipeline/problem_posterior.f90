@@ -9,20 +9,22 @@ module problem_posterior
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type, exit_bad_input, refuse
    use kinds, only: degree, wp
-   use measured_grains, only: measured_type
+   use measured_grains, only: mean_modulus, measured_type
    use machine, only: check_memory, thread_count
    use namelist_file, only: place
    use observables, only: new_observable, observable_type
    use problem, only: problem_type
+   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
    use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, run_settings_type, sample_chains
    use settings_reader, only: settings_namelist
    use statistics, only: flattened
    use surrogate_model, only: surrogate_type
    use text, only: to_text
+   use velocity_tables, only: append_velocities
    implicit none
    private
-   public :: check_step_2, check_target, new_problem_posterior, sample_aside, draw_aside, sample_posterior, &
+   public :: check_step_2, check_target, new_problem_posterior, omit_weak_waves, sample_aside, draw_aside, sample_posterior, &
       & choose_field_degree, find_field_error, allowed_error, stiffnesses
 
    !> Burn-in, samples, chains, and from where on their random streams are; whether the last digits of the theory do not matter.
@@ -145,21 +147,42 @@ contains
          measured%tilt_sd = merge(table%orientation_sd_deg, problem%settings%measurements%orientation_sd_deg, &
             & table%orientation_sd_deg >= 0.0_wp)*degree
          measured%group = table%group
-         if (allocated(problem%shared_errors)) measured%shared = problem%shared_errors(table%row, :)
+         if (allocated(table%wave_names)) then
+            measured%propagation = table%propagation_deg*degree
+            measured%density = problem%settings%problem%density_kg_m3
+         end if
+         measured%shared = shared_errors(problem)
       end associate
-      call new_problem_prior(problem, surrogate, sum(measured%modulus)/max(1, size(measured%modulus)), prior, error)
+      call new_problem_prior(problem, surrogate, measured, prior, error)
       if (allocated(error)) return
       call new_posterior(surrogate, prior, problem%settings%measurements, &
          & problem%settings%sampler%surrogate_variance == 'full', prior_only, measured, posterior, error)
       if (allocated(error)) error%message = place(problem%path, 'measurements', '')//error%message
    end subroutine new_problem_posterior
 
+   !> Relative errors that measurements share, (measurement, error): those that are stated of the moduli; of the speeds that of the
+   !> density, of which they are the power -1/2.
+   pure function shared_errors(problem) result(shared)
+      type(problem_type), intent(in) :: problem
+      real(wp), allocatable :: shared(:, :)
+      integer :: n, k
+
+      associate (table => problem%measurements, of_problem => problem%settings%problem)
+         n = table%n
+         if (allocated(table%wave_names)) n = table%n_moduli
+         k = 0
+         if (allocated(problem%shared_errors)) k = size(problem%shared_errors, 2)
+         allocate (shared(table%n, k + merge(1, 0, table%n > n .and. of_problem%density_sd_kg_m3 > 0.0_wp)), source=0.0_wp)
+         if (k > 0) shared(:n, :k) = problem%shared_errors(table%row(:n), :)
+         if (size(shared, 2) > k) shared(n + 1:, k + 1) = -0.5_wp*of_problem%density_sd_kg_m3/of_problem%density_kg_m3
+      end associate
+   end function shared_errors
+
    !> &prior and &knowledge, cut to what the surrogate covers.
-   subroutine new_problem_prior(problem, surrogate, mean_measured, prior, error)
+   subroutine new_problem_prior(problem, surrogate, measured, prior, error)
       type(problem_type), intent(in) :: problem
       type(surrogate_type), intent(in) :: surrogate
-      !> In the unit of the observable.
-      real(wp), intent(in) :: mean_measured
+      type(measured_type), intent(in) :: measured
       type(prior_type), intent(out) :: prior
       type(error_type), allocatable, intent(out) :: error
       !> Poisson's ratio of the isotropic solid that the mean measurement is read as.
@@ -172,9 +195,55 @@ contains
          & observable, error)
       if (allocated(error)) return
       call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*observable%isotropic_modulus(mean_measured), knowledge, prior, error)
+         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured, 1.0_wp), knowledge, prior, error)
       if (allocated(error)) error%message = place(problem%path, 'prior', '')//error%message
    end subroutine new_problem_prior
+
+   !> Leave out the speeds whose wave is not the one that a measurement shows at some crystals of the posterior. The errors of the first
+   !> posterior are Student's, since what was measured in place of a wave may be far off.
+   subroutine omit_weak_waves(problem, surrogate, error)
+      type(problem_type), intent(inout) :: problem
+      type(surrogate_type), intent(in) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      !> Of the draws, what is no chance.
+      real(wp), parameter :: some = 0.05_wp
+      integer, parameter :: most_rounds = 4
+      type(problem_type) :: pilot
+      type(posterior_type) :: posterior
+      type(chains_type) :: chains
+      type(surface_type) :: surface
+      type(wave_type), allocatable :: waves(:)
+      real(wp), allocatable :: weak(:)
+      integer :: i, round
+
+      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
+      associate (speeds => problem%velocities)
+         allocate (waves(speeds%n), weak(speeds%n))
+         weak = 0.0_wp
+         call new_surface(speeds%euler_deg*degree, speeds%propagation_deg*degree, surface)
+      end associate
+      pilot = problem
+      if (allocated(pilot%kept_in)) deallocate (pilot%kept_in)
+      pilot%settings%measurements%likelihood = 'student'
+      pilot%settings%measurements%student_dof = 2.0_wp
+      do round = 1, most_rounds
+         call append_velocities(pilot%measurements, problem%velocities, weak <= some)
+         if (pilot%measurements%n == 0) exit
+         call new_problem_posterior(pilot, surrogate, .false., posterior, error)
+         if (.not. allocated(error)) call sample_aside(pilot, posterior, pilot_run, chains, error)
+         if (allocated(error)) return
+         ! What was left out once stays out.
+         weak = merge(0.0_wp, 1.0_wp, weak <= some)
+         do i = 1, size(chains%draws, 2)
+            call surface_waves(surface, reshape(posterior%stiffness(chains%draws(:, i, 1)), [6, 6, 1]), waves)
+            weak = weak + merge(0.0_wp, 1.0_wp, waves%is_detected())/size(chains%draws, 2)
+         end do
+         if (round > 1 .and. count(weak <= some) == posterior%n_grains - posterior%n_moduli) exit
+         pilot%settings%measurements = problem%settings%measurements
+      end do
+      call append_velocities(problem%measurements, problem%velocities, weak <= some)
+      problem%are_detected = .true.
+   end subroutine omit_weak_waves
 
    !> The chains that &sampler asks for.
    subroutine sample_posterior(problem, posterior, chains, error)
@@ -214,9 +283,12 @@ contains
       type(posterior_type), intent(out) :: posterior
       real(wp), allocatable, intent(out) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
+      type(problem_type) :: used
       type(chains_type) :: chains
 
-      call new_problem_posterior(problem, surrogate, .false., posterior, error)
+      used = problem
+      call omit_weak_waves(used, surrogate, error)
+      if (.not. allocated(error)) call new_problem_posterior(used, surrogate, .false., posterior, error)
       if (.not. allocated(error)) call sample_aside(problem, posterior, run, chains, error)
       if (.not. allocated(error)) draws = flattened(chains%draws)
    end subroutine draw_aside
@@ -286,10 +358,10 @@ contains
          associate (grains => posterior%grains)
             ! What follows costs more than the best so far.
             if (grains%field_cost >= least) exit
-            grains%full_above = huge(least)
+            call grains%read_up_to(huge(least))
             errors = field_errors(posterior, draws, exact)
             if (any(errors > reserve*allowed_error)) then
-               grains%full_above = 0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error)
+               call grains%read_up_to(0.98_wp*minval(anisotropy, mask=errors > reserve*allowed_error))
             end if
             cost = grains%field_cost + grains%full_cost*count(anisotropy > grains%full_above)/size(anisotropy)
          end associate
@@ -369,11 +441,15 @@ contains
 
       associate (checked => checked_grains(posterior%n_grains))
          allocate (exact(size(checked), size(draws, 2)))
-         call posterior%new_grains(posterior%euler(:, checked), in_full, error)
+         if (allocated(posterior%propagation)) then
+            call posterior%new_grains(posterior%euler(:, checked), in_full, error, posterior%propagation(checked))
+         else
+            call posterior%new_grains(posterior%euler(:, checked), in_full, error)
+         end if
       end associate
       if (allocated(error)) return
       ! No anisotropy is below.
-      in_full%full_above = -1.0_wp
+      call in_full%read_up_to(-1.0_wp)
       do i = 1, size(draws, 2)
          call observe(posterior, in_full, draws(:, i), exact(:, i))
       end do

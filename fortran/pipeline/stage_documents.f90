@@ -176,6 +176,7 @@ contains
                call add_table(problem%measurements)
                if (allocated(problem%shared_digest)) content = content//problem%shared_digest
             end if
+            call add_table(problem%velocities)
          case ('design')
             call add_table(problem%candidates)
          case ('next')
@@ -203,12 +204,14 @@ contains
    end function inputs_of
 
    !> The table of the crystals as it was given, with every kind of modulus, GPa; nothing where there is none.
-   subroutine write_moduli(problem, path, modulus, error)
+   subroutine write_moduli(problem, path, modulus, error, velocity)
       type(problem_type), intent(in) :: problem
       character(len=*), intent(in) :: path
       !> Indentation moduli, GPa; NaN: none.
       real(wp), intent(in) :: modulus(:)
       type(error_type), allocatable, intent(out) :: error
+      !> Of surface waves, m/s.
+      real(wp), intent(in), optional :: velocity(:)
       character(len=:), allocatable :: kinds(:), names
       class(observable_type), allocatable :: observable
       real(wp), allocatable :: moduli(:, :)
@@ -228,6 +231,10 @@ contains
             call observable%from_simulation(moduli(:, j), slope)
          end do
       end associate
+      if (present(velocity)) then
+         names = names//',rayleigh_velocity_m_s'
+         moduli = reshape([moduli, velocity], [size(modulus), size(kinds) + 1])
+      end if
       call write_table(problem%crystals%table, path, names, moduli, error)
    end subroutine write_moduli
 

@@ -7,6 +7,7 @@ module theory_stage
    use json, only: json_type
    use kinds, only: wp
    use machine, only: thread_count
+   use rayleigh_wave, only: rayleigh_waves, wave_speed, wave_type
    use text, only: to_text
    implicit none
    private
@@ -26,20 +27,33 @@ contains
       character(len=:), allocatable, intent(out) :: document
       type(error_type), allocatable, intent(out) :: error
       type(json_type) :: page
-      real(wp), allocatable :: modulus(:), circular(:)
+      real(wp), allocatable :: modulus(:), circular(:), velocity(:)
+      type(wave_type), allocatable :: waves(:)
       integer :: i
 
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
          call halfspace_moduli(points%stiffness, points%euler_deg, thread_count(self%problem%settings%execution%workers), modulus, &
             & circular, error)
-         if (.not. allocated(error)) call write_moduli(self%problem, self%output//'/theory.csv', modulus, error)
+         if (.not. allocated(error) .and. allocated(points%propagation_deg) &
+            & .and. allocated(self%problem%settings%problem%density_kg_m3)) then
+            allocate (waves(points%n))
+            call rayleigh_waves(points%stiffness, points%euler_deg, points%propagation_deg, waves, error)
+            velocity = wave_speed(waves%modulus, self%problem%settings%problem%density_kg_m3)
+         end if
+         ! What is not allocated is not present.
+         if (.not. allocated(error)) call write_moduli(self%problem, self%output//'/theory.csv', modulus, error, velocity)
          if (allocated(error)) return
          call page%begin_object()
          call page%begin_array('results')
          do i = 1, points%n
             call begin_crystal(page, points, i)
             call page%put('indentation_modulus_gpa', modulus(i))
+            if (allocated(waves)) then
+               call page%put('propagation_deg', points%propagation_deg(i))
+               call page%put('rayleigh_velocity_m_s', velocity(i))
+               call page%put('rayleigh_detected', waves(i)%is_detected())
+            end if
             call page%end_object()
          end do
          call page%end_array()

@@ -20,6 +20,7 @@ module problem
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    use table_columns, only: column_hint, find_column, name_columns
    use tables, only: parse_table, read_table, table_type
+   use velocity_tables, only: append_velocities, read_velocities
    use text, only: lower, newline, to_text
    implicit none
    private
@@ -37,8 +38,10 @@ module problem
       !> Of &problem symmetry.
       type(crystal_class_type) :: class
       type(warning_type), allocatable :: warnings(:)
-      !> The tables that the file names, unallocated if it names none.
-      type(points_type), allocatable :: crystals, measurements, candidates
+      !> The tables that the file names, unallocated if it names none; the speeds among the measurements as they were read.
+      type(points_type), allocatable :: crystals, measurements, velocities, candidates
+      !> Whether the measurements have only those speeds whose wave is detected.
+      logical :: are_detected = .false.
       !> Of &next: the grains to choose from; unallocated: all directions.
       type(points_type), allocatable :: grains
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
@@ -152,9 +155,13 @@ contains
                & .true.)
             if (allocated(error)) return
          end if
+         if (allocated(s%measurements%velocities)) then
+            call read_table(resolve_path(self%folder, s%measurements%velocities), table, error)
+            call take_velocities(self, table, error)
+         end if
          if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
-         if (allocated(s%measurements%file)) then
+         if (allocated(s%measurements%file) .and. .not. allocated(error)) then
             file = resolve_path(self%folder, s%measurements%file)
             if (from_python .or. any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
                self%table_file = file
@@ -222,7 +229,7 @@ contains
    !> for each measurement. Of 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
+      !> 'measurements', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
@@ -240,6 +247,8 @@ contains
       select case (table)
       case ('stiffness')
          call take_stiffness(self, parsed, place(self%path, 'knowledge', 'stiffness'), error)
+      case ('velocities')
+         call take_velocities(self, parsed, error)
       case ('ebsd')
          if (.not. allocated(error)) call self%indents%join(parsed, error)
          call set_measurements(self, self%indents, error)
@@ -263,6 +272,25 @@ contains
       if (allocated(error)) error%message = prefix//error%message
       if (.not. allocated(error)) self%stiffness = stiffness
    end subroutine take_stiffness
+
+   !> Speeds, which are all the measurements where no moduli follow; `error` may be that of their reading.
+   subroutine take_velocities(self, table, error)
+      type(problem_type), intent(inout) :: self
+      type(table_type), intent(in) :: table
+      type(error_type), allocatable, intent(inout) :: error
+
+      allocate (self%velocities)
+      associate (asked => self%settings%measurements)
+         if (.not. allocated(error)) call read_velocities(table, asked%angles == 'radians', self%velocities, error)
+         if (.not. allocated(error) .and. asked%angles == 'degrees') call refuse_radians(self%velocities, error)
+         if (allocated(error)) then
+            error%message = place(self%path, 'measurements', 'velocities')//error%message
+         else if (.not. (allocated(asked%file) .or. self%settings%curves%given)) then
+            call append_velocities(self%measurements, self%velocities)
+            asked%modulus_kind = self%measurements%modulus_kind
+         end if
+      end associate
+   end subroutine take_velocities
 
    !> Measurements, which wait if their orientations are in a map; `error` may be that of their reading.
    subroutine take_measurements(self, table, error)
@@ -300,6 +328,7 @@ contains
       else
          self%measurements = measurements
          call question_measurements(self, error)
+         if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
       end if
    end subroutine set_measurements
 

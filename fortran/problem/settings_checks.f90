@@ -41,6 +41,7 @@ contains
          if (.not. allocated(error)) call check_lists(path, 'references', [character(len=12) :: 'name', 'young_gpa', &
             & 'young_sd_gpa', 'nu'], [names(2), count_of(r%young_gpa), count_of(r%young_sd_gpa), count_of(r%nu)], error)
       end associate
+      if (.not. allocated(error)) call check_velocities(path, settings, error)
       if (allocated(error)) return
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
          call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
@@ -116,6 +117,22 @@ contains
          call refuse(error, prefix//found//'; '//to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
       end if
    end subroutine check_count
+
+   !> Speeds need a density, and a bulk sample.
+   subroutine check_velocities(path, settings, error)
+      character(len=*), intent(in) :: path
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+
+      if (.not. allocated(settings%measurements%velocities)) return
+      if (any(['film ', 'grain'] == settings%specimen%geometry)) then
+         call refuse(error, place(path, 'measurements', 'velocities')//'speeds are computed for a bulk sample, but geometry is ''' &
+            & //settings%specimen%geometry//'''; remove velocities, or infer the constants from speeds and moduli of a bulk sample')
+      else if (.not. allocated(settings%problem%density_kg_m3)) then
+         call refuse(error, place(path, 'problem', 'density_kg_m3')//'the variable is missing; &measurements velocities needs ' &
+            & //'it (allowed 10 to 1e5 kg/m3)')
+      end if
+   end subroutine check_velocities
 
    !> Lists of a group that are of equal length, or none is there.
    subroutine check_lists(path, group, names, sizes, error)

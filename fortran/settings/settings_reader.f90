@@ -54,6 +54,8 @@ contains
             ! Curves give the measurements.
             if (v%group == 'measurements' .and. any(list%groups%given .and. [(list%groups(j)%name == 'curves', &
                & j=1, size(list%groups))])) cycle
+            if (v%group == 'measurements' .and. any([(list%variables(j)%name == 'velocities' &
+               & .and. allocated(list%variables(j)%values), j=1, i)])) cycle
             if (given) then
                call refuse(missing, place(path, v%group, v%name)//'the variable is missing; '//v%meaning//allowed_part(v))
             else if (index(' '//needed//' ', ' '//v%group//' ') > 0) then

@@ -62,7 +62,7 @@ module abstract_basis
       procedure(set_grains_interface), deferred :: set_grains
       procedure(evaluate_independent_interface), deferred :: evaluate_independent
       procedure(evaluate_columns_interface), deferred :: evaluate_columns
-      procedure :: evaluate_moduli, expand
+      procedure :: evaluate_moduli, expand, read_up_to
    end type grain_model_type
 
    abstract interface
@@ -195,6 +195,14 @@ contains
 
       modulus = independent(:self%n_independent)
    end subroutine expand
+
+   !> Let crystals of a larger log-anisotropy have theory in full.
+   subroutine read_up_to(self, anisotropy)
+      class(grain_model_type), intent(inout) :: self
+      real(wp), intent(in) :: anisotropy
+
+      self%full_above = anisotropy
+   end subroutine read_up_to
 
    !> y of a modulus.
    pure elemental real(wp) function to_y(self, modulus, scale, spread)

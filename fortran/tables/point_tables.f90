@@ -10,11 +10,12 @@ module point_tables
    use settings_schema, only: measurements_settings_type
    use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, name_columns, nearest_to, &
       & read_directions
-   use tables, only: read_table, table_type
+   use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
    private
-   public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians
+   public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians, &
+      & no_turn, turns_allowed, nan, read_angles, read_groups, read_numbers, read_optional
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -31,7 +32,12 @@ module point_tables
       !> Bunge-Euler angles, degrees, (3, n); whether the table has them, or only the indented direction of each.
       real(wp), allocatable :: euler_deg(:, :)
       logical :: has_angles = .true.
-      !> Moduli and their sds, GPa, (n).
+      !> Direction of propagation of surface waves, from sample x, degrees, (n), NaN of moduli; unallocated: there are no waves.
+      real(wp), allocatable :: propagation_deg(:)
+      !> Of measurements with speeds, the last rows: how many are moduli, the names of the others, and how many were left out.
+      integer :: n_moduli = 0, omitted = 0
+      character(len=longest_name), allocatable :: wave_names(:)
+      !> Moduli, or speeds, and their sds, GPa, or m/s, (n).
       real(wp), allocatable :: modulus_gpa(:), sd_gpa(:)
       !> Of measurements: which modulus was measured.
       character(len=:), allocatable :: modulus_kind
@@ -52,6 +58,8 @@ module point_tables
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
    real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
+   real(wp), parameter :: turns_allowed(2) = [-360.0_wp, 360.0_wp]
+   character(len=*), parameter :: no_turn = ' degrees; allowed -360 to 360'
    !> Of depths and grains, um.
    real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
    !> What a modulus of a metal, and a stiffness, can be, GPa.
@@ -77,6 +85,9 @@ contains
       if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
       if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .true., no_modulus, &
          & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
+      if (.not. allocated(error) .and. column > 0) call read_numbers(points%table, column, turns_allowed, .false., no_turn, &
+         & points%propagation_deg, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
 
@@ -87,7 +98,9 @@ contains
       integer, intent(in) :: i
       character(len=:), allocatable :: name
 
-      if (self%named_by > 0) then
+      if (allocated(self%wave_names) .and. i > self%n_moduli) then
+         name = trim(self%wave_names(i - self%n_moduli))
+      else if (self%named_by > 0) then
          name = self%table%cell(self%named_by, self%row(i))
       else
          name = to_text(i)
@@ -386,7 +399,7 @@ contains
       end subroutine read_classes
    end subroutine read_constants
 
-   !> A column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
+   !> `values` of a column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
    subroutine read_optional(table, name, allowed, unit, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
@@ -403,7 +416,7 @@ contains
          & //to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
    end subroutine read_optional
 
-   !> The numbers of a `column`, NaN where its cells are empty and may be, or where it is 0.
+   !> The `values` of a `column`, NaN where its cells are empty, if they `may_be_empty`, or where it is 0.
    subroutine read_numbers(table, column, allowed, may_be_empty, refusal, values, error, refusal_of_large)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column

@@ -27,7 +27,7 @@ module table_columns
       character(len=34) :: units
    end type column_type
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', angle_units = degrees//'rad radians ', &
-      & gpa = ' gpa ', um = ' um µm μm '
+      & gpa = ' gpa ', um = ' um µm μm ', speed = ' m/s m_s '
    type(column_type), parameter :: known_columns(*) = [ &
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
@@ -45,6 +45,9 @@ module table_columns
       & column_type('contact_radius_um', '', um), &
       & column_type('zero_sd_nm', '', ' nm '), &
       & column_type('grain_radius_um', '', um), &
+      & column_type('propagation_deg', 'propagation', degrees), &
+      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity', speed), &
+      & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed), &
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &

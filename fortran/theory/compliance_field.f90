@@ -16,7 +16,7 @@
 !> surface harmonics hold. They are found by least squares from the moduli in directions spread over the region of distinct ones; a grain
 !> then costs as many products as there are harmonics. Who uses it compares with the theory, see `problem_posterior`.
 module compliance_field
-   use halfspace_theory, only: contraction_maps, inverse_barnett, lanes
+   use halfspace_theory, only: contraction_maps, inverse_barnett, lanes, plane_products
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
    use distinct_directions, only: group_rotations, new_region, region_type, representative, spread_of_directions
@@ -144,7 +144,7 @@ contains
    pure subroutine set_planes(field)
       type(field_type), intent(inout) :: field
       real(wp) :: t(3), m(3), n(3)
-      integer :: n_nodes, n_blocks, block, lane, i
+      integer :: n_nodes, n_blocks, block, lane
 
       n_nodes = size(field%nodes, 2)
       n_blocks = (n_nodes + lanes - 1)/lanes
@@ -158,9 +158,7 @@ contains
             m = m - dot_product(m, t)*t
             m = m/norm2(m)
             n = [t(2)*m(3) - t(3)*m(2), t(3)*m(1) - t(1)*m(3), t(1)*m(2) - t(2)*m(1)]
-            field%mn(lane, :, block) = [(m(i)*n, i=1, 3)]
-            field%mm(lane, :, block) = [m**2, m(2)*m(3), m(1)*m(3), m(1)*m(2)]
-            field%nn(lane, :, block) = [n**2, n(2)*n(3), n(1)*n(3), n(1)*n(2)]
+            call plane_products(m, n, field%mn(lane, :, block), field%mm(lane, :, block), field%nn(lane, :, block))
          end do
       end do
    end subroutine set_planes

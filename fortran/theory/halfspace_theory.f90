@@ -18,7 +18,8 @@ module halfspace_theory
    use text, only: to_text
    implicit none
    private
-   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, tolerance, contraction_maps, inverse_barnett
+   public :: halfspace_type, halfspace_modulus, halfspace_moduli, lanes, tolerance, contraction_maps, inverse_barnett, &
+      & plane_products, double_angles, invert, multiply, multiply_transposed, transposed
 
    !> What the theory says of one crystal under the indenter.
    type :: halfspace_type
@@ -282,6 +283,17 @@ contains
       end do
    end subroutine contraction_maps
 
+   !> Of two directions what the maps take: `mn` is m_k n_l, l fastest; `mm` and `nn` are m_k m_l and n_k n_l, kl = 11, 22, 33, 23, 13, 12.
+   pure subroutine plane_products(m, n, mn, mm, nn)
+      !> Unit vectors.
+      real(wp), intent(in) :: m(3), n(3)
+      real(wp), intent(out) :: mn(9), mm(6), nn(6)
+
+      mn = [m(1)*n, m(2)*n, m(3)*n]
+      mm = [m**2, m(2)*m(3), m(1)*m(3), m(1)*m(2)]
+      nn = [n**2, n(2)*n(3), n(1)*n(3), n(1)*n(2)]
+   end subroutine plane_products
+
    !> B^-1/(8 pi^2) = L^-1/(2 pi), 1/GPa: components 11, 22, 33, 23, 13, 12.
    pure subroutine inverse_barnett(mm, mn, nn, f)
       !> The contractions (ab)_ij = a_k C_kijl b_l with two directions perpendicular to t and to each other, GPa: those six components of
@@ -342,7 +354,7 @@ contains
       e = 0.5_wp*(e - inverse - s)
    end subroutine double_angles
 
-   !> Inverses of symmetric matrices.
+   !> Each `inverse` of symmetric matrices `a`, by the components 11, 22, 33, 23, 13, 12.
    pure subroutine invert(a, inverse)
       real(wp), intent(in) :: a(lanes, 6)
       real(wp), intent(out) :: inverse(lanes, 6)
@@ -361,7 +373,7 @@ contains
       end do
    end subroutine invert
 
-   !> S A of symmetric matrices and others.
+   !> The `product` S A of symmetric matrices `s`, by components, and others `a`, by columns.
    pure subroutine multiply(s, a, product)
       real(wp), intent(in) :: s(lanes, 6), a(lanes, 9)
       real(wp), intent(out) :: product(lanes, 9)
@@ -374,7 +386,7 @@ contains
       end do
    end subroutine multiply
 
-   !> A^T B, where that is symmetric.
+   !> The `product` A^T B, where that is symmetric, of `a` and `b` by columns.
    pure subroutine multiply_transposed(a, b, product)
       real(wp), intent(in) :: a(lanes, 9), b(lanes, 9)
       real(wp), intent(out) :: product(lanes, 6)

@@ -6,7 +6,15 @@ gives. help(bi.extract) lists every keyword.
 
 from . import report
 from .core import BayesindentError, BayesindentWarning, InputError, MachineError
-from .crystal.elasticity import anisotropy_index, halfspace_modulus, log_anisotropy, polycrystal_averages, quantities, stiffness
+from .crystal.elasticity import (
+    anisotropy_index,
+    halfspace_modulus,
+    log_anisotropy,
+    polycrystal_averages,
+    quantities,
+    rayleigh_velocity,
+    stiffness,
+)
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, summary
@@ -32,5 +40,5 @@ from .surrogate.surrogate import Surrogate
 __all__ = [
     "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
     "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young", "polycrystal_averages", "quantities", "report", "stiffness", "summary",
+    "next_grain", "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
 ]  # fmt: skip

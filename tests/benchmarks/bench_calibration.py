@@ -27,11 +27,13 @@ from reference_density import LogPosterior
 from reference_posteriors import SYNONYMS
 from scipy import stats
 
-from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, stiffness_rows
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, rayleigh_velocity, stiffness_rows
 from bayesindent.inference.posterior import PRIOR, Posterior
 from bayesindent.surrogate.surrogate import Surrogate
 
 REFERENCE = Path(__file__).parents[1] / "reference"
+#: Errors of speeds that they share.
+SPEEDS = {"velocity_calibration_sd": 0.01, "density_kg_m3": 5000.0, "density_sd_kg_m3": 100.0}
 #: Name of the case: crystal of crystals.csv, grains, and what is added to a normal likelihood.
 CASES: dict[str, tuple[str, int, dict]] = {
     "cubic": ("copper", 12, {}),
@@ -51,6 +53,9 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.003}),
     "correction, orthorhombic": ("forsterite", 16, {"simulations": 10, "noise": 0.002}),
     "misalignment": ("Zn", 12, {"misalignment_sd_deg": 3.0}),
+    # As many speeds at 0.5 % as moduli, with errors that each kind shares.
+    "speeds, cubic": ("copper", 8, {"calibration_sd": 0.03, **SPEEDS}),
+    "speeds, hexagonal": ("Zn", 10, {"calibration_sd": 0.03, **SPEEDS}),
 }
 #: Relative sd of a measurement, and of the bounds about the literature's constants.
 NOISE, HALF_WIDTH = 0.02, 0.3
@@ -149,7 +154,17 @@ class Study:
             if self.group:
                 table["group"] = [f"tip {k}" for k in of]
         table["modulus_gpa"] = modulus + sd * noise
+        if "density_kg_m3" in self.extra:
+            self.settings["velocities"] = self.speeds(truth, euler)
         return table, drawn
+
+    def speeds(self, truth: np.ndarray, euler_deg: np.ndarray) -> dict:
+        """Speeds in random directions of the same grains: the density of a truth is another one, to first order."""
+        rng, along, density = self.rng, self.rng.uniform(0, 180, len(euler_deg)), self.extra["density_kg_m3"]
+        exact = rayleigh_velocity(stiffness_rows(self.symmetry, [truth])[0], euler_deg, along, density)
+        share = self.extra["velocity_calibration_sd"] * rng.normal() - 0.5 * self.extra["density_sd_kg_m3"] / density * rng.normal()
+        measured = exact * (1 + share) + 0.005 * exact * rng.normal(size=len(along))
+        return {"euler_deg": euler_deg, "propagation_deg": along, "rayleigh_velocity_m_s": measured, "sd_m_s": 0.005 * exact}
 
     def simulated(self, constants: np.ndarray, euler_deg: np.ndarray) -> np.ndarray:
         """Moduli of grains by coefficients of the correction that are drawn from what is known of them."""

@@ -7,6 +7,7 @@ program test_theory
    use halfspace_theory, only: halfspace_modulus, halfspace_type, inverse_barnett, lanes
    use kinds, only: pi, wp
    use logarithmic_coordinates, only: log_coordinates_type, log_frame_type, new_log_coordinates
+   use rayleigh_wave, only: rayleigh_waves, surface_type, surface_waves, new_surface, wave_speed, wave_type
    use random, only: new_random_stream, random_stream_type
    use testing, only: check, check_close, check_success, finish
    implicit none
@@ -22,9 +23,89 @@ program test_theory
    call test_doubling()
    call test_hexagonal_axis()
    call test_turn_about_normal()
+   call test_isotropic_wave()
+   call test_silicon_wave()
    call finish()
 
 contains
+
+   !> Rayleigh's cubic for v^2 over that of shear waves, and the displacement of its root, in any orientation.
+   subroutine test_isotropic_wave()
+      real(wp), parameter :: shear = 80.0_wp, longitudinal(3) = shear*[1.6_wp, 3.5_wp, 30.0_wp]
+      type(crystal_class_type) :: class
+      type(error_type), allocatable :: error
+      type(wave_type) :: waves(3)
+      real(wp) :: c(6, 6, 3), low, high, x, a, b
+      integer :: i, step
+
+      call new_crystal_class('isotropic', class, error)
+      do i = 1, 3
+         c(:, :, i) = class%stiffness([longitudinal(i), longitudinal(i) - 2.0_wp*shear])
+      end do
+      call rayleigh_waves(c, reshape([0.0_wp, 0.0_wp, 0.0_wp, 10.0_wp, 50.0_wp, 70.0_wp, 200.0_wp, 90.0_wp, 5.0_wp], [3, 3]), &
+         & [0.0_wp, 33.0_wp, 90.0_wp], waves, error)
+      call check_success('waves of isotropic solids', error)
+      do i = 1, 3
+         low = 0.0_wp
+         high = 1.0_wp
+         do step = 1, 60
+            x = 0.5_wp*(low + high)
+            if (rayleigh_cubic(x, shear/longitudinal(i)) < 0.0_wp) low = x
+            if (rayleigh_cubic(x, shear/longitudinal(i)) >= 0.0_wp) high = x
+         end do
+         call check_close('Rayleigh''s speed', waves(i)%modulus, shear*x, 1.0e-9_wp)
+         call check_close('the shear wave', waves(i)%bulk, shear, 1.0e-7_wp*shear)
+         ! |u_z/u_x|^2 = sqrt((1 - x k)/(1 - x)).
+         a = sqrt(1.0_wp - x*shear/longitudinal(i))
+         b = sqrt(1.0_wp - x)
+         call check_close('the normal displacement', waves(i)%normal_share, a/(a + b), 1.0e-7_wp)
+         call check('it is detected', waves(i)%is_detected())
+      end do
+   end subroutine test_isotropic_wave
+
+   !> x^3 - 8 x^2 + (24 - 16 k) x - 16 (1 - k).
+   pure real(wp) function rayleigh_cubic(x, k)
+      real(wp), intent(in) :: x, k
+
+      rayleigh_cubic = x**3 - 8.0_wp*x**2 + (24.0_wp - 16.0_wp*k)*x - 16.0_wp*(1.0_wp - k)
+   end function rayleigh_cubic
+
+   !> Silicon (001)[100] by Stoneley's secular equation of a symmetric cut, and many directions at once as one by one.
+   subroutine test_silicon_wave()
+      real(wp), parameter :: c11 = 165.7_wp, c12 = 63.9_wp, c44 = 79.6_wp
+      type(crystal_class_type) :: class
+      type(error_type), allocatable :: error
+      type(surface_type) :: surface
+      type(wave_type) :: wave(1), waves(11), one(1)
+      real(wp) :: euler(3, 11), propagation(11), low, high, x
+      integer :: i
+
+      call new_crystal_class('cubic', class, error)
+      associate (c => class%stiffness([c11, c12, c44]))
+         call rayleigh_waves(reshape(c, [6, 6, 1]), reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), [0.0_wp], wave, error)
+         low = 0.0_wp
+         high = c44
+         do i = 1, 60
+            x = 0.5_wp*(low + high)
+            if (c11*c44*x**2*(c11 - x) < (c44 - x)*(c11*(c11 - x) - c12**2)**2) then
+               low = x
+            else
+               high = x
+            end if
+         end do
+         call check_close('Stoneley''s secular equation', wave(1)%modulus, x, 1.0e-9_wp)
+         call check_close('silicon (001)[100], literature 4921 m/s', wave_speed(wave(1)%modulus, 2330.0_wp), 4919.0_wp, 3.0_wp)
+         euler = reshape([(0.7_wp*i, i=1, 33)], [3, 11])
+         propagation = [(0.3_wp*i, i=1, 11)]
+         call new_surface(euler, propagation, surface)
+         call surface_waves(surface, reshape(c, [6, 6, 1]), waves)
+         do i = 1, 11
+            call new_surface(euler(:, i:i), propagation(i:i), surface)
+            call surface_waves(surface, reshape(c, [6, 6, 1]), one)
+            call check_close('a direction alone', waves(i)%modulus, one(1)%modulus, 1.0e-12_wp)
+         end do
+      end associate
+   end subroutine test_silicon_wave
 
    !> Doubled angles against the trapezoid rule written out, for directions of a crystal without symmetry.
    subroutine test_doubling()

@@ -54,6 +54,7 @@ def written(folder, groups: dict, command: str = "run") -> bi.Problem:
     folder.mkdir(exist_ok=True)
     (folder / "points.csv").write_text(POINTS)
     (folder / "others.csv").write_text(POINTS.replace("10,20,30", "0,45,0"))
+    (folder / "along.csv").write_text(POINTS.replace("phi2_deg\n", "phi2_deg,propagation_deg\n").replace("10,20,30", "10,20,30,15"))
     (folder / "grains.csv").write_text(CSV)
     for name, header, row in TABLES:
         (folder / f"{name}.csv").write_text(f"{header}\n{row}\n")
@@ -78,6 +79,13 @@ def files(folder, groups):
     return sorted(kept), [line.split(",")[:7] for line in (folder / "out" / "moduli.csv").read_text().splitlines()]
 
 
+def files_of_theory(folder, groups):
+    """What `theory` says of a direction of propagation."""
+    problem = written(folder, merged({"crystals": {"points": "along.csv"}}, groups))
+    assert main(["theory", str(problem.path), "--output", str(folder / "out")]) == 0
+    return (folder / "out" / "theory.csv").read_text()
+
+
 def built(folder, groups):
     """A surrogate of simulations by theory."""
     defaults = {
@@ -100,6 +108,17 @@ def density(folder, groups):
     x = np.column_stack([x, np.full(3, 0.2)]) if settings.get("scale") == "inferred" else x
     posterior = Posterior.of(GRAINS, symmetry="cubic", surrogate=surrogate(), **KIND | settings)
     return posterior.evaluate(x)[0].round(9).tolist()
+
+
+def density_of_waves(folder, groups):
+    """The density of Step 2 with speeds at a few points."""
+    speeds = "phi1_deg,Phi_deg,phi2_deg,propagation_deg,rayleigh_velocity_m_s,sd_m_s,group\n0,0,0,0,2012,10,a\n0,10,20,5,2050,10,a\n"
+    folder.mkdir(exist_ok=True)
+    (folder / "speeds.csv").write_text(speeds)
+    (folder / "faster.csv").write_text(speeds.replace("2012", "2040"))
+    defaults = {"problem": {"symmetry": "cubic", "density_kg_m3": 8960.0}, "measurements": {"velocities": "speeds.csv"}}
+    problem = written(folder, merged(defaults, groups), "extract")
+    return Posterior(problem, bi.Surrogate.load("halfspace")).evaluate([[168.4, 121.4, 75.4]])[0].round(9).tolist()
 
 
 def read(folder, groups):
@@ -228,6 +247,8 @@ EFFECTS = {
         "title": (reported, {}, "mine"),
         "synthetic": (reported, {}, True),
         "seed": (sampled, {}, 2),
+        "density_kg_m3": (files_of_theory, {"problem": {"symmetry": "cubic"}}, 8960.0),
+        "density_sd_kg_m3": (density_of_waves, {}, 100.0),
     },
     "crystals": {"points": (files, {}, "others.csv")},
     "curves": {
@@ -324,6 +345,8 @@ EFFECTS = {
         "reuse": None,  # test_build: a surrogate of what other models chose
     },
     "measurements": {
+        "velocities": (density_of_waves, {}, "faster.csv"),
+        "velocity_calibration_sd": (density_of_waves, {}, 0.02),
         "file": (read, {}, "fewer.csv"),
         "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook

@@ -18,7 +18,8 @@ from .posterior import EXTRACTION, Posterior
 __all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "next_grain", "summary"]
 
 #: Groups whose variables are keywords, and those that other keywords stand for.
-GROUPS, LEFT_OUT = ("indenter", "measurements", "prior", "sampler"), ("file", "c_min", "c_max")
+GROUPS = ("problem", "indenter", "measurements", "prior", "sampler")
+LEFT_OUT = ("symmetry", "lattice", "title", "synthetic", "seed", "file", "c_min", "c_max")
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -50,8 +51,8 @@ def next_grain(
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
         if not surrogate:
             raise InputError("bi.next_grain: a result from a file does not have its surrogate; state it with surrogate=")
-        surrogate, (_, table, page, groups) = loaded(surrogate), json.loads(facts["asked"])
-        problem = Problem.from_keywords("bi.next_grain", table, page, **groups | {"next": settings})
+        surrogate, (_, *tables, groups) = loaded(surrogate), json.loads(facts["asked"])
+        problem = Problem.from_keywords("bi.next_grain", *tables, **groups | {"next": settings})
     else:
         surrogate = loaded(surrogate or "halfspace")
         problem = problem_of("bi.next_grain", surrogate, measurements, **own, **settings)
@@ -76,7 +77,8 @@ def extract(
     Parameters
     ----------
     measurements : path or table
-        A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5) of phi1, Phi, phi2, modulus and sd.
+        A CSV or Excel file, a data frame, a mapping of columns, a list of rows, or an array (n, 5) of phi1, Phi, phi2, modulus and sd;
+        or None with `velocities`, which may be a table too.
         Columns are those of a file. `orientation` may be orix' Orientation in place of the three angles.
     symmetry : str
         The crystal class, such as 'cubic', 'hcp' or '4/mmm'.
@@ -153,17 +155,27 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
 
     some = counted(draws, found["stride"])
     derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
-    predictions = {
-        "modulus": (per_grain, found["predicted"], gpa),
-        "calibration_factor": ((*each, "group"), found["factor"], {"units": "1"}),
-    }
-    likelihood = {"modulus": (per_grain, found["log_likelihood"], {"units": "log(1/GPa)"})}
-    replicated = {"modulus": (per_grain, found["replicated"], gpa)}
+    n = found["n_moduli"]
+
+    def by_kind(axes: tuple, name: str, units: str = "{}") -> dict:
+        parts = {"modulus": (axes, found[name][..., :n], {"units": units.format("GPa")})}
+        speeds = ((*axes[:-1], "wave"), found[name][..., n:], {"units": units.format("m/s")})
+        return parts | ({"velocity": speeds} if found[name].shape[-1] > n else {})
+
+    predictions = by_kind(per_grain, "predicted") | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
+    likelihood = by_kind(per_grain, "log_likelihood", "log(1/{})")
+    replicated = by_kind(per_grain, "replicated")
     before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
+    sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
     conditions = {
-        "euler_deg": (("grain", "angle"), found["euler_deg"], {"units": "degree"}),
-        "sd": (("grain",), np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0), gpa),
+        "euler_deg": (("grain", "angle"), found["euler_deg"][:n], {"units": "degree"}),
+        "sd": (("grain",), sd[:n], gpa),
     }
+    if len(sd) > n:
+        conditions |= {
+            "velocity_euler_deg": (("wave", "angle"), found["euler_deg"][n:], {"units": "degree"}),
+            "velocity_sd": (("wave",), sd[n:], {"units": "m/s"}),
+        }
     bounds = zip(found["lower"].tolist(), found["upper"].tolist())
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
     facts |= {
@@ -185,7 +197,7 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         "posterior_predictive": (some | replicated, {}),
         "log_likelihood": (some | likelihood, {}),
         "log_prior": (some | before_data, {}),
-        "observed_data": ({"modulus": (("grain",), found["modulus_gpa"], gpa)}, {}),
+        "observed_data": (by_kind(("grain",), "modulus_gpa"), {}),
         "constant_data": (conditions, {}),
     }
 

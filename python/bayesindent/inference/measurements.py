@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..common.result_files import as_csv
 from ..core import InputError
 from ..crystal.elasticity import angles_of, constant_names
 from ..settings.problem import Problem, schema
@@ -29,16 +30,21 @@ def problem_of(
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
-    for name, value in variables.items():
-        asked[groups.get(name, "measurements")][name] = value
-    table = None
+    table, pages, velocities = None, {}, variables.pop("velocities", None)
     if isinstance(measurements, str | os.PathLike):
         asked["measurements"]["file"] = measurements
-    else:
+    elif measurements is not None or velocities is None:
         table = measurements_of(measurements)
+    if isinstance(velocities, str | os.PathLike):
+        asked["measurements"]["velocities"] = velocities
+    elif velocities is not None:
+        columns = measurements_of(velocities)
+        pages["velocities"] = as_csv(list(columns), zip(*columns.values(), strict=True))
+    density = {name: variables.pop(name) for name in ("density_kg_m3", "density_sd_kg_m3") if name in variables}
+    for name, value in variables.items():
+        asked[groups.get(name, "measurements")][name] = value
     if bounds:
         asked["prior"] |= bounds_of(origin, symmetry, bounds)
-    page = ""
     if knowledge:
         said = [
             (name, *pair_of(f"{origin}: knowledge: {name}", pair, "(mean, sd)")) for name, pair in knowledge.items() if name != "stiffness"
@@ -48,10 +54,9 @@ def problem_of(
         if isinstance(stiffness, str | os.PathLike):
             asked["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
-            page = stiffness_page(origin, symmetry, *stiffness)
-    return Problem.from_keywords(
-        origin, table, page, problem={"symmetry": symmetry, "lattice": lattice, "seed": seed}, execution={"workers": workers}, **asked
-    )
+            pages["stiffness"] = stiffness_page(origin, symmetry, *stiffness)
+    of_problem = {"symmetry": symmetry, "lattice": lattice, "seed": seed} | density
+    return Problem.from_keywords(origin, table, pages, problem=of_problem, execution={"workers": workers}, **asked)
 
 
 def pair_of(place: str, value, allowed: str) -> tuple:

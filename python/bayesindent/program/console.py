@@ -9,6 +9,8 @@ def show_moduli(document: dict) -> None:
     """Moduli of crystals, simulated or of the theory."""
     simulated = any(row.get("elements") for row in document["results"])
     header = ["constants (GPa)", "phi1", "Phi", "phi2", "M (GPa)", *["elements", "seconds"] * simulated]
+    if waves := any("rayleigh_velocity_m_s" in row for row in document["results"]):
+        header += ["along", "Rayleigh (m/s)"]
     rows = []
     for row in document["results"]:
         modulus = row["indentation_modulus_gpa"]
@@ -16,6 +18,8 @@ def show_moduli(document: dict) -> None:
         cells = [constants, *(f"{angle:g}" for angle in row["euler_deg"]), "failed" if modulus is None else f"{modulus:.3f}"]
         if simulated:
             cells += [str(row["elements"]), f"{row['seconds']:.2f}"] if row["elements"] else ["–", "–"]
+        if waves:
+            cells += [f"{row['propagation_deg']:g}", f"{row['rayleigh_velocity_m_s']:.1f}" + " weak" * (not row["rayleigh_detected"])]
         rows.append(cells)
     show_table("Finite elements" if simulated else "Half-space theory", header, rows)
 

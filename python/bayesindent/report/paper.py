@@ -119,6 +119,19 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
                 for row, item in enumerate(results.predicted, start=1)
             ],
         ),
+        "velocities": (
+            "The Rayleigh velocity in m/s: Bunge's angles of the grain and the direction of propagation from x, as measured, and as the "
+            "posterior predicts it without the noise.",
+            ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
+            [
+                [
+                    str(item.get("grain", row)),
+                    orientation(item["euler_deg"]),
+                    *numbers(item, propagation_deg=1, measured=1, measured_sd=1, mean=1, sd=1),
+                ]
+                for row, item in enumerate(results.velocities, start=1)
+            ],
+        ),
     }
     return {name: table for name, table in found.items() if table[-1]}
 

@@ -79,8 +79,13 @@ class Results:
 
     @property
     def predicted(self) -> list[dict]:
-        """The grains, as measured and as the posterior predicts them."""
-        return self.documents["extract"].get("predicted", [])
+        """The moduli of the grains, as measured and as the posterior predicts them."""
+        return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" not in item]
+
+    @property
+    def velocities(self) -> list[dict]:
+        """The speeds likewise."""
+        return [item for item in self.documents["extract"].get("predicted", []) if "propagation_deg" in item]
 
     def identifiability(self, kind: str) -> list[dict]:
         """What the document of `extract` says of each 'combination' of the constants, 'quantity', or piece of 'knowledge'."""
@@ -118,11 +123,16 @@ class Results:
         """The same of groups of ArviZ, as far as figures and comparisons need it."""
         bounds = np.array(list(json.loads(result.posterior.attrs["bounds"]).values()), dtype=float)
         own, before = (np.stack([item.values for item in group.data_vars.values()], axis=-1) for group in (result.posterior, result.prior))
+
+        def both(group: Any, *names: str) -> np.ndarray:
+            return np.concatenate([group[name].values for name in names if name in group], axis=-1)
+
+        data = result.constant_data
         return {
             "draws": own, "prior_draws": before, "lower": bounds[:, 0], "upper": bounds[:, 1],
-            "stride": own.shape[1] // result.log_likelihood.sizes["draw"], "log_likelihood": result.log_likelihood["modulus"].values,
-            "modulus_gpa": result.observed_data["modulus"].values, "sd_gpa": result.constant_data["sd"].values,
-            "euler_deg": result.constant_data["euler_deg"].values,
+            "stride": own.shape[1] // result.log_likelihood.sizes["draw"],
+            "log_likelihood": both(result.log_likelihood, "modulus", "velocity"), "modulus_gpa": both(result.observed_data, "modulus", "velocity"),
+            "sd_gpa": both(data, "sd", "velocity_sd"), "euler_deg": both(data.transpose("angle", ...), "euler_deg", "velocity_euler_deg").T,
         }  # fmt: skip
 
     @cached_property

@@ -124,7 +124,9 @@ def check_rows(results: Results) -> list[list]:
     document = results.documents["extract"]
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
     found = {
-        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(results.predicted)} grains": chi_square["p"],
+        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(results.documents['extract']['predicted'])} measurements": chi_square[
+            "p"
+        ],
         f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds": worst["p"],
     }
     rows: list[list] = [[text, unbroken(f"p = {p:.3f}")] for text, p in found.items()]

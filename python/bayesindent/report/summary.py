@@ -20,7 +20,13 @@ def inputs_summary(results: Results) -> list[tuple[str, str]]:
     if document:
         moduli, sds = measured_ranges(results)
         scatter = f", standard deviations {sds} GPa" if sds else "; their scatter is inferred"
-        rows += [("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"), ("Modulus", modulus_kind(results))]
+        if results.predicted:
+            rows += [
+                ("Grains", f"{with_count(len(results.predicted), 'grain')}, {moduli} GPa{scatter}"),
+                ("Modulus", modulus_kind(results)),
+            ]
+        if results.velocities:
+            rows.append(("Velocities", f"Rayleigh waves in {with_count(len(results.velocities), 'direction')}"))
     if simulated:
         rows.append(("Simulations", f"indentation moduli of {with_count(simulated, 'crystal')} by finite elements"))
     rows += [("Specimen", specimen(results)), ("Indenter", indenter(results))]

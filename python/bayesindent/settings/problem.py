@@ -127,34 +127,34 @@ class Problem(NativeObject):
 
     @classmethod
     def from_keywords(
-        cls, origin: str, measurements_table: Mapping | None = None, stiffness_page: str = "", **groups: Mapping
+        cls, origin: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None, **groups: Mapping
     ) -> "Problem":
         """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
 
         The messages are those of a file with these values. What is None is left out. `measurements_table`: columns of equal length by name, as
-        a file of measurements has them. `stiffness_page`: what a file of `&knowledge stiffness_file` would hold.
+        a file of measurements has them. `pages`: what files of 'velocities', and of 'stiffness' in `&knowledge`, would hold.
         """
         text = ""
         for group, values in groups.items():
             stated = {name: value for name, value in (values or {}).items() if value is not None}
             lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in stated.items()]
             text += "" if values is None else f"&{group}\n{''.join(lines)}/\n"
-        self = cls.parse(origin, text, measurements_table, stiffness_page)
-        object.__setattr__(self, "_made_of", (partial(cls.from_keywords, origin, measurements_table, stiffness_page, **groups), ()))
+        self = cls.parse(origin, text, measurements_table, pages)
+        object.__setattr__(self, "_made_of", (partial(cls.from_keywords, origin, measurements_table, pages, **groups), ()))
         return self
 
     @classmethod
-    def parse(cls, origin: str, text: str, measurements_table: Mapping | None = None, stiffness_page: str = "") -> "Problem":
+    def parse(cls, origin: str, text: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None) -> "Problem":
         """The problem of a namelist's text; messages begin with the origin."""
         self = cls.__new__(cls)
         self._made_of = ()
-        self._fill(call("settings.problem", path=origin, content=text), Path(origin), measurements_table, stiffness_page)
+        self._fill(call("settings.problem", path=origin, content=text), Path(origin), measurements_table, pages)
         return self
 
-    def _fill(self, made: dict, path: Path, measurements_table: Mapping | None = None, stiffness_page: str = "") -> None:
+    def _fill(self, made: dict, path: Path, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None) -> None:
         self._hold(made["handle"], frozen=False)
-        if stiffness_page:
-            self._set_table("stiffness", stiffness_page)
+        for name, page in (pages or {}).items():
+            self._set_table(name, page)
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._facts()

@@ -24,6 +24,7 @@ FIGURES = (
     ("posterior", posterior.pairs),
     ("posterior", posterior.grain_comparison),
     ("posterior", posterior.residuals),
+    ("posterior", posterior.velocities),
     ("posterior", orientations.orientations),
     ("posterior", young.young_surface),
     ("posterior", posterior.traces),

@@ -6,11 +6,25 @@ import numpy as np
 
 from ..formatting import number, product_label, quantities_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, sd_axes, unique_legend
+from .style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    MARKERS,
+    RED,
+    SKY,
+    Picture,
+    density_axes,
+    grid_of_constants,
+    panels,
+    parity_panels,
+    sd_axes,
+    unique_legend,
+)
 
 __all__ = [
     "chi_square", "error_budget", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
-    "traces",
+    "traces", "velocities",
 ]  # fmt: skip
 
 #: Samples of normal numbers behind the band of the quantiles.
@@ -203,6 +217,21 @@ def grain_comparison(results: Results) -> Picture:
         f"The {results.kind} of each grain, measured and as the posterior predicts it, in order of the prediction.",
         (["grain", "measured_gpa", "measured_sd_gpa", "predicted_gpa", "predicted_sd_gpa"], rows),
     )
+
+
+def velocities(results: Results) -> Picture:
+    """Measured speeds of surface waves against what the posterior predicts."""
+    names = ("propagation_deg", "measured", "measured_sd", "mean", "sd")
+    rows = [[item[name] for name in names] for item in present(results.velocities)]
+    _, measured, error, mean, sd = np.array(rows).T
+    figure, left, right = parity_panels(3.4, mean, measured)
+    left.errorbar(mean, measured, error, sd, "o", ms=3.5, lw=0.8, color=BLUE)
+    left.set(xlabel="predicted Rayleigh velocity (m/s)", ylabel="measured Rayleigh velocity (m/s)")
+    sd_axes(right)
+    right.plot(mean, (measured - mean) / error, "o", ms=3.5, color=BLUE)
+    right.set(xlabel="predicted Rayleigh velocity (m/s)", ylabel="(measured - predicted) / sd")
+    text = f"Rayleigh velocity in {len(rows)} directions, measured and as the posterior predicts it"
+    return Picture(figure, f"{text}.", f"{text}; {results.documents['extract']['velocities_left_out']} were left out.", ([*names], rows))
 
 
 def traces(results: Results) -> Picture:

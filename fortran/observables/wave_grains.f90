@@ -1,0 +1,110 @@
+!> Moduli of some grains and speeds of surface waves on others, as one grain model.
+module wave_grains
+   use abstract_basis, only: grain_model_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_speed, wave_type
+   implicit none
+   private
+   public :: wave_grains_type, add_waves
+
+   type, extends(grain_model_type) :: wave_grains_type
+      !> What the surrogate gives the moduli.
+      class(grain_model_type), allocatable :: moduli
+      !> kg/m3.
+      real(wp) :: density = 1.0_wp
+      !> Of each measurement, radians; NaN: a modulus. Of more grains they take turns. Set it before the grains.
+      real(wp), allocatable :: propagation(:)
+      integer, allocatable, private :: of_moduli(:), of_waves(:)
+      type(surface_type), private :: surface
+   contains
+      procedure :: set_grains, evaluate_independent, evaluate_columns, expand, read_up_to
+   end type wave_grains_type
+
+contains
+
+   !> Let a grain model have waves too.
+   subroutine add_waves(propagation, density, euler, grains, error)
+      !> See `wave_grains_type`; Bunge-Euler angles (3, n), radians.
+      real(wp), intent(in) :: propagation(:), density, euler(:, :)
+      !> Of moduli on entry.
+      class(grain_model_type), allocatable, intent(inout) :: grains
+      type(error_type), allocatable, intent(out) :: error
+      type(wave_grains_type) :: waves
+
+      call move_alloc(grains, waves%moduli)
+      waves%field_degree = waves%moduli%field_degree
+      waves%density = density
+      waves%propagation = propagation
+      call waves%set_grains(euler, error)
+      allocate (grains, source=waves)
+   end subroutine add_waves
+
+   subroutine set_grains(self, euler, error)
+      class(wave_grains_type), intent(inout) :: self
+      real(wp), intent(in) :: euler(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: along(size(euler, 2))
+      integer :: i
+
+      along = [(self%propagation(modulo(i - 1, size(self%propagation)) + 1), i=1, size(along))]
+      self%of_waves = pack([(i, i=1, size(along))], abs(along) <= huge(1.0_wp))
+      self%of_moduli = pack([(i, i=1, size(along))], .not. abs(along) <= huge(1.0_wp))
+      self%moduli%field_degree = self%field_degree
+      call self%moduli%set_grains(euler(:, self%of_moduli), error)
+      call new_surface(euler(:, self%of_waves), along(self%of_waves), self%surface)
+      self%n_columns = self%moduli%n_columns
+      self%n_independent = self%moduli%n_independent + size(self%of_waves)
+      self%has_theory = self%moduli%has_theory
+      self%noise_growth = self%moduli%noise_growth
+      self%field_cost = self%moduli%field_cost
+      self%full_cost = self%moduli%full_cost
+   end subroutine set_grains
+
+   !> Moduli, then speeds, m/s.
+   pure subroutine evaluate_independent(self, c, modulus)
+      class(wave_grains_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      real(wp), intent(out), contiguous :: modulus(:)
+      type(wave_type) :: waves(self%surface%n)
+      integer :: n
+
+      n = self%moduli%n_independent
+      call self%moduli%evaluate_independent(c, modulus(:n))
+      call surface_waves(self%surface, reshape(c, [6, 6, 1]), waves)
+      modulus(n + 1:self%n_independent) = wave_speed(waves%modulus, self%density)
+   end subroutine evaluate_independent
+
+   pure subroutine expand(self, independent, modulus)
+      class(wave_grains_type), intent(in) :: self
+      real(wp), intent(in), contiguous :: independent(:)
+      real(wp), intent(out), contiguous :: modulus(:)
+      real(wp) :: moduli(size(self%of_moduli))
+      integer :: n
+
+      n = self%moduli%n_independent
+      call self%moduli%expand(independent(:n), moduli)
+      modulus(self%of_moduli) = moduli
+      modulus(self%of_waves) = independent(n + 1:self%n_independent)
+   end subroutine expand
+
+   !> Speeds are none of the surrogate's.
+   pure subroutine evaluate_columns(self, c, columns)
+      class(wave_grains_type), intent(in) :: self
+      real(wp), intent(in) :: c(6, 6)
+      real(wp), intent(out), contiguous :: columns(:, :)
+      real(wp) :: of_moduli(size(self%of_moduli), self%n_columns)
+
+      call self%moduli%evaluate_columns(c, of_moduli)
+      columns = 0.0_wp
+      columns(self%of_moduli, :) = of_moduli
+   end subroutine evaluate_columns
+
+   subroutine read_up_to(self, anisotropy)
+      class(wave_grains_type), intent(inout) :: self
+      real(wp), intent(in) :: anisotropy
+
+      self%full_above = anisotropy
+      call self%moduli%read_up_to(anisotropy)
+   end subroutine read_up_to
+end module wave_grains

@@ -1,0 +1,275 @@
+!> Surface (Rayleigh) waves of an anisotropic half-space: speed, and the displacement of the surface.
+!>
+!> Below the limiting speed the impedance Z = D^-1 (1 + i A) is Hermitian (Lothe & Barnett, J. Appl. Phys. 47, 428, 1976), with D and A
+!> the blocks of the mean of Stroh's matrix (see `halfspace_theory`), in which (mm) is less by rho v^2. Z is positive definite up to the
+!> speed of the surface wave, where its smallest eigenvalue is zero (Fu & Mielke, Proc. R. Soc. A 458, 2523, 2002). With P = D^-1 and w
+!> the vector of the antisymmetric P A: det Z = det P - w.P.w. Its root is sought over s = sqrt(1 - (v/v_limiting)^2), in which it is
+!> smooth. At the root Z has one null vector a, and |n.a|^2/|a|^2 follows from the adjugate of Z, whose real part is adj P - w w^T.
+!>
+!> In strongly anisotropic crystals the branch may run just below the slowest bulk wave of its direction, or hardly move along the
+!> normal: then it is neither excited nor detected, and what a measurement shows is the pseudo-surface wave, which is faster.
+!> (Nearness to the limiting speed is no such sign: most waves of copper are within 3 % of it, and well excited.)
+!>
+!> "Modulus" of a wave is rho v^2.
+module rayleigh_wave
+   use crystal_elasticity, only: check_stiffness, rotation_matrix
+   use errors, only: error_type
+   use halfspace_theory, only: contraction_maps, double_angles, invert, lanes, multiply, multiply_transposed, plane_products, &
+      & transposed
+   use kinds, only: degree, pi, wp
+   use text, only: to_text
+   implicit none
+   private
+   public :: wave_type, surface_type, new_surface, surface_waves, rayleigh_waves, wave_speed
+
+   type :: wave_type
+      !> rho v^2 of the surface wave, and of the slowest bulk wave in the same direction, GPa.
+      real(wp) :: modulus = 0.0_wp, bulk = 0.0_wp
+      !> Of the square of the displacement at the surface, the part along its normal.
+      real(wp) :: normal_share = 0.0_wp
+   contains
+      procedure :: is_detected
+   end type wave_type
+
+   !> Directions of propagation on surfaces, a block of `lanes` at a time: products of the direction m and the normal n, see
+   !> `halfspace_theory`, and the normals; crystal axes. The last block is filled up with the last direction.
+   type :: surface_type
+      integer :: n = 0
+      real(wp), allocatable, private :: mn(:, :, :), mm(:, :, :), nn(:, :, :), normal(:, :, :)
+   end type surface_type
+
+   !> The greatest speed over that of the bulk wave, and the least share of the normal displacement, of a wave that is detected.
+   real(wp), parameter :: nearest = 0.97_wp, weakest = 0.2_wp
+   !> Of s: the least that is tried, and the change after which the root is found.
+   real(wp), parameter :: least = 1.0e-3_wp, close = 1.0e-8_wp
+
+contains
+
+   !> Whether it is the wave that a measurement shows.
+   elemental logical function is_detected(self)
+      class(wave_type), intent(in) :: self
+
+      is_detected = self%modulus < nearest**2*self%bulk .and. self%normal_share > weakest
+   end function is_detected
+
+   !> m/s of a modulus rho v^2.
+   elemental real(wp) function wave_speed(modulus, density)
+      !> GPa, kg/m3.
+      real(wp), intent(in) :: modulus, density
+
+      wave_speed = sqrt(1.0e9_wp*modulus/density)
+   end function wave_speed
+
+   !> The directions of propagation of grains.
+   pure subroutine new_surface(euler, propagation, surface)
+      !> Bunge-Euler angles (3, n); from sample x, in the surface, (n); radians.
+      real(wp), intent(in) :: euler(:, :), propagation(:)
+      type(surface_type), intent(out) :: surface
+      real(wp) :: g(3, 3)
+      integer :: blocks, block, lane, i
+
+      surface%n = size(propagation)
+      blocks = (surface%n + lanes - 1)/lanes
+      allocate (surface%mn(lanes, 9, blocks), surface%mm(lanes, 6, blocks), surface%nn(lanes, 6, blocks), &
+         & surface%normal(lanes, 3, blocks))
+      do block = 1, blocks
+         do lane = 1, lanes
+            i = min(surface%n, lanes*(block - 1) + lane)
+            g = rotation_matrix(euler(:, i))
+            surface%normal(lane, :, block) = g(:, 3)
+            call plane_products(cos(propagation(i))*g(:, 1) + sin(propagation(i))*g(:, 2), g(:, 3), surface%mn(lane, :, block), &
+               & surface%mm(lane, :, block), surface%nn(lane, :, block))
+         end do
+      end do
+   end subroutine new_surface
+
+   !> The waves of all directions of a stable crystal, or of a crystal for each.
+   pure subroutine surface_waves(surface, c, waves)
+      type(surface_type), intent(in) :: surface
+      !> (6, 6, 1 or n), GPa.
+      real(wp), intent(in) :: c(:, :, :)
+      !> (n).
+      type(wave_type), intent(out) :: waves(:)
+      type(wave_type) :: found(lanes)
+      real(wp) :: one(9, 9), both(6, 6), mm(lanes, 6), mn(lanes, 9), nn(lanes, 6)
+      integer :: block, first, lane
+
+      call contraction_maps(c(:, :, 1), one, both)
+      do block = 1, size(surface%mn, 3)
+         first = lanes*(block - 1)
+         mm = matmul(surface%mm(:, :, block), both)
+         mn = matmul(surface%mn(:, :, block), one)
+         nn = matmul(surface%nn(:, :, block), both)
+         do lane = 1, merge(lanes, 0, size(c, 3) > 1)
+            call contraction_maps(c(:, :, min(surface%n, first + lane)), one, both)
+            mm(lane, :) = matmul(surface%mm(lane, :, block), both)
+            mn(lane, :) = matmul(surface%mn(lane, :, block), one)
+            nn(lane, :) = matmul(surface%nn(lane, :, block), both)
+         end do
+         call find_waves(mm, mn, nn, surface%normal(:, :, block), found)
+         waves(first + 1:min(first + lanes, surface%n)) = found(:min(lanes, surface%n - first))
+      end do
+   end subroutine surface_waves
+
+   !> The wave of each of many crystals in one direction; the error is that of the first that has one.
+   subroutine rayleigh_waves(stiffness, euler_deg, propagation_deg, waves, error)
+      !> GPa (6, 6, n), Bunge-Euler angles (3, n) and direction of propagation from sample x (n), degrees.
+      real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :), propagation_deg(:)
+      !> (n).
+      type(wave_type), intent(out) :: waves(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(surface_type) :: surface
+      integer :: i
+
+      do i = 1, size(waves)
+         call check_stiffness(stiffness(:, :, i), error)
+         if (allocated(error)) then
+            error%message = 'crystal '//to_text(i)//': '//error%message
+            return
+         end if
+      end do
+      call new_surface(degree*euler_deg, degree*propagation_deg, surface)
+      call surface_waves(surface, stiffness, waves)
+   end subroutine rayleigh_waves
+
+   !> Secants, kept between a point below the root and one above it.
+   pure subroutine find_waves(mm, mn, nn, normal, waves)
+      !> See `inverse_barnett`, GPa; (lanes, 3).
+      real(wp), intent(in) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), normal(lanes, 3)
+      type(wave_type), intent(out) :: waves(lanes)
+      !> Isotropic solids have roots between 0.3 and 0.5.
+      real(wp), parameter :: guesses(2) = [0.35_wp, 0.45_wp]
+      integer, parameter :: most_steps = 60
+      real(wp), dimension(lanes) :: low, high, s, before, value, last, further, limiting
+      real(wp) :: bulk
+      integer :: i, step
+
+      do i = 1, lanes
+         call bulk_moduli(mm(i, :), mn(i, :), nn(i, :), limiting(i), bulk)
+         waves(i)%bulk = bulk
+      end do
+      low = least
+      high = 1.0_wp
+      s = guesses(1)
+      do step = 0, most_steps
+         call determinant(s, value)
+         high = merge(min(high, s), high, value > 0.0_wp)
+         low = merge(low, max(low, s), value > 0.0_wp)
+         if (step == 0) then
+            before = s
+            last = value
+            s = guesses(2)
+            cycle
+         end if
+         do i = 1, lanes
+            if (abs(s(i) - before(i)) < close) cycle
+            further(i) = s(i) - value(i)*(s(i) - before(i))/sign(max(abs(value(i) - last(i)), tiny(1.0_wp)), value(i) - last(i))
+            if (.not. (further(i) > low(i) .and. further(i) < high(i))) further(i) = sqrt(low(i)*high(i))
+            before(i) = s(i)
+            last(i) = value(i)
+            s(i) = further(i)
+         end do
+         if (all(abs(s - before) < close)) exit
+      end do
+      call determinant(s, value, waves%normal_share)
+      waves%modulus = limiting*(1.0_wp - s**2)
+      waves%normal_share = max(0.0_wp, min(1.0_wp, waves%normal_share))
+
+   contains
+
+      !> det Z, and the part of the adjugate along the normal.
+      pure subroutine determinant(at, found, normal_share)
+         !> s.
+         real(wp), intent(in) :: at(lanes)
+         real(wp), intent(out) :: found(lanes)
+         real(wp), intent(out), optional :: normal_share(lanes)
+         !> The error left is about the square of the change.
+         real(wp), parameter :: tolerance = 1.0e-7_wp
+         integer, parameter :: most_doublings = 40
+         real(wp) :: a(lanes, 9), d(lanes, 6), e(lanes, 6), p(lanes, 6), x(lanes, 9), w(lanes, 3), change
+         integer :: k
+
+         x = mn(:, transposed)
+         call invert(nn, d)
+         call multiply(d, x, a)
+         call multiply_transposed(a, x, e)
+         a = -a
+         e = e - mm
+         do k = 1, 3
+            e(:, k) = e(:, k) + limiting*(1.0_wp - at**2)
+         end do
+         do k = 1, most_doublings
+            call double_angles(a, d, e, change)
+            if (change <= tolerance) exit
+         end do
+         call invert(d, p)
+         call multiply(p, a, x)
+         w = 0.5_wp*(x(:, [6, 7, 2]) - x(:, [8, 3, 4]))
+         ! The adjugate of P is D det P.
+         x(:, 1) = 1.0_wp/(d(:, 1)*(d(:, 2)*d(:, 3) - d(:, 4)**2) - d(:, 6)*(d(:, 6)*d(:, 3) - d(:, 4)*d(:, 5)) &
+            & + d(:, 5)*(d(:, 6)*d(:, 4) - d(:, 2)*d(:, 5)))
+         found = x(:, 1) - along(p, w)
+         if (present(normal_share)) normal_share = (x(:, 1)*along(d, normal) - sum(w*normal, 2)**2) &
+            & /(x(:, 1)*sum(d(:, :3), 2) - sum(w**2, 2))
+      end subroutine determinant
+
+      !> x.S.x of symmetric matrices.
+      pure function along(matrix, x)
+         real(wp), intent(in) :: matrix(lanes, 6), x(lanes, 3)
+         real(wp) :: along(lanes)
+
+         along = sum(matrix(:, :3)*x**2, 2) + 2.0_wp*(matrix(:, 4)*x(:, 2)*x(:, 3) + matrix(:, 5)*x(:, 1)*x(:, 3) &
+            & + matrix(:, 6)*x(:, 1)*x(:, 2))
+      end function along
+   end subroutine find_waves
+
+   !> Moduli of bulk waves, GPa: of the slowest along m, and the limiting one, which is, over directions in the plane of m and n at the
+   !> angle phi to m, the least eigenvalue of the acoustic tensor over cos^2 phi.
+   pure subroutine bulk_moduli(mm, mn, nn, limiting, along)
+      !> Of one direction, as in `find_waves`.
+      real(wp), intent(in) :: mm(6), mn(9), nn(6)
+      real(wp), intent(out) :: limiting, along
+      !> Angles that are tried; each minimum among them is then refined by parabolas, ever smaller.
+      integer, parameter :: n = 30, refinements = 4
+      real(wp), parameter :: step = pi/n, shrink = 0.1_wp
+      integer :: k
+      real(wp), parameter :: slopes(0:n - 1) = [(tan(step*(k + 0.5_wp) - 0.5_wp*pi), k=0, n - 1)]
+      real(wp) :: values(-1:n), sides(2), phi, width, value, bend
+      integer :: i
+
+      values = huge(1.0_wp)
+      values(0:n - 1) = [(least_eigenvalue(slopes(k)), k=0, n - 1)]
+      along = least_eigenvalue(0.0_wp)
+      limiting = min(along, minval(values))
+      do k = 0, n - 1
+         if (values(k) > min(values(k - 1), values(k + 1))) cycle
+         phi = step*(k + 0.5_wp) - 0.5_wp*pi
+         width = step
+         value = values(k)
+         do i = 1, refinements
+            sides = [least_eigenvalue(tan(phi - width)), least_eigenvalue(tan(phi + width))]
+            bend = sum(sides) - 2.0_wp*value
+            if (bend > 0.0_wp) phi = phi - width*max(-1.0_wp, min(1.0_wp, 0.5_wp*(sides(2) - sides(1))/bend))
+            value = least_eigenvalue(tan(phi))
+            limiting = min(limiting, value, sides(1), sides(2))
+            width = shrink*width
+         end do
+      end do
+
+   contains
+
+      !> Of (mm) + p ((mn) + (nm)) + p^2 (nn): twice the deviator's length over sqrt 6 times a cosine, below the mean.
+      pure real(wp) function least_eigenvalue(p)
+         real(wp), intent(in) :: p
+         real(wp) :: x(6), mean, length, third
+
+         x = mm + p*([mn(1), mn(5), mn(9), mn(6), mn(3), mn(2)] + [mn(1), mn(5), mn(9), mn(8), mn(7), mn(4)]) + p**2*nn
+         mean = sum(x(:3))/3.0_wp
+         x(:3) = x(:3) - mean
+         length = sqrt((sum(x(:3)**2) + 2.0_wp*sum(x(4:)**2))/6.0_wp)
+         third = x(1)*(x(2)*x(3) - x(4)**2) - x(6)*(x(6)*x(3) - x(4)*x(5)) + x(5)*(x(6)*x(4) - x(2)*x(5))
+         third = max(-1.0_wp, min(1.0_wp, 0.5_wp*third/max(length, tiny(1.0_wp)**0.25_wp)**3))
+         least_eigenvalue = mean + 2.0_wp*length*cos((acos(third) + 2.0_wp*pi)/3.0_wp)
+      end function least_eigenvalue
+   end subroutine bulk_moduli
+end module rayleigh_wave
