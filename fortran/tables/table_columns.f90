@@ -140,8 +140,9 @@ contains
          last = first - 2 + index(headers(first:)//newline, newline)
          names = [names, repeat(' ', longest_name)]
          associate (header => headers(first:last), name => names(size(names)))
-            if (any([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] == lower(header))) &
-               & name = lower(header)
+            if (any([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] == lower(header))) then
+               name = lower(header)
+            end if
             do i = size(known_columns), 1, -1
                if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
             end do
