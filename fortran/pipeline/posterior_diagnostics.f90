@@ -26,7 +26,7 @@ module posterior_diagnostics
    !> Mean contact pressure over the modulus that is taken for elastic: a/R up to 0.08.
    real(wp), parameter :: elastic_pressure = 1.0_wp/30.0_wp
    !> A grain whose neighbours are x times as stiff, x about 1, has x**(slope a/R) times its modulus: 0.86 to 1.04 for hemispheres of 10
-   !> and 20 contact radii among neighbours 0.8 and 1.25 times as stiff (docs/case_studies/films.md).
+   !> and 20 contact radii among neighbours 0.8 and 1.25 times as stiff (docs/verification/films.md).
    real(wp), parameter :: slope = 0.95_wp
 
 contains

@@ -1,4 +1,4 @@
-"""Provoke faults many times and count what was lost: kills, damaged files, a full disk, no permission. The table is in docs/faults.md.
+"""Provoke faults many times and count what was lost: kills, damaged files, a full disk, no permission. The table is in docs/verification/faults.md.
 
 Both programs: `bayesindent` and `bayesindent-batch`. Filling a disk needs the right to mount a small one, and is left out without it.
 """

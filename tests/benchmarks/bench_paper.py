@@ -35,7 +35,7 @@ def main(argv=None) -> int:
                         help="finite elements on the paper's block, or the half-space theory in their place (default: the file's)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=None, help="folder (default: runs/paper_SYMMETRY)")
-    parser.add_argument("--figures", action="store_true", help="step 2: write the figures of docs/case_studies")
+    parser.add_argument("--figures", action="store_true", help="step 2: write the figures of docs/verification")
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
     if arguments.step == 2:

@@ -22,7 +22,7 @@ __all__ = ["Study"]
 
 TESTS = Path(__file__).parents[1]
 INPUTS = TESTS.parent / "inputs" / "case_studies"
-FIGURES = TESTS.parent / "docs" / "case_studies" / "figures"
+FIGURES = TESTS.parent / "docs" / "verification" / "figures"
 
 #: What was published, GPa: the paper's means and, where its text has them, sds; and what it compares them with.
 PAPER = {"cubic": ((222.88, 130.88, 114.13), (4.15, 4.55, 4.11)), "hexagonal": ((155, 89, 49, 174, 55), None)}
