@@ -1,6 +1,7 @@
 """What describes the package elsewhere agrees with the package."""
 
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -24,6 +25,13 @@ def test_the_version_is_that_of_meson():
     assert __version__ == stated
     assert yaml.safe_load((SOURCE / "CITATION.cff").read_text())["version"] == stated
     assert f"## {stated}" in (SOURCE / "CHANGELOG.md").read_text()
+
+
+def test_the_metadata_for_software_indexes_agree():
+    project = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
+    stated = json.loads((SOURCE / "codemeta.json").read_text())
+    assert (stated["name"], stated["description"], stated["keywords"]) == (project["name"], project["description"], project["keywords"])
+    assert stated["license"].endswith(f"/{project['license']}") and project["urls"]["Method"] == stated["referencePublication"][0]["@id"]
 
 
 def test_conda_asks_for_what_pip_asks_for():

@@ -1,6 +1,7 @@
-"""How pages and messages are written: the length of the front page, of its sentences, and phrases for which the field has a term."""
+"""How pages and messages are written: the length of the front page and of all pages of users, their sentences, and phrases for which the field has a term."""
 
 import re
+from math import ceil
 from pathlib import Path
 from statistics import median
 
@@ -8,6 +9,8 @@ import lines
 
 #: Words of README.md, and of its sentences the most and the most in the middle.
 README_WORDS, LONGEST, MIDDLE = (500, 700), 30, 15
+#: Of all pages of users together the most words, and of their sentences the most words of the median and of 90 %.
+PAGES_WORDS, PAGES_MIDDLE, PAGES_MOST = 24000, 17, 30
 
 #: Phrases, and what to write in their place.
 PHRASES = {
@@ -30,6 +33,7 @@ def complaints(root: Path) -> list[str]:
     """What is wrong with the prose of a source tree."""
     readme = (root / "README.md").read_text(encoding="utf-8")
     found = [f"README.md: {words}" for words in of_readme(readme)]
+    found += of_pages({str(page.relative_to(root)): page.read_text(encoding="utf-8") for page in pages_of_users(root)})
     pages = [root / "README.md", root / "docs" / "start.md", *sorted((root / "docs" / "tutorials").glob("*.md"))]
     texts = [(page, page.read_text(encoding="utf-8")) for page in pages]
     # Texts in quotes: messages and help.
@@ -49,11 +53,42 @@ def of_readme(text: str) -> list[str]:
     return found + [f"a sentence of {n} words; allowed {LONGEST}: {sentence}" for n, sentence in lengths if n > LONGEST]
 
 
+def pages_of_users(root: Path) -> list[Path]:
+    """The site without its list of variables, its tables of measurements and the record of changes."""
+    docs = sorted((root / "docs").rglob("*.md"))
+    return [root / "README.md", root / "CONTRIBUTING.md", *(page for page in docs if not {"verification", "namelists.md"} & {*page.parts})]
+
+
+def of_pages(texts: dict[str, str]) -> list[str]:
+    """Whether these pages, by name, are as long as they may be together, and their sentences."""
+    counts = {name: len(text.split()) for name, text in texts.items()}
+    lengths = {name: sorted(len(sentence.split()) for sentence in sentences(text)) for name, text in texts.items()}
+    every = sorted(n for found in lengths.values() for n in found)
+    found = []
+    if (total := sum(counts.values())) > PAGES_WORDS:
+        found.append(f"pages of users: {total} words; allowed {PAGES_WORDS}; most in {worst(counts)}")
+    if (middle := median(every)) > PAGES_MIDDLE:
+        medians = {name: median(of_page) for name, of_page in lengths.items() if of_page}
+        found.append(f"pages of users: the median sentence has {middle:g} words; allowed {PAGES_MIDDLE}; most in {worst(medians)}")
+    if (most := every[ceil(0.9 * len(every)) - 1]) > PAGES_MOST:
+        long = {name: sum(n > PAGES_MOST for n in of_page) for name, of_page in lengths.items()}
+        found.append(f"pages of users: 90 % of the sentences have up to {most} words; allowed {PAGES_MOST}; longer ones: {worst(long)}")
+    return found
+
+
+def worst(numbers: dict[str, float]) -> str:
+    """The five pages with the largest numbers."""
+    return ", ".join(f"{name} {numbers[name]:g}" for name in sorted(numbers, key=lambda name: -numbers[name])[:5])
+
+
 def sentences(text: str) -> list[str]:
-    """The sentences of a page, without code, tables, headings and pictures."""
-    text = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
-    paragraphs = [part for part in text.split("\n\n") if part.strip() and not part.lstrip().startswith(("#", "|", "!"))]
-    plain = [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", " ".join(part.split())).replace("**", "") for part in paragraphs]
+    """The sentences of a page: no code, tables, headings, pictures, formulas, terms or marks of lists; code in a line is one word."""
+    text = re.sub(r"^```.*?^```$|<!--.*?-->|\$\$.*?\$\$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^[#|!].*$|^\S.*\n(?=: )", "", text, flags=re.MULTILINE)
+    # Each item of a list stands by itself; what is indented below an empty line is code.
+    text = re.sub(r"^ *(?:[-*:]|\d+\.) +(?=\S)", "\n\n", text, flags=re.MULTILINE)
+    paragraphs = [re.sub(r"`[^`]+`", "`x`", " ".join(part.split())) for part in re.split(r"\n\s*\n", re.sub(r"(?<=\n\n)(?: {4}.*\n*)+", "", text))]
+    plain = [re.sub(r"\[([^]]*)\]\([^)]*\)|\*\*", r"\1", part) for part in paragraphs]
     return [sentence for part in plain for sentence in re.split(r"(?<=[.:?!])\s+(?=[A-Z`*])", part) if " " in sentence]
 
 
