@@ -56,7 +56,7 @@ def of_readme(text: str) -> list[str]:
 def pages_of_users(root: Path) -> list[Path]:
     """The site without its list of variables, its tables of measurements and the record of changes."""
     docs = sorted((root / "docs").rglob("*.md"))
-    return [root / "README.md", root / "CONTRIBUTING.md", *(page for page in docs if not {"verification", "namelists.md"} & {*page.parts})]
+    return [root / "README.md", root / "CONTRIBUTING.md", *(page for page in docs if not {"verification", "namelists.md"} & {*page.relative_to(root).parts})]
 
 
 def of_pages(texts: dict[str, str]) -> list[str]:
