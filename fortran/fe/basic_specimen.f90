@@ -257,8 +257,8 @@ contains
    !> About how large, relative, the error of the modulus of a crystal may be. Orientations differ: most are better.
    !>
    !> Near elastic instability bricks resolve neither the soft modes nor the far field. Measured on the half-space against the exact theory
-   !> (docs/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the largest error grows with its power 3.5, and falls with
-   !> the square of the fineness. Films add what `contrast_error` says.
+   !> (docs/verification/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the largest error grows with its
+   !> power 3.5, and falls with the square of the fineness. Films add what `contrast_error` says.
    pure real(wp) function mesh_error(self, refine, stiffness, two_meshes)
       class(specimen_type), intent(in) :: self
       !> Elements per contact radius relative to the default; GPa.

@@ -255,7 +255,7 @@ contains
       c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
    end function film_materials
 
-   !> A film that is stiffer than its substrate is resolved worse (docs/simulation.md, `bench simulate pairs`).
+   !> A film that is stiffer than its substrate is resolved worse (docs/verification/simulation.md, `bench simulate pairs`).
    pure real(wp) function film_contrast_error(self, crystal) result(contrast_error)
       class(film_specimen_type), intent(in) :: self
       !> GPa.
@@ -277,7 +277,7 @@ contains
 
       self%variables = 'grain_radius_um, grain_depth_um, matrix'
       self%parts = 'the grain, the matrix around it'
-      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/simulation.md).
+      ! So the few layers that turn into its boundary are about in proportion on both meshes (docs/verification/simulation.md).
       self%coarse_ratio = 0.75_wp
       associate (stated => settings%specimen)
          call require(grain_name, 'grain_radius_um', stated%grain_radius_um, self%radius, error)

@@ -1,4 +1,4 @@
-"""Studies of Step 2 that are too long for the tests; their results are in docs/inference.md.
+"""Studies of Step 2 that are too long for the tests; their results are in docs/verification/inference.md.
 
 - sbc: simulation-based calibration (Talts et al. 2018). Truths are drawn from the prior, measurements of the reference grains from the
   model, and the rank of each truth among its posterior's draws must be uniform: of every constant, of the combinations that the

@@ -19,7 +19,7 @@ BASES = {
 }
 
 
-#: Of the logarithm of the fall: the values that are tried, and centre and sd of its normal prior (docs/surrogate.md).
+#: Of the logarithm of the fall: the values that are tried, and centre and sd of its normal prior (docs/verification/surrogate.md).
 FALLS, TYPICAL, SD = np.linspace(-2.1, -0.15, 14), -0.9, 0.12
 
 

@@ -242,6 +242,35 @@ def test_the_prose_keeps_its_rules():
     assert prose.complaints(SOURCE) == []
 
 
+def test_finds_pages_of_users_that_are_too_long():
+    words = {number: "Word" + " word" * (number - 1) + ". " for number in (17, 18, 34)}
+    assert not prose.of_pages({"a.md": words[17] * 9 + words[34]})
+    found = prose.of_pages({"a.md": words[18] * 8 + words[34] * 2, "b.md": "| cell |\n" * 8000})
+    assert [line.partition(";")[0] for line in found] == [
+        "pages of users: 24212 words",
+        "pages of users: the median sentence has 18 words",
+        "pages of users: 90 % of the sentences have up to 34 words",
+    ]
+
+
+def test_sentences_are_those_of_the_prose():
+    page = """# A heading. Of two\n
+One `bayesindent run FILE.nml` [is a word](a.md). **Two words.**
+- first item
+  over two lines
+1. second item\n
+    code of a block. It is code\n
+```
+code. More code
+```
+| a cell. And | another |
+term of a list
+: its meaning follows
+"""
+    expected = ["One `x` is a word.", "Two words.", "first item over two lines", "second item", "its meaning follows"]
+    assert prose.sentences(page) == expected
+
+
 def test_finds_prose_that_breaks_them():
     long = "One two three. " * 150 + "Word" + " word" * 30 + ".\n\n```\n" + "code " * 40 + "\n```\n"
     found = prose.of_readme(f"# Title\n\n{long}")
