@@ -1,6 +1,7 @@
 """How pages and messages are written: the length of the front page and of all pages of users, their sentences, and phrases for which the field has a term."""
 
 import re
+from collections.abc import Mapping
 from math import ceil
 from pathlib import Path
 from statistics import median
@@ -55,8 +56,9 @@ def of_readme(text: str) -> list[str]:
 
 def pages_of_users(root: Path) -> list[Path]:
     """The site without its list of variables, its tables of measurements and the record of changes."""
-    docs = sorted((root / "docs").rglob("*.md"))
-    return [root / "README.md", root / "CONTRIBUTING.md", *(page for page in docs if not {"verification", "namelists.md"} & {*page.relative_to(root).parts})]
+    left_out = {"verification", "namelists.md"}
+    docs = [page for page in sorted((root / "docs").rglob("*.md")) if not left_out & {*page.relative_to(root).parts}]
+    return [root / "README.md", root / "CONTRIBUTING.md", *docs]
 
 
 def of_pages(texts: dict[str, str]) -> list[str]:
@@ -76,7 +78,7 @@ def of_pages(texts: dict[str, str]) -> list[str]:
     return found
 
 
-def worst(numbers: dict[str, float]) -> str:
+def worst(numbers: Mapping[str, float]) -> str:
     """The five pages with the largest numbers."""
     return ", ".join(f"{name} {numbers[name]:g}" for name in sorted(numbers, key=lambda name: -numbers[name])[:5])
 
@@ -87,7 +89,8 @@ def sentences(text: str) -> list[str]:
     text = re.sub(r"^[#|!].*$|^\S.*\n(?=: )", "", text, flags=re.MULTILINE)
     # Each item of a list stands by itself; what is indented below an empty line is code.
     text = re.sub(r"^ *(?:[-*:]|\d+\.) +(?=\S)", "\n\n", text, flags=re.MULTILINE)
-    paragraphs = [re.sub(r"`[^`]+`", "`x`", " ".join(part.split())) for part in re.split(r"\n\s*\n", re.sub(r"(?<=\n\n)(?: {4}.*\n*)+", "", text))]
+    text = re.sub(r"(?<=\n\n)(?: {4}.*\n*)+", "", text)
+    paragraphs = [" ".join(re.sub(r"`[^`]+`", "`x`", part).split()) for part in re.split(r"\n\s*\n", text)]
     plain = [re.sub(r"\[([^]]*)\]\([^)]*\)|\*\*", r"\1", part) for part in paragraphs]
     return [sentence for part in plain for sentence in re.split(r"(?<=[.:?!])\s+(?=[A-Z`*])", part) if " " in sentence]
 
