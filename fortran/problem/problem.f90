@@ -46,9 +46,10 @@ module problem
       type(points_type), allocatable :: grains
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
-      !> Measurements that wait for the orientations that Python takes from a map, the path of the map, and the positions, um, (n, 2).
+      !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
+      !> the positions, um, (n, 2).
       type(table_type), allocatable :: indents
-      character(len=:), allocatable :: map
+      character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
       !> Of &curves, and the crystals of &references.
       type(curve_set_type), allocatable :: curves
@@ -161,6 +162,7 @@ contains
          end if
          if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
+         if (allocated(s%measurements%ebsd_points)) self%map_points = resolve_path(self%folder, s%measurements%ebsd_points)
          if (allocated(s%measurements%file) .and. .not. allocated(error)) then
             file = resolve_path(self%folder, s%measurements%file)
             if (from_python .or. any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
