@@ -253,6 +253,7 @@ EFFECTS = {
     "crystals": {"points": (files, {}, "others.csv")},
     "curves": {
         "file": (moduli, {}, "softer.csv"),
+        "files": None,  # test_curves_files: files of an instrument in a namelist
         "tests": (moduli, {}, "few_tests.csv"),
         "radius_um": (moduli, {}, 5.5),
         "radius_sd_um": (moduli, {}, 0.1),

@@ -14,6 +14,7 @@ import numpy as np
 from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
+from .instruments import curves_of_files, files_of
 from .laboratory_tables import LaboratoryTable, laboratory_table
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
@@ -159,6 +160,10 @@ class Problem(NativeObject):
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._facts()
+        if names := facts.get("curves.files"):
+            files = files_of(f"{path}: &curves files: ", path.parent, names)
+            columns = curves_of_files(files, facts["curves.drift_removed"])
+            self._set_table("curves", as_csv(list(columns), zip(*columns.values(), strict=True)))
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
