@@ -314,6 +314,7 @@ contains
       if (allocated(self%table_file)) call out%put('table_file', self%table_file)
       if (allocated(self%indents)) then
          call out%put('map', self%map)
+         if (allocated(self%map_points)) call out%put('map_points', self%map_points)
          call out%put_array('indents_um', self%positions, shape(self%positions))
          allocate (list(0))
          do i = 1, self%indents%columns

@@ -47,7 +47,7 @@ contains
                if (.not. test%used) cycle
                modulus = exp(test%ln_modulus)
                if (modulus > moduli_allowed(1) .and. modulus < moduli_allowed(2)) cycle
-               call refuse(error, place(self%problem%path, 'curves', 'file')//printable(asked%file)//': test ' &
+               call refuse(error, self%problem%curves_place()//'test ' &
                   & //printable(c%name)//', line '//to_text(c%line)//': the curve means a modulus of '//to_text(modulus, 2) &
                   & //' GPa at a radius of '//to_text(asked%radius_um)//' um; allowed 0.01 to 5000 GPa. Loads in mN and depths ' &
                   & //'in nm are needed')
@@ -106,7 +106,7 @@ contains
             end do
             call compare_tests(tests, self%found%materials, step > 1)
             if (.not. any(tests%used)) then
-               call refuse(error, place(self%problem%path, 'curves', 'file')//'no test has an elastic part; test ' &
+               call refuse(error, self%problem%curves_place()//'no test has an elastic part; test ' &
                   & //self%problem%curves%curves(1)%name//': '//tests(1)%reason)
                return
             end if

@@ -7,7 +7,7 @@ module problem
    use curve_tables, only: curve_set_type, read_curves
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse, warn, warning_type
-   use files, only: folder_of, printable, resolve_path
+   use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: degree, wp
    use namelist_file, only: namelist_file_type, place
    use point_tables, only: angles_look_like_radians, points_type, read_crystals, read_grains, read_measurements, read_positions
@@ -46,9 +46,10 @@ module problem
       type(points_type), allocatable :: grains
       !> The file of measurements that Python turns into a plain table (see `set_table`), any file where Python asks, or a spreadsheet.
       character(len=:), allocatable :: table_file
-      !> Measurements that wait for the orientations that Python takes from a map, the path of the map, and the positions, um, (n, 2).
+      !> Measurements that wait for the orientations that Python takes from a map, the paths of the map and of its homologous points, and
+      !> the positions, um, (n, 2).
       type(table_type), allocatable :: indents
-      character(len=:), allocatable :: map
+      character(len=:), allocatable :: map, map_points
       real(wp), allocatable :: positions(:, :)
       !> Of &curves, and the crystals of &references.
       type(curve_set_type), allocatable :: curves
@@ -62,7 +63,7 @@ module problem
       !> Folder, without its last slash, that keeps finished chains until Step 2 is done; unallocated: they are not kept.
       character(len=:), allocatable :: kept_in
    contains
-      procedure :: resolved_text, set_table, take_curve_results
+      procedure :: curves_place, resolved_text, set_table, take_curves, take_curve_results
    end type problem_type
 
    !> Contact radius of the paper's indentations at the last depth, um.
@@ -125,7 +126,7 @@ contains
       logical, intent(in) :: from_python
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
-      character(len=:), allocatable :: file, prefix
+      character(len=:), allocatable :: content, file, prefix
 
       associate (s => self%settings)
          if (allocated(s%crystals%points)) then
@@ -135,12 +136,13 @@ contains
             if (allocated(error)) return
             if (angles_look_like_radians(self%crystals)) call warn(self%warnings, prefix//like_radians)
          end if
-         if (allocated(s%curves%file)) then
-            allocate (self%curves)
-            call read_curves(resolve_path(self%folder, s%curves%file), resolve_path(self%folder, s%curves%tests), place(self%path, &
-               & 'curves', 'file')//printable(s%curves%file)//': ', place(self%path, 'curves', 'tests')//printable(s%curves%tests) &
-               & //': ', self%curves, error)
-            if (allocated(error)) return
+         if (s%curves%given) then
+            if (allocated(s%curves%file)) then
+               call read_text_file(resolve_path(self%folder, s%curves%file), content, error)
+               if (allocated(error)) error%message = self%curves_place()//error%message
+               if (.not. allocated(error)) call self%take_curves(content, error)
+               if (allocated(error)) return
+            end if
             if (.not. allocated(s%measurements%file)) then
                s%measurements%modulus_kind = 'effective_modulus'
                s%measurements%indenter_modulus_gpa = s%curves%indenter_modulus_gpa
@@ -161,6 +163,7 @@ contains
          end if
          if (allocated(s%measurements%shared_errors)) self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          if (allocated(s%measurements%ebsd)) self%map = resolve_path(self%folder, s%measurements%ebsd)
+         if (allocated(s%measurements%ebsd_points)) self%map_points = resolve_path(self%folder, s%measurements%ebsd_points)
          if (allocated(s%measurements%file) .and. .not. allocated(error)) then
             file = resolve_path(self%folder, s%measurements%file)
             if (from_python .or. any(lower(file(max(1, len(file) - 4):)) == [character(len=5) :: '.xlsx', '.xlsm'])) then
@@ -180,6 +183,32 @@ contains
          call load_candidates(self, s%design%candidates, error)
       end associate
    end subroutine load_tables
+
+   !> Curves, whose table of tests the file names.
+   subroutine take_curves(self, content, error)
+      class(problem_type), intent(inout) :: self
+      !> The neutral CSV.
+      character(len=*), intent(in) :: content
+      type(error_type), allocatable, intent(out) :: error
+
+      allocate (self%curves)
+      associate (tests => self%settings%curves%tests)
+         call read_curves(content, resolve_path(self%folder, tests), self%curves_place(), &
+            & place(self%path, 'curves', 'tests')//printable(tests)//': ', self%curves, error)
+      end associate
+   end subroutine take_curves
+
+   !> What messages on curves begin with.
+   pure function curves_place(self) result(prefix)
+      class(problem_type), intent(in) :: self
+      character(len=:), allocatable :: prefix
+
+      if (allocated(self%settings%curves%file)) then
+         prefix = place(self%path, 'curves', 'file')//printable(self%settings%curves%file)//': '
+      else
+         prefix = place(self%path, 'curves', 'files')
+      end if
+   end function curves_place
 
    !> The measurements that curves gave in a `folder` of results, unless the file names others.
    subroutine take_curve_results(self, folder, error)
@@ -229,7 +258,7 @@ contains
    !> for each measurement. Of 'warning' what is to be said of a table.
    subroutine set_table(self, table, page, error)
       class(problem_type), intent(inout) :: self
-      !> 'measurements', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
+      !> 'measurements', 'curves', 'velocities', 'ebsd' or 'stiffness'; CSV, as a file has it. Or 'warning' and its line.
       character(len=*), intent(in) :: table, page
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: parsed
@@ -241,10 +270,12 @@ contains
       end if
       if (table == 'measurements' .and. len(page) == 0) then
          call read_table(self%table_file, parsed, error)
-      else
+      else if (table /= 'curves') then
          call parse_table(page, parsed, error)
       end if
       select case (table)
+      case ('curves')
+         call self%take_curves(page, error)
       case ('stiffness')
          call take_stiffness(self, parsed, place(self%path, 'knowledge', 'stiffness'), error)
       case ('velocities')

@@ -43,6 +43,15 @@ contains
       end associate
       if (.not. allocated(error)) call check_velocities(path, settings, error)
       if (allocated(error)) return
+      if (settings%curves%given .and. (allocated(settings%curves%file) .eqv. allocated(settings%curves%files))) then
+         call refuse(error, place(path, 'curves', 'file')//'one of file, a CSV of curves, and files, those of an ' &
+            & //'instrument, is needed')
+         return
+      end if
+      if (allocated(settings%measurements%ebsd_points) .and. .not. allocated(settings%measurements%ebsd)) then
+         call refuse(error, place(path, 'measurements', 'ebsd')//'the variable is missing; ebsd_points needs it')
+         return
+      end if
       if (allocated(settings%indenter%depth_um) .and. allocated(settings%indenter%contact_radius_um)) then
          call refuse(error, place(path, 'indenter', 'depth_um')//'the last point is stated twice, by depth_um and by ' &
             & //'contact_radius_um; one of them is allowed')

@@ -87,6 +87,9 @@ contains
       if (.not. allocated(error) .and. allocated(self%map)) call raise(error, place(path, 'measurements', 'ebsd') &
          & //printable(self%settings%measurements%ebsd)//': an orientation map is read by bayesindent, not by ' &
          & //'bayesindent-batch, which needs the orientations as columns', exit_bad_input)
+      if (.not. allocated(error) .and. allocated(self%settings%curves%files)) call raise(error, place(path, 'curves', 'files') &
+         & //'files of instruments are read by bayesindent, not by bayesindent-batch; state file, a CSV of the curves', &
+         & exit_bad_input)
       call stop_on(error)
       call tell(self%warnings)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte for it.

@@ -1,7 +1,7 @@
 !> Curves of indentation tests, in a long CSV, and the table that says what was tested.
 module curve_tables
    use errors, only: error_type, refuse
-   use files, only: checksum, printable, read_text_file
+   use files, only: checksum, printable
    use kinds, only: wp
    use table_columns, only: find_column
    use tables, only: longest_name, parse_table, read_table, table_type
@@ -40,13 +40,14 @@ module curve_tables
 
 contains
 
-   !> Read both files, `path` and `tests_path`; `prefix` and `tests_prefix` begin the messages on them.
-   subroutine read_curves(path, tests_path, prefix, tests_prefix, set, error)
-      character(len=*), intent(in) :: path, tests_path, prefix, tests_prefix
+   !> Read curves, and the file of their tests; `prefix` and `tests_prefix` begin the messages on them.
+   subroutine read_curves(content, tests_path, prefix, tests_prefix, set, error)
+      !> The neutral CSV; the path of the table of tests.
+      character(len=*), intent(in) :: content, tests_path
+      character(len=*), intent(in) :: prefix, tests_prefix
       type(curve_set_type), intent(out) :: set
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: table
-      character(len=:), allocatable :: content
 
       call read_table(tests_path, set%tests, error)
       if (.not. allocated(error)) call read_tests(set, error)
@@ -54,11 +55,8 @@ contains
          error%message = tests_prefix//error%message
          return
       end if
-      call read_text_file(path, content, error)
-      if (.not. allocated(error)) then
-         set%digest = checksum(content)
-         call parse_table(content, table, error)
-      end if
+      set%digest = checksum(content)
+      call parse_table(content, table, error)
       if (.not. allocated(error)) call take_points(table, set%curves, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_curves

@@ -1,5 +1,6 @@
 """Step 0: files that are refused, and the files of instruments."""
 
+import json
 import re
 import sys
 from types import SimpleNamespace
@@ -9,7 +10,7 @@ import pytest
 from synthetic_curves import KNOWN, NAMELIST, one_curve, table
 
 import bayesindent as bi
-from bayesindent.curves.instruments import read_file, tdm_settings
+from bayesindent.settings.instruments import read_file, tdm_settings
 
 QUARTZ_GPA = 69.64
 
@@ -87,8 +88,39 @@ def test_a_file_of_the_instrument(tmp_path):
     assert tdm_settings(tmp_path / "a.tdm") == {"drift_nm_s": -0.54, "drift_removed": True}
     (tmp_path / "a.tdm").write_text('<d name="Current_Drift_Rate__nm___s__">-0.54</d><l name="Current_Drift_Correction">0</l>')
     file.write_bytes("\r".join(lines).encode("latin-1"))
-    with pytest.raises(bi.InputError, match="the drift of -0.54 nm/s is still in the depths; state drift_removed=False"):
+    with pytest.raises(bi.InputError, match="the drift of -0.54 nm/s is still in the depths; state drift_removed = False"):
         bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
+
+
+def test_files_of_the_instrument_in_a_namelist(tmp_path, bayesindent, batch):
+    """Two tests by name: the same as the library's, and what each program says otherwise."""
+    (tmp_path / "raw").mkdir()
+    for test, modulus in (("a", 100.0), ("b", 120.0)):
+        rows = [f"{depth:.6f}\t{1e3 * load:.6f}\t{time:.6f}" for _, time, depth, load in one_curve(test, modulus)]
+        (tmp_path / "raw" / f"{test}.txt").write_bytes("\r".join(["Depth (nm)\tLoad (µN)\tTime (s)", *rows]).encode("latin-1"))
+    (tmp_path / "tests.csv").write_text("test,grain\na,g\nb,h\n")
+    text = "&problem symmetry = 'cubic' /\n&curves {} tests = 'tests.csv' radius_um = 5.0 radius_sd_um = 0.01 /\n"
+
+    def done(stated):
+        (tmp_path / "a.nml").write_text(text.format(stated))
+        return bayesindent("curves", "a.nml", "--output", "o", "--json")
+
+    ended = done("files = 'raw/*.txt'")
+    assert ended.returncode == 0, ended.stderr
+    document = json.loads(ended.stdout)
+    assert "files of instruments are read by bayesindent, not by bayesindent-batch" in batch("--stage", "curves", "a.nml").stderr
+    with pytest.warns(bi.BayesindentWarning, match="only ratios"):
+        files = [tmp_path / "raw" / f"{test}.txt" for test in "ab"]
+        found = bi.curves(files, {"test": ["a", "b"], "grain": ["g", "h"]}, radius_um=5.0, radius_sd_um=0.01)
+    assert [row["effective_modulus_gpa"] for row in document["grains"]] == pytest.approx(found.table["effective_modulus_gpa"], rel=1e-8)
+    for stated, words in (
+        ("files = 'raw/*.csv'", "a.nml: &curves files: raw/*.csv: there is no such file"),
+        ("files = 'raw/c.txt'", "a.nml: &curves files: raw/c.txt: "),
+        ("files = 'raw/a.txt' file = 'curves.csv'", "a.nml: &curves file: one of file, a CSV of curves, and files, those of an instrument"),
+        ("", "a.nml: &curves file: one of file"),
+    ):
+        ended = done(stated)
+        assert ended.returncode == 2 and ended.stderr.count("\n") == 1 and words in ended.stderr, ended.stderr
 
 
 def curve_of(rows):

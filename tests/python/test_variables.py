@@ -253,6 +253,7 @@ EFFECTS = {
     "crystals": {"points": (files, {}, "others.csv")},
     "curves": {
         "file": (moduli, {}, "softer.csv"),
+        "files": None,  # test_curves_files: files of an instrument in a namelist
         "tests": (moduli, {}, "few_tests.csv"),
         "radius_um": (moduli, {}, 5.5),
         "radius_sd_um": (moduli, {}, 0.1),
@@ -351,6 +352,7 @@ EFFECTS = {
         "columns": (read, {"measurements": {"file": "named.csv", "columns": ["modulus_gpa = first"]}}, ["modulus_gpa = second"]),
         "sheet": None,  # test_spreadsheets: the second sheet of a workbook
         "ebsd": None,  # test_orientation_maps: orientations of a map
+        "ebsd_points": None,  # test_map_registration: the indents of a turned stage
         "modulus_kind": (density, {}, "effective_modulus"),
         "angles": (read, {"measurements": {"file": "radians.csv", "angles": "degrees"}}, "radians"),
         "indenter_modulus_gpa": (density, REDUCED, 600.0),

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ..core import InputError
-from ..curves.instruments import as_file, read_curves
+from ..settings.instruments import as_file, read_curves
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, spelled
 from .stage import run_stage

@@ -43,6 +43,8 @@ INDICES = re.compile(r"([\[({<])\s*(-?\d[-\d\s,.;\u0304\u0305]*)[\])}>]$")
 #: Names of numbers of tests, and of their standard deviation; `sd_gpa` is that of the value.
 COUNT = re.compile(r"n|count|((n|number of|no\. of)[ _]?)?(tests|indents)", re.I)
 DEVIATION = re.compile(r"(?!sd_gpa$).*\b(std|st[ ._]*dev|stddev|standard[ _]deviation|sd)\b", re.I)
+#: Longer files are plain tables.
+MOST_LINES = 200_000
 #: Own sds of grains with fewer tests are those of all.
 FEW_TESTS = 10
 
@@ -140,7 +142,8 @@ def laboratory_table(place: str, path: Path, sheet: str = "", stated: Iterable[s
         content = path.read_bytes() if path.is_file() else b""
     except OSError:
         return None
-    text, encoding = decoded(content)
+    # Of so many lines the core says soon whether they are too many.
+    text, encoding = decoded(content) if content.count(b"\n") <= MOST_LINES else ("", "")
     if not text:
         return None
     rows = rows_of(text)

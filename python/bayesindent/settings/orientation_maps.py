@@ -1,8 +1,10 @@
 """Orientation maps (EBSD): what they say of the grain at each indent."""
 
+import csv
 import re
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from functools import reduce
 from io import StringIO
 from pathlib import Path
@@ -20,35 +22,64 @@ from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
 from .laboratory_tables import reader_of
 
-__all__ = ["page_of"]
+__all__ = ["IndentedMap", "indented_map"]
 
 #: Neighbours that differ by more are of two grains, degrees.
 BOUNDARY_DEG = 5.0
 #: Grains of fewer pixels are noise, and no neighbours.
 LEAST_PIXELS = 4
+#: Columns of homologous points: positions of the stage, and of the map.
+POINT_COLUMNS = ("x_um", "y_um", "map_x_um", "map_y_um")
+#: Errors of registration that are drawn, and the probability of its grain below which an indent is uncertain.
+SAMPLE, LEAST_SHARE = 400, 0.95
 #: The sample's axis that the indenter moves along.
 NORMAL = (0.0, 0.0, 1.0)
 
 
-def page_of(place: str, path: Path, x_um: np.ndarray, y_um: np.ndarray, columns: Sequence[str], symmetry: str | None) -> tuple[str, str]:
-    """A line for each indent at (x_um, y_um) of the map: Bunge's angles of the mean orientation of its grain, and, where the measurements
-    have no such column, `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and
-    `grain_radius_um`, the distance to the nearest other grain. Then the warning on the phase beside the stated `symmetry`, or
-    nothing. `place` begins the message of a refusal."""
+@dataclass
+class IndentedMap:
+    """A map with indents at `positions` (n, 2) in its own coordinates, um, the grain of each, and what is to be said of them.
+
+    `page`: a line for each indent: Bunge's angles of the mean orientation of its grain, and, where the measurements have no such column,
+    `grain`, its number in the map, `orientation_sd_deg`, the spread of the indented direction over it, and `grain_radius_um`, the distance
+    to the nearest other grain."""
+
+    grid: "Grid"
+    positions: np.ndarray
+    grains: list[int]
+    page: str
+    warnings: list[str]
+
+
+def indented_map(
+    place: str, path: Path, points: Path | None, stage: np.ndarray, columns: Sequence[str], symmetry: str | None
+) -> IndentedMap:
+    """The map of a file, and what it says of indents at positions (n, 2) of the stage, which `points` lead to those of the map; without them
+    the two are the same. `columns`: of the measurements. The phase is compared with the stated `symmetry`. `place` begins the message of a refusal."""
     for name in columns:
         if name.lower().startswith(("phi", "φ", "euler")):
             raise InputError(f"{place}the column {name} states the orientation too; one of them is allowed")
     grid = Grid(place, path)
-    indents = np.column_stack([x_um, y_um])
-    away, pixel = cKDTree(grid.positions).query(indents)
+    indents, sd, warnings = registered(points, stage) if points else (stage, np.zeros(len(stage)), [])
+    tree = cKDTree(grid.positions)
+    away, pixel = tree.query(indents)
     for row in np.flatnonzero(away > grid.step):
         low, high = (", ".join(f"{value:g}" for value in edge) for edge in (grid.positions.min(axis=0), grid.positions.max(axis=0)))
+        x, y = indents[row]
         raise InputError(
-            f"{place}row {row + 1}: ({x_um[row]:g}, {y_um[row]:g}) um is {away[row]:.3g} um from the next indexed point; the map is from ({low}) to ({high})"
+            f"{place}row {row + 1}: ({x:g}, {y:g}) um is {away[row]:.3g} um from the next indexed point; the map is from ({low}) to ({high})"
         )
-    warning = grid.compare_phase(grid.phase[pixel], symmetry)
-    stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
     grains = grid.grain[pixel].tolist()
+    warnings += grid.compare_phase(grid.phase[pixel], symmetry)
+    # Of a sample of the errors of registration the share that leads to the same grain.
+    errors = np.random.default_rng(0).normal(size=(SAMPLE, 1, 2)) * sd[:, None]
+    share = np.mean(grid.grain[tree.query(indents + errors)[1]] == grains, axis=0)
+    if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
+        warnings.append(
+            f"{place}the grain of the indents of rows {', '.join(doubtful[:10])}{', ..' if len(doubtful) > 10 else ''} is uncertain: in brackets "
+            f"the probability that the registration, ± {sd.max():.2g} um, leads to it; leave these rows out, or state more ebsd_points"
+        )
+    stated = {re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number") for name in columns}
     orientations = {grain: grid.mean_orientation(grain) for grain in set(grains)}
     rows = []
     for position, grain in zip(indents, grains):
@@ -56,7 +87,33 @@ def page_of(place: str, path: Path, x_um: np.ndarray, y_um: np.ndarray, columns:
         values = {"grain": f"EBSD {grain}", "orientation_sd_deg": spread, "grain_radius_um": grid.distance_to_boundary(position, grain)}
         angles = dict(zip(("phi1_deg", "Phi_deg", "phi2_deg"), euler))
         rows.append(angles | {name: value for name, value in values.items() if name not in stated})
-    return as_csv(list(rows[0]), [list(row.values()) for row in rows]), warning
+    return IndentedMap(grid, indents, grains, as_csv(list(rows[0]), [list(row.values()) for row in rows]), warnings)
+
+
+def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Positions of the map (n, 2) of those of the stage by the affine map that homologous points determine, by least squares; their sd per
+    coordinate, um, (n,); and the warning where it is unknown."""
+    place = f"{path}: "
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True))
+        known = np.array([[float(row[name]) for name in POINT_COLUMNS] for row in rows]).reshape(-1, 4)
+    except OSError as error:
+        raise InputError(f"{place}{error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        known = np.full((1, 4), np.nan)
+    if not np.isfinite(known).all():
+        raise InputError(f"{place}is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for each point")
+    n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
+    spread = known[:, :2] - centre
+    design = np.column_stack([np.ones(n), spread])
+    if n < 3 or np.linalg.svd(spread, compute_uv=False)[1] < 1e-3 * np.abs(spread).max():
+        raise InputError(f"{place}{n} points on a line or at one place; three or more that span the sample are needed")
+    affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
+    at = np.column_stack([np.ones(len(stage)), stage - centre])
+    leverage = np.einsum("ij,jk,ik->i", at, np.linalg.inv(design.T @ design), at)
+    residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
+    warnings = [] if n > 3 else [f"{place}three points leave no residual, so that the error of the registration is unknown; state a fourth"]
+    return at @ affine, residual * np.sqrt(1 + leverage), warnings
 
 
 class Grid:
@@ -79,12 +136,12 @@ class Grid:
         self.phase = found.phase_id
         self.place = place
         #: Of each phase the name, its Laue class, which is all that diffraction sees, and the proper rotations of this.
-        self.names, self.laue, self.symmetry = {}, {}, {}
+        self.names, self.groups, self.symmetry = {}, {}, {}
         for number in np.unique(self.phase).tolist():
             self.names[number], group = loaded.phases[number].name, loaded.phases[number].point_group
             if group is None:
                 raise InputError(f"{place}does not say the point group of phase {number} ({self.names[number]})")
-            self.laue[number], self.symmetry[number] = group.laue.name, rotations_of(group.laue.proper_subgroup)
+            self.groups[number], self.symmetry[number] = group.laue, rotations_of(group.laue.proper_subgroup)
         tree = cKDTree(self.positions)
         #: Distance of neighbours, um.
         self.step = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
@@ -105,8 +162,8 @@ class Grid:
         n = len(self.positions)
         return connected_components(coo_array((alike[alike], (first[alike], second[alike])), shape=(n, n)), directed=False)[1]
 
-    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> str:
-        """The warning, or nothing, on the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
+    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[str]:
+        """The warning, if there is one, on the phase at the indents, (n,), whose crystals are stated to have a `symmetry`; refused if there are several or
         if orientations that are equivalent in the phase are not so by the symmetry, with its axes."""
         number = int(phases[0])
         name = self.names[number]
@@ -117,16 +174,31 @@ class Grid:
                 f"{self.names[int(phases[others[0]])]}; leave one of them out: the constants are those of one phase"
             )
         if not symmetry:
-            return ""
-        own = class_name(self.laue[number])
+            return []
+        laue = self.groups[number].name
+        own = class_name(laue)
         images = (self.symmetry[number] * Rotation.from_quat([0.4, 0.5, np.sqrt(0.5), 0.3])).apply(NORMAL)
-        differs = f"{self.place}the phase {name} is {own} ({self.laue[number]}), &problem symmetry is {symmetry}"
+        differs = f"{self.place}the phase {name} is {own} ({laue}), &problem symmetry is {symmetry}"
         if np.ptp(representative(symmetry, images), axis=0).max() > 1e-6:
             raise InputError(
                 f"{differs}: orientations that are equivalent in the map are not so in this symmetry and its axes; "
                 "state the symmetry of the phase, or the orientations in columns"
             )
-        return "" if own == symmetry else f"{differs}, which takes the crystal for more symmetric than the map does"
+        return [] if own == symmetry else [f"{differs}, which takes the crystal for more symmetric than the map does"]
+
+    def colours(self) -> np.ndarray:
+        """The crystal direction along the indenter of each point in the colours of the inverse pole figure, RGB (n, 3)."""
+        # Of an optional package, like the reader of the map.
+        from orix.plot import IPFColorKeyTSL
+        from orix.quaternion import Orientation
+
+        found = np.zeros((len(self.phase), 3))
+        for number, group in self.groups.items():
+            own = self.phase == number
+            found[own] = IPFColorKeyTSL(group).orientation2color(
+                Orientation(self.rotations[own].as_quat(scalar_first=True), symmetry=group)
+            )
+        return found
 
     def mean_orientation(self, grain: int) -> tuple[list[float], float]:
         """Bunge's angles of the mean orientation, degrees, and the sd of the tilt of the indented direction per component, degrees."""

@@ -7,12 +7,14 @@ from dataclasses import dataclass, fields, make_dataclass
 from functools import cache, cached_property, partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..common.result_files import as_csv
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names
+from .instruments import curves_of_files, files_of
 from .laboratory_tables import LaboratoryTable, laboratory_table
 
 __all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
@@ -158,6 +160,10 @@ class Problem(NativeObject):
         if measurements_table is not None:
             self._set_table("measurements", as_csv(list(measurements_table), zip(*measurements_table.values(), strict=True)))
         facts = self._facts()
+        if names := facts.get("curves.files"):
+            files = files_of(f"{path}: &curves files: ", path.parent, names)
+            columns = curves_of_files(files, facts["curves.drift_removed"])
+            self._set_table("curves", as_csv(list(columns), zip(*columns.values(), strict=True)))
         #: The file of measurements as it was understood, or None.
         self.table: LaboratoryTable | None = None
         if "table_file" in facts:
@@ -168,16 +174,19 @@ class Problem(NativeObject):
                 self._set_table("warning", place + note)
             self._set_table("measurements", self.table.page() if self.table else "")
             facts = self._facts()
+        #: The orientation map with the indents, or None.
+        self.map: Any = None
         if "indents_um" in facts:
             # Not above: it needs scipy, which is slow to import.
-            from .orientation_maps import page_of as page_of_map
+            from .orientation_maps import indented_map
 
             place = f"{path}: &measurements ebsd: {facts['measurements.ebsd']}: "
-            x, y = facts["indents_um"]
-            page, told = page_of_map(place, Path(facts["map"]), x, y, facts["indents_columns"], facts.get("problem.symmetry"))
-            self._set_table("ebsd", page)
-            if told:
-                self._set_table("warning", told)
+            points = Path(facts["map_points"]) if "map_points" in facts else None
+            stage = np.transpose(facts["indents_um"])
+            self.map = indented_map(place, Path(facts["map"]), points, stage, facts["indents_columns"], facts.get("problem.symmetry"))
+            self._set_table("ebsd", self.map.page)
+            for line in self.map.warnings:
+                self._set_table("warning", line)
             facts = self._facts()
         self.path, self.folder = path, path.parent
         self.resolved, self.warnings, self.stages = facts["resolved"], facts["warnings"], facts["stages"].split()

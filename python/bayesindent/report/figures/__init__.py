@@ -1,6 +1,6 @@
 """The figures of the report: functions of `Results` that give a `Picture`, or raise `NothingToShow`."""
 
-from . import curves, learning, mesh, orientations, posterior, simulations, young
+from . import curves, learning, maps, mesh, orientations, posterior, simulations, young
 
 __all__ = ["FIGURES"]
 
@@ -26,6 +26,7 @@ FIGURES = (
     ("posterior", posterior.residuals),
     ("posterior", posterior.velocities),
     ("posterior", orientations.orientations),
+    ("posterior", maps.orientation_map),
     ("posterior", young.young_surface),
     ("posterior", posterior.traces),
     ("identifiability", posterior.shares),

@@ -2,15 +2,16 @@
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from ..common.result_files import as_csv
 from ..core import InputError
-from ..settings.laboratory_tables import reader_of
+from .laboratory_tables import reader_of
 
-__all__ = ["as_file", "read_curves", "tdm_settings"]
+__all__ = ["as_file", "curves_of_files", "files_of", "read_curves", "tdm_settings"]
 
 #: The last where the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
@@ -24,16 +25,32 @@ def read_curves(curves, folder: Path, origin: str, drift_removed: bool = True) -
     with what the instrument says."""
     if isinstance(curves, str | os.PathLike) and Path(curves).suffix.lower() != ".csv":
         curves = [curves]
-    if not isinstance(curves, list | tuple):
-        return as_file(curves, folder / "curves.csv")
+    if isinstance(curves, list | tuple):
+        curves = curves_of_files([(f"{origin}: {file}: ", Path(file)) for file in curves], drift_removed)
+    return as_file(curves, folder / "curves.csv")
+
+
+def files_of(place: str, folder: Path, names: Iterable[str]) -> list[tuple[str, Path]]:
+    """Files of a folder, of which names such as 'raw/*.txt' are several, with what messages on each begin with."""
     found = []
-    for file in map(Path, curves):
-        found += [(name, np.asarray(curve, dtype=float)) for name, curve in read_file(file, f"{origin}: {file}: ")]
+    for name in names:
+        paths = sorted(folder.glob(name)) if set(name) & set("*?[") and not Path(name).is_absolute() else [folder / name]
+        if not paths:
+            raise InputError(f"{place}{name}: there is no such file")
+        found += [(f"{place}{path.relative_to(folder) if path.is_relative_to(folder) else path}: ", path) for path in paths]
+    return found
+
+
+def curves_of_files(files: Iterable[tuple[str, Path]], drift_removed: bool) -> dict[str, list]:
+    """The columns of the neutral CSV of files, each with what messages on it begin with."""
+    found = []
+    for place, file in files:
+        found += [(name, np.asarray(curve, dtype=float)) for name, curve in read_file(file, place)]
         settings = tdm_settings(beside) if (beside := file.with_suffix(".tdm")).is_file() else {}
         if drift_removed and not settings.get("drift_removed", True):
             raise InputError(
-                f"{origin}: {beside}: the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state drift_removed=False, "
-                "and drift_nm_s in the table of tests"
+                f"{place.removesuffix(': ')} ({beside.name}): the drift of {settings.get('drift_nm_s')} nm/s is still in the depths; state "
+                "&curves drift_removed = .false., and drift_nm_s in the table of tests"
             )
     names = COLUMNS[: min(len(curve) for _, curve in found)]
     columns: dict[str, list] = {name: [] for name in ("test", *names)}
@@ -42,7 +59,7 @@ def read_curves(curves, folder: Path, origin: str, drift_removed: bool = True) -
         columns["test"] += [test] * int(whole.sum())
         for name, values in zip(names, curve[:, whole], strict=False):
             columns[name] += values.tolist()
-    return as_file(columns, folder / "curves.csv")
+    return columns
 
 
 def as_file(table, path: Path) -> str:
@@ -61,7 +78,7 @@ def read_file(file: Path, place: str) -> list[tuple[str, tuple]]:
         text = file.read_bytes().decode("latin-1") if file.suffix.lower() == ".txt" else ""
     except OSError as error:
         raise InputError(f"{place}{error.strerror}") from None
-    if "\rDepth (" in text or "\nDepth (" in text:
+    if any(line.startswith("Depth (") for line in text.splitlines()):
         return [(file.stem, read_hysitron(text, place))]
     if file.suffix.lower() == ".hld":
         nanodent = reader_of(place, file, "a .hld file", "nanodent", ", or export the curve as .txt")

@@ -1,1 +1,0 @@
-"""Measured curves of load and depth."""

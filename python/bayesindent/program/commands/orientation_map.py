@@ -1,0 +1,54 @@
+"""`map`: the picture of an orientation map with its indents."""
+
+import argparse
+from pathlib import Path
+
+from ...core import InputError
+from ...settings.problem import Problem
+from ..command import Command, output_folder, take_folder
+
+__all__ = ["COMMAND"]
+
+
+def draw(arguments: argparse.Namespace) -> dict:
+    """The picture as a file, and the grain of each indent."""
+    problem = Problem(arguments.file, "extract")
+    if problem.map is None:
+        raise InputError(
+            f"{arguments.file}: &measurements ebsd: the variable is missing; it is the orientation map, beside columns x_um and y_um"
+        )
+    # Not above: importing matplotlib is slow, and every command would.
+    from ...report.figures.maps import draw_map
+    from ...report.figures.style import house_style, stamp_synthetic
+
+    output = output_folder(arguments, arguments.file)
+    take_folder(output)
+    with house_style():
+        figure = draw_map(problem.map, problem.measurements.names).figure
+        if problem.settings.problem.synthetic:
+            stamp_synthetic(figure)
+        figure.savefig(output / "map.png")
+    euler = problem.measurements.euler_deg.tolist()
+    rows = [{"map_x_um": x, "map_y_um": y, "grain": grain} for (x, y), grain in zip(problem.map.positions.tolist(), problem.map.grains)]
+    if len(euler) == len(rows):
+        rows = [row | {"euler_deg": angles} for row, angles in zip(rows, euler)]
+    return {"file": str(output / "map.png"), "results": rows, "warnings": problem.warnings}
+
+
+def show(document: dict) -> None:
+    print(f"Map: {document['file']}, {len(document['results'])} indents in {len({row['grain'] for row in document['results']})} grains")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE.nml", type=Path, help="with &measurements file and ebsd")
+
+
+COMMAND = Command(
+    "map",
+    "a picture of the orientation map with its indents",
+    "It draws the map in the colours of the inverse pole figure along the indenter, the boundaries of its grains, and the indents by name.",
+    action=draw,
+    arguments=add_arguments,
+    show=show,
+    then=lambda arguments, document: f"open {document['file']}",
+)

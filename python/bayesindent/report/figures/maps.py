@@ -1,0 +1,58 @@
+"""The orientation map with its indents."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...core import InputError
+from ...settings.orientation_maps import IndentedMap
+from ...settings.problem import Problem
+from ..results import NothingToShow, Results
+from .style import BLACK, Picture, panels
+
+__all__ = ["draw_map", "orientation_map"]
+
+#: Pixels of the picture along its longer side.
+PIXELS = 700
+
+
+def orientation_map(results: Results) -> Picture:
+    """The map of the measurements, with the residual of each indent."""
+    if not results.group("measurements").get("ebsd"):
+        raise NothingToShow
+    try:
+        problem = Problem(Path(results.manifest["namelist"]), "extract")
+    except (InputError, KeyError):
+        raise NothingToShow from None
+    grains = results.predicted
+    residuals = [(item["measured"] - item["mean"]) / item["measured_sd"] for item in grains if item.get("measured_sd")]
+    return draw_map(problem.map, problem.measurements.names, residuals if len(residuals) == len(problem.map.positions) else None)
+
+
+def draw_map(found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None) -> Picture:
+    """The map in the colours of the inverse pole figure along the indenter, with boundaries, and the indents by their names, with residuals."""
+    grid = found.grid
+    low, high = grid.positions.min(axis=0), grid.positions.max(axis=0)
+    spacing = max(grid.step, (high - low).max() / PIXELS)
+    x, y = (np.arange(start, end + spacing / 2, spacing) for start, end in zip(low, high))
+    away, point = cKDTree(grid.positions).query(np.stack(np.meshgrid(x, y), axis=-1))
+    image, grain = grid.colours()[point], grid.grain[point]
+    image[away > 1.5 * grid.step] = 1.0
+    image[:, 1:][grain[:, 1:] != grain[:, :-1]] = 0.0
+    image[1:][grain[1:] != grain[:-1]] = 0.0
+    figure, axes = panels(min(8.0, 6.5 * len(y) / len(x) + 0.8))
+    axes.imshow(image, extent=(x[0] - spacing / 2, x[-1] + spacing / 2, y[-1] + spacing / 2, y[0] - spacing / 2), interpolation="nearest")
+    values = np.zeros(len(found.positions)) if residuals is None else np.array(residuals)
+    marks = axes.scatter(*found.positions.T, c=values, cmap="coolwarm", vmin=-3, vmax=3, edgecolors=BLACK, s=42, linewidths=1)
+    if residuals is not None:
+        figure.colorbar(marks, ax=axes, label="residual (sd)", shrink=0.8)
+    for name, place in zip(names or map(str, range(1, len(values) + 1)), found.positions):
+        label = {"facecolor": "white", "alpha": 0.7, "pad": 1, "edgecolor": "none"}
+        axes.annotate(name, place, (5, 5), textcoords="offset points", size=7.5, bbox=label)
+    axes.set(xlabel="x of the map (µm)", ylabel="y of the map (µm)")
+    axes.grid(False)
+    text = f"Orientation map with {len(values)} indents: the crystal direction along the indenter in the colours of the inverse pole figure"
+    rows = [[*place, number] for place, number in zip(found.positions.tolist(), found.grains)]
+    further = "; discs have the colour of the residual." if residuals is not None else "."
+    return Picture(figure, f"{text}.", text + further, (["x_um", "y_um", "grain_of_map"], rows))
