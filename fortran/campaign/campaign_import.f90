@@ -2,6 +2,7 @@
 module campaign_import
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use campaign, only: campaign_name, campaign_type, row_type
+   use campaign_file, only: begin_transaction, end_transaction
    use crystal_class, only: crystal_class_type
    use errors, only: error_type, refuse, warning_type
    use json, only: json_type
@@ -78,7 +79,7 @@ contains
       integer :: i
 
       n_new = 0
-      call self%begin_change(error)
+      call self%file%run(begin_transaction, error)
       if (.not. allocated(error)) call self%next_position(first, error)
       do i = 1, points%n
          if (allocated(error)) exit
@@ -86,7 +87,7 @@ contains
             call import_row(class, points%constants(:class%n_constants, i), points%euler_deg(:, i), points%modulus_gpa(i))
          end associate
       end do
-      call self%end_change(error)
+      call end_transaction(self%file, error)
 
    contains
 

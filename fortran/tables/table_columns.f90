@@ -12,10 +12,10 @@ module table_columns
    use files, only: printable
    use kinds, only: degree, pi, wp
    use tables, only: longest_name, table_type
-   use text, only: join, lower, newline, split_list, to_text
+   use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: known_columns, find_column, find_modulus, standard_names, column_list, nearest_to, check_unit, column_hint, &
+   public :: known_columns, find_column, find_modulus, standard_name, column_list, nearest_to, check_unit, column_hint, &
       & name_columns, degrees, find_ways, read_directions, angles_of_direction
 
    !> A column, other names that it may have without their unit, the words for its unit, each between blanks, and what its numbers can be.
@@ -136,28 +136,18 @@ contains
       if (word == 'depth') is_other_name = is_other_name .and. index(known_columns(i)%units, ' '//unit//' ') > 0
    end function is_other_name
 
-   !> What headers, a line each, mean: names of `known_columns` or of ways to state directions; '' is nothing that is read.
-   pure function standard_names(headers) result(names)
-      character(len=*), intent(in) :: headers
-      character(len=longest_name), allocatable :: names(:)
-      integer :: first, last, i
+   !> What a header means: one of `known_columns` or of the ways to state directions; '' is nothing that is read.
+   pure function standard_name(header) result(name)
+      character(len=*), intent(in) :: header
+      character(len=longest_name) :: name
+      integer :: i
 
-      allocate (names(0))
-      first = 1
-      do while (first <= len(headers))
-         last = first - 2 + index(headers(first:)//newline, newline)
-         names = [names, repeat(' ', longest_name)]
-         associate (header => headers(first:last), name => names(size(names)))
-            if (any([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] == lower(header))) then
-               name = lower(header)
-            end if
-            do i = size(known_columns), 1, -1
-               if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
-            end do
-         end associate
-         first = last + 2
+      name = lower(header)
+      if (all([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] /= name)) name = ''
+      do i = size(known_columns), 1, -1
+         if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
       end do
-   end function standard_names
+   end function standard_name
 
    !> The unit that a column's name or the row of units says, if any, is one of `units`.
    subroutine check_unit(table, column, units, error)
@@ -282,14 +272,6 @@ contains
       end do
    end function nearest_to
 
-   !> Whether a name is one of those of `known_columns`.
-   pure logical function is_known(name)
-      character(len=*), intent(in) :: name
-      integer :: i
-
-      is_known = any([(is_other_name(name, i) .or. lower(known_columns(i)%name) == lower(name), i=1, size(known_columns))])
-   end function is_known
-
    !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
    function column_hint(table, column, allowed) result(words)
       type(table_type), intent(in) :: table
@@ -300,7 +282,7 @@ contains
       character(len=:), allocatable :: words
 
       words = ''
-      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
+      if (len(table%name(column)) < shortest_misspelt .or. len_trim(standard_name(table%called(column))) > 0) return
       if (present(allowed)) words = suggestion(table%name(column), allowed)
       if (.not. present(allowed)) words = suggestion(table%name(column), join(known_columns%name, ', '))
    end function column_hint
