@@ -105,18 +105,4 @@ void bayesindent_read_real(const char *text, std::int32_t length, double *value,
   if (*outcome == ok)
     *value = text[0] == '-' ? -size : size;
 }
-
-// A decimal integer with an optional sign, the whole text. Where it is none, the value is 0.
-void bayesindent_read_integer(const char *text, std::int32_t length, std::int32_t *value, std::int32_t *outcome) {
-  *value = 0;
-  *outcome = malformed;
-  const bool has_sign = length > 0 && (text[0] == '-' || text[0] == '+');
-  std::uint32_t size = 0;
-  const auto [end, error] = std::from_chars(text + has_sign, text + length, size);
-  if (error == std::errc::invalid_argument || end != text + length)
-    return;
-  *outcome = error == std::errc() && size <= INT32_MAX ? ok : not_finite;
-  if (*outcome == ok)
-    *value = static_cast<std::int32_t>(text[0] == '-' ? -size : size);
-}
 }

@@ -5,7 +5,9 @@
 !> file, and a new release does not orphan old results. One thread at a time may use a campaign; processes share the file.
 module campaign
    use files, only: checksum
-   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, statement_type
+   use, intrinsic :: iso_c_binding, only: c_null_char
+   use campaign_file, only: begin_transaction, database_type, end_transaction, open_campaign_file, raise_damaged, real_value, &
+      & text_value
    use errors, only: error_type, warning_type
    use kinds, only: i8, wp
    use simulate, only: outcome_done, outcome_failed, outcome_type
@@ -36,8 +38,7 @@ module campaign
       character(len=:), allocatable :: path
       !> Of the physics: JSON, keys sorted.
       character(len=:), allocatable, private :: identity
-      type(database_type), private :: file
-      type(statement_type), private :: lookup, insertion
+      type(database_type) :: file
       !> The number of the physics in the file.
       character(len=:), allocatable, private :: physics
       !> Rows on their way to the disk, and since when the first of them waits.
@@ -45,8 +46,8 @@ module campaign
       integer, private :: n_waiting = 0
       integer(i8), private :: since = 0
    contains
-      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, begin_change, end_change, &
-         & next_position, other_physics
+      procedure :: open => open_campaign, close => close_campaign, rows, find, add, add_soon, flush, next_position, &
+         & other_physics
       procedure, private :: read_row
       final :: finalize_campaign
    end type campaign_type
@@ -54,13 +55,14 @@ module campaign
    !> The columns of a row, in the order in which `read_row` takes them and `add` gives them.
    character(len=*), parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, message, ' &
       & //'depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
-   !> Those from the second on are texts, all but the last two of which are there in every row.
-   integer, parameter :: n_texts = 8, n_needed = 6
+   !> Those from the second on are texts.
+   integer, parameter :: n_columns = 13, n_texts = 8
    character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE physics_id = ? AND symmetry = ? ' &
       & //'AND constants = ? AND euler_deg = ?'
    character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns//', created) VALUES (?1, ' &
-      & //'COALESCE(?2, (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
-      & //'?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
+      & //'COALESCE(NULLIF(?2, ''-1''), (SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE physics_id = ?1)), ' &
+      & //'?3, ?4, ?5, ?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), ?11, NULLIF(?12, ''0''), ?13, ?14, ' &
+      & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ' &
       & //'ON CONFLICT (physics_id, symmetry, constants, euler_deg) DO NOTHING'
    character(len=*), parameter :: simulated = 'simulated', told = 'told', done = 'done', failed = 'failed'
 
@@ -89,8 +91,6 @@ contains
          & //quoted(identity, '''')//')', error)
       if (.not. allocated(error)) call self%file%value('SELECT id FROM physics WHERE identity = '//quoted(identity, ''''), &
          & self%physics, error)
-      if (.not. allocated(error)) call self%file%prepare(lookup, self%lookup, error)
-      if (.not. allocated(error)) call self%file%prepare(insertion, self%insertion, error)
       if (allocated(error)) call self%close()
    end subroutine open_campaign
 
@@ -98,8 +98,6 @@ contains
    subroutine close_campaign(self)
       class(campaign_type), intent(inout) :: self
 
-      call self%lookup%finish()
-      call self%insertion%finish()
       call self%file%close()
    end subroutine close_campaign
 
@@ -117,27 +115,16 @@ contains
       !> In order of position.
       type(row_type), allocatable, intent(out) :: found(:)
       type(error_type), allocatable, intent(out) :: error
-      type(statement_type) :: statement
-      logical :: more
-      integer :: i
+      character(len=:), allocatable :: cells
+      integer :: at, i
 
-      allocate (found(0))
-      call self%file%prepare('SELECT '//columns//', COUNT(*) OVER () FROM simulation WHERE physics_id = ?1 ' &
-         & //'AND (?2 = '''' OR symmetry = ?2) ORDER BY position, id', statement, error)
-      if (.not. allocated(error)) then
-         call statement%bind(1, self%physics)
-         call statement%bind(2, trim(symmetry))
-         call statement%step(more, error)
-         if (more) then
-            deallocate (found)
-            allocate (found(nint(statement%real(14))))
-         end if
-      end if
+      call self%file%query('SELECT '//columns//' FROM simulation WHERE physics_id = ?1 AND (?2 = '''' OR symmetry = ?2) ' &
+         & //'ORDER BY position, id', text_value(self%physics)//text_value(trim(symmetry)), cells, error)
+      allocate (found(count([(cells(i:i) == c_null_char, i=1, len(cells))])/n_columns))
+      at = 1
       do i = 1, size(found)
-         if (.not. allocated(error)) call self%read_row(statement, found(i), error)
-         if (.not. allocated(error)) call statement%step(more, error)
+         if (.not. allocated(error)) call self%read_row(cells, at, found(i), error)
       end do
-      call statement%finish()
    end subroutine rows
 
    !> The row of a point, if it is there.
@@ -151,14 +138,14 @@ contains
       !> Whether it is there.
       logical, intent(out) :: found
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: cells
+      integer :: at
 
-      call self%lookup%bind(1, self%physics)
-      call self%lookup%bind(2, trim(symmetry))
-      call self%lookup%bind(3, list_text(constants))
-      call self%lookup%bind(4, list_text(euler_deg))
-      call self%lookup%step(found, error)
-      if (found) call self%read_row(self%lookup, row, error)
-      call self%lookup%reset()
+      call self%file%query(lookup, text_value(self%physics)//text_value(trim(symmetry))//text_value(list_text(constants)) &
+         & //text_value(list_text(euler_deg)), cells, error)
+      found = len(cells) > 0
+      at = 1
+      if (found) call self%read_row(cells, at, row, error)
    end subroutine find
 
    !> Store a row, at its position or the next one; on return it is on the disk. One that is there already, from another program at
@@ -168,25 +155,22 @@ contains
       type(row_type), intent(in) :: row
       type(error_type), allocatable, intent(out) :: error
       type(warning_type) :: texts(n_texts)
-      logical :: is_done, found
+      character(len=:), allocatable :: values, cells
+      real(wp) :: modulus
       integer :: i
 
-      associate (to => self%insertion, outcome => row%outcome)
-         is_done = outcome%status == outcome_done
-         call get_texts(row, texts)
-         call to%bind(1, self%physics)
-         if (row%position >= 0) call to%bind(2, to_text(row%position))
-         do i = 1, n_texts
-            if (i <= n_needed .or. len(texts(i)%text) > 0) call to%bind(2 + i, texts(i)%text)
-         end do
-         if (is_done) call to%bind(11, outcome%modulus)
-         if (outcome%elements > 0) call to%bind(12, to_text(outcome%elements))
-         if (outcome%seconds > 0.0_wp) call to%bind(13, outcome%seconds)
-         call to%bind(14, row_checksum(self%identity, texts, merge(outcome%modulus, 0.0_wp, is_done), outcome%elements, &
-            & outcome%seconds))
-         call to%step(found, error)
-         call to%reset()
+      call get_texts(row, texts)
+      values = text_value(self%physics)//text_value(to_text(max(-1, row%position)))
+      do i = 1, n_texts
+         values = values//text_value(texts(i)%text)
+      end do
+      associate (outcome => row%outcome)
+         modulus = merge(outcome%modulus, 0.0_wp, outcome%status == outcome_done)
+         values = values//real_value(outcome%status == outcome_done, modulus)//text_value(to_text(max(0, outcome%elements))) &
+            & //real_value(outcome%seconds > 0.0_wp, outcome%seconds) &
+            & //text_value(row_checksum(self%identity, texts, modulus, outcome%elements, outcome%seconds))
       end associate
+      call self%file%query(insertion, values, cells, error)
    end subroutine add
 
    !> The texts of a row.
@@ -229,29 +213,13 @@ contains
       integer :: i
 
       if (self%n_waiting == 0) return
-      call self%begin_change(error)
+      call self%file%run(begin_transaction, error)
       do i = 1, self%n_waiting
          if (.not. allocated(error)) call self%add(self%waiting(i), error)
       end do
-      call self%end_change(error)
+      call end_transaction(self%file, error)
       self%n_waiting = 0
    end subroutine flush
-
-   !> From here to `end_change` all is stored, or nothing.
-   subroutine begin_change(self, error)
-      class(campaign_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call self%file%run(begin_transaction, error)
-   end subroutine begin_change
-
-   !> Keep what was changed, unless there is an error.
-   subroutine end_change(self, error)
-      class(campaign_type), intent(inout) :: self
-      type(error_type), allocatable, intent(inout) :: error
-
-      call end_transaction(self%file, error)
-   end subroutine end_change
 
    !> The `position` of a row to come.
    subroutine next_position(self, position, error)
@@ -277,38 +245,40 @@ contains
          & //' AND id IN (SELECT physics_id FROM simulation)', identities, error)
    end subroutine other_physics
 
-   !> The row that a statement is at.
-   subroutine read_row(self, statement, row, error)
+   !> The row whose cells begin `at` a byte, which is left after them.
+   subroutine read_row(self, cells, at, row, error)
       class(campaign_type), intent(in) :: self
-      type(statement_type), intent(in) :: statement
+      !> As a query gives them.
+      character(len=*), intent(in) :: cells
+      integer, intent(inout) :: at
       type(row_type), intent(out) :: row
       type(error_type), allocatable, intent(out) :: error
-      type(warning_type) :: texts(n_texts)
+      type(warning_type) :: cell(n_columns)
       real(wp), allocatable :: angles(:)
-      character(len=:), allocatable :: digits
       logical :: good(5)
-      integer :: i
+      integer :: length, outcome, i
 
-      do i = 1, n_texts
-         call statement%text(1 + i, texts(i)%text)
+      do i = 1, n_columns
+         length = index(cells(at:), c_null_char)
+         cell(i)%text = cells(at:at + length - 2)
+         at = at + length
       end do
-      row%position = nint(statement%real(1))
-      row%symmetry = texts(1)%text
-      call read_list(texts(2)%text, row%constants, good(1))
-      call read_list(texts(3)%text, angles, good(2))
-      row%imported = texts(4)%text == told
-      row%outcome%status = merge(outcome_done, outcome_failed, texts(5)%text == done)
-      row%outcome%message = texts(6)%text
-      call read_list(texts(7)%text, row%outcome%depth, good(3))
-      call read_list(texts(8)%text, row%outcome%force, good(4))
-      row%outcome%modulus = statement%real(10)
-      row%outcome%elements = nint(statement%real(11))
-      row%outcome%seconds = statement%real(12)
+      call read_integer(cell(1)%text, row%position, outcome)
+      row%symmetry = cell(2)%text
+      call read_list(cell(3)%text, row%constants, good(1))
+      call read_list(cell(4)%text, angles, good(2))
+      row%imported = cell(5)%text == told
+      row%outcome%status = merge(outcome_done, outcome_failed, cell(6)%text == done)
+      row%outcome%message = cell(7)%text
+      call read_list(cell(8)%text, row%outcome%depth, good(3))
+      call read_list(cell(9)%text, row%outcome%force, good(4))
+      call read_real(cell(10)%text, row%outcome%modulus, outcome)
+      call read_integer(cell(11)%text, row%outcome%elements, outcome)
+      call read_real(cell(12)%text, row%outcome%seconds, outcome)
       ! Rows of the first version of the layout have none.
-      call statement%text(13, digits)
-      good(5) = len(digits) == 0
-      if (.not. good(5)) good(5) = digits == row_checksum(self%identity, texts, row%outcome%modulus, row%outcome%elements, &
-         & row%outcome%seconds)
+      good(5) = len(cell(13)%text) == 0
+      if (.not. good(5)) good(5) = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), row%outcome%modulus, &
+         & row%outcome%elements, row%outcome%seconds)
       if (all(good) .and. size(angles) == size(row%euler_deg)) then
          row%euler_deg = angles
       else

@@ -1,24 +1,21 @@
 !> The file of a campaign: its layout, and whether what is there is one.
 !>
-!> Database files are read and written through libsqlite3. What the machine could not do (a lock, the disk) is an error of its own kind. One
-!> thread at a time may use a database. A statement that gave a row keeps the file locked until `reset`.
+!> Database files are read and written through libsqlite3 (cpp/database.cpp). What the machine could not do (a lock, the disk) is an error of
+!> its own kind. One thread at a time may use a database.
 module campaign_file
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_null_char, &
-      & c_null_ptr, c_ptr, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, c_null_ptr, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, replace_file
    use kinds, only: wp
-   use text, only: newline
+   use text, only: newline, number_text
    implicit none
    private
-   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, statement_type
+   public :: open_campaign_file, begin_transaction, end_transaction, raise_damaged, database_type, text_value, &
+      & real_value
 
-   !> Result codes of the library that are not errors, and those for which the machine is to blame: permission, busy, locked, memory,
-   !> read-only, interrupt, input and output, full, cannot open.
-   integer, parameter :: ok = 0, row_code = 100, done_code = 101, of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14]
-   integer, parameter :: read_only = 8, full = 13
-   !> SQLITE_TRANSIENT in place of a destructor: the library copies a text at once.
-   integer(c_intptr_t), parameter :: transient = -1_c_intptr_t
+   !> Result codes of the library for which the machine is to blame: permission, busy, locked, memory, read-only, interrupt, input and output,
+   !> full, cannot open; and that of a database that is not open.
+   integer, parameter :: of_the_machine(9) = [3, 5, 6, 7, 8, 9, 10, 13, 14], read_only = 8, full = 13, misuse = 21
    !> How long to wait for another process, ms.
    character(len=*), parameter :: be_patient = 'PRAGMA busy_timeout = 60000'
 
@@ -28,84 +25,25 @@ module campaign_file
       !> Of the campaign, for messages.
       character(len=:), allocatable :: path
    contains
-      procedure :: open => open_database, close => close_database, run, value, prepare
-      procedure, private :: fail
+      procedure :: open => open_database, close => close_database, run, value, query
    end type database_type
 
-   type :: statement_type
-      private
-      type(c_ptr) :: handle = c_null_ptr
-      type(database_type) :: database
-      integer(c_int) :: bound = 0
-   contains
-      procedure, private :: bind_text, bind_real
-      !> Columns that are integers take texts of them.
-      generic :: bind => bind_text, bind_real
-      procedure :: step, real => column_real, text => column_text, reset, finish
-   end type statement_type
-
-   abstract interface
-      integer(c_int) function code_of(handle) bind(c)
-         import :: c_int, c_ptr
-         !> Of a database or a statement.
-         type(c_ptr), value :: handle
-      end function code_of
-   end interface
-   procedure(code_of), bind(c, name='sqlite3_close_v2') :: c_close
-   procedure(code_of), bind(c, name='sqlite3_step') :: c_step
-   procedure(code_of), bind(c, name='sqlite3_reset') :: c_reset
-   procedure(code_of), bind(c, name='sqlite3_clear_bindings') :: c_clear_bindings
-   procedure(code_of), bind(c, name='sqlite3_finalize') :: c_finalize
-
    interface
-      integer(c_int) function c_open(path, handle) bind(c, name='sqlite3_open')
-         import :: c_char, c_int, c_ptr
+      type(c_ptr) function c_open(path) bind(c, name='bayesindent_open_database')
+         import :: c_char, c_ptr
          character(kind=c_char), intent(in) :: path(*)
-         type(c_ptr), intent(out) :: handle
       end function c_open
-      type(c_ptr) function c_message(handle) bind(c, name='sqlite3_errmsg')
+      subroutine c_close(handle) bind(c, name='bayesindent_close_database')
          import :: c_ptr
          type(c_ptr), value :: handle
-      end function c_message
-      integer(c_int) function c_exec(handle, sql, callback, argument, message) bind(c, name='sqlite3_exec')
+      end subroutine c_close
+      type(c_ptr) function c_query(handle, sql, values, length, bytes, code) bind(c, name='bayesindent_query')
          import :: c_char, c_int, c_ptr
-         type(c_ptr), value :: handle, callback, argument, message
-         character(kind=c_char), intent(in) :: sql(*)
-      end function c_exec
-      integer(c_int) function c_prepare(handle, sql, bytes, statement, rest) bind(c, name='sqlite3_prepare_v2')
-         import :: c_char, c_int, c_ptr
-         type(c_ptr), value :: handle, rest
-         character(kind=c_char), intent(in) :: sql(*)
-         integer(c_int), value :: bytes
-         type(c_ptr), intent(out) :: statement
-      end function c_prepare
-      integer(c_int) function c_bind_text(statement, i, text, bytes, destructor) bind(c, name='sqlite3_bind_text')
-         import :: c_char, c_int, c_intptr_t, c_ptr
-         type(c_ptr), value :: statement
-         character(kind=c_char), intent(in) :: text(*)
-         integer(c_int), value :: i, bytes
-         integer(c_intptr_t), value :: destructor
-      end function c_bind_text
-      integer(c_int) function c_bind_double(statement, i, number) bind(c, name='sqlite3_bind_double')
-         import :: c_double, c_int, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-         real(c_double), value :: number
-      end function c_bind_double
-      real(c_double) function c_column_double(statement, i) bind(c, name='sqlite3_column_double')
-         import :: c_double, c_int, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-      end function c_column_double
-      type(c_ptr) function c_column_text(statement, i) bind(c, name='sqlite3_column_text')
-         import :: c_int, c_ptr
-         type(c_ptr), value :: statement
-         integer(c_int), value :: i
-      end function c_column_text
-      integer(c_size_t) function c_length(text) bind(c, name='strlen')
-         import :: c_ptr, c_size_t
-         type(c_ptr), value :: text
-      end function c_length
+         type(c_ptr), value :: handle
+         character(kind=c_char), intent(in) :: sql(*), values(*)
+         integer(c_int), value :: length
+         integer(c_int), intent(out) :: bytes, code
+      end function c_query
    end interface
 
    !> Marks the file as ours ('bayi'), and the version of its layout.
@@ -155,16 +93,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (.not. allocated(self%path)) self%path = path
-      call self%fail(c_open(path//c_null_char, self%handle), error)
-      if (.not. allocated(error)) call self%run(be_patient, error)
+      self%handle = c_open(path//c_null_char)
+      call self%run(be_patient, error)
    end subroutine open_database
 
    !> Close the file; what was not committed is not done.
    subroutine close_database(self)
       class(database_type), intent(inout) :: self
-      integer(c_int) :: code
 
-      if (c_associated(self%handle)) code = c_close(self%handle)
+      if (c_associated(self%handle)) call c_close(self%handle)
       self%handle = c_null_ptr
    end subroutine close_database
 
@@ -174,8 +111,9 @@ contains
       !> Statements.
       character(len=*), intent(in) :: sql
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: cells
 
-      call self%fail(c_exec(self%handle, sql//c_null_char, c_null_ptr, c_null_ptr, c_null_ptr), error)
+      call self%query(sql, '', cells, error)
    end subroutine run
 
    !> The first cell that a statement gives, as text; '' if it gives none.
@@ -185,127 +123,60 @@ contains
       character(len=*), intent(in) :: sql
       character(len=:), allocatable, intent(out) :: text
       type(error_type), allocatable, intent(out) :: error
-      type(statement_type) :: statement
-      logical :: found
 
-      text = ''
-      call self%prepare(sql, statement, error)
-      if (.not. allocated(error)) call statement%step(found, error)
-      if (.not. allocated(error)) call statement%text(1, text)
-      call statement%finish()
+      call self%query(sql, '', text, error)
+      text = text(:index(text, c_null_char) - 1)
    end subroutine value
 
-   !> A statement whose parameters are then bound; `finish` frees it.
-   subroutine prepare(self, sql, statement, error)
+   !> Perform a statement with values for its parameters, or several without: the `cells` of the rows that it gives, each ended by a zero
+   !> byte, '' for NULL. An error is in the words of the library, and with the file.
+   subroutine query(self, sql, values, cells, error)
       class(database_type), intent(in) :: self
-      !> One statement.
-      character(len=*), intent(in) :: sql
-      type(statement_type), intent(out) :: statement
+      !> The statement; its values, by `text_value` and `real_value`.
+      character(len=*), intent(in) :: sql, values
+      character(len=:), allocatable, intent(out) :: cells
       type(error_type), allocatable, intent(out) :: error
-
-      statement%database = self
-      call self%fail(c_prepare(self%handle, sql//c_null_char, -1_c_int, statement%handle, c_null_ptr), error)
-   end subroutine prepare
-
-   !> The error of a result code in the words of the library, if it is one, and with the file.
-   subroutine fail(self, code, error)
-      class(database_type), intent(in) :: self
-      integer(c_int), intent(in) :: code
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: reason
-
-      if (any(int(code) == [ok, row_code, done_code])) return
-      reason = 'the database is not open'
-      if (c_associated(self%handle)) call copy_text(c_message(self%handle), reason)
-      if (iand(int(code), 255) == full) reason = 'the disk is full'
-      if (iand(int(code), 255) == read_only) reason = 'there is no permission to write it'
-      call raise(error, reason, merge(machine_failure, exit_bad_input, any(of_the_machine == iand(int(code), 255))))
-      call name_file(self%path, error)
-   end subroutine fail
-
-   !> Bind the parameter with number `i`, from 1, to a `value`.
-   subroutine bind_text(self, i, value)
-      class(statement_type), intent(inout) :: self
-      integer, intent(in) :: i
-      character(len=*), intent(in) :: value
-
-      self%bound = max(self%bound, c_bind_text(self%handle, i, value//c_null_char, len(value, c_int), transient))
-   end subroutine bind_text
-
-   !> Bind the parameter with number `i`, from 1, to a `value`.
-   subroutine bind_real(self, i, value)
-      class(statement_type), intent(inout) :: self
-      integer, intent(in) :: i
-      real(wp), intent(in) :: value
-
-      self%bound = max(self%bound, c_bind_double(self%handle, i, value))
-   end subroutine bind_real
-
-   !> Go on to the next row, if one is `found`.
-   subroutine step(self, found, error)
-      class(statement_type), intent(inout) :: self
-      logical, intent(out) :: found
-      type(error_type), allocatable, intent(out) :: error
-      integer(c_int) :: code
-
-      code = self%bound
-      if (code == ok) code = c_step(self%handle)
-      found = code == row_code
-      call self%database%fail(code, error)
-   end subroutine step
-
-   !> Column `i`, from 1, of the present row; NULL is 0.
-   real(wp) function column_real(self, i)
-      class(statement_type), intent(in) :: self
-      integer, intent(in) :: i
-
-      column_real = c_column_double(self%handle, i - 1)
-   end function column_real
-
-   !> Column `i`, from 1, of the present row; NULL is ''.
-   subroutine column_text(self, i, text)
-      class(statement_type), intent(in) :: self
-      integer, intent(in) :: i
-      character(len=:), allocatable, intent(out) :: text
-
-      call copy_text(c_column_text(self%handle, i - 1), text)
-   end subroutine column_text
-
-   !> Make ready for other parameters, NULL until they are bound, and leave the file to others.
-   subroutine reset(self)
-      class(statement_type), intent(inout) :: self
-      integer(c_int) :: code
-
-      self%bound = 0
-      if (.not. c_associated(self%handle)) return
-      code = c_reset(self%handle)
-      code = c_clear_bindings(self%handle)
-   end subroutine reset
-
-   subroutine finish(self)
-      class(statement_type), intent(inout) :: self
-      integer(c_int) :: code
-
-      if (c_associated(self%handle)) code = c_finalize(self%handle)
-      self%handle = c_null_ptr
-   end subroutine finish
-
-   !> A text of the library.
-   subroutine copy_text(bytes, text)
-      type(c_ptr), intent(in) :: bytes
-      character(len=:), allocatable, intent(out) :: text
-      character(kind=c_char), pointer :: characters(:)
-      integer(c_size_t) :: n
+      character(kind=c_char), pointer :: bytes(:)
+      type(c_ptr) :: address
+      integer(c_int) :: n, code
       integer :: i
 
-      n = 0
-      if (c_associated(bytes)) n = c_length(bytes)
-      allocate (character(len=n) :: text)
-      call c_f_pointer(bytes, characters, [n])
-      do i = 1, len(text)
-         text(i:i) = characters(i)
-      end do
-   end subroutine copy_text
+      code = misuse
+      cells = 'the database is not open'
+      if (c_associated(self%handle)) then
+         address = c_query(self%handle, sql//c_null_char, values, len(values), n, code)
+         call c_f_pointer(address, bytes, [n])
+         cells = repeat(' ', n)
+         do i = 1, n
+            cells(i:i) = bytes(i)
+         end do
+      end if
+      if (code == 0) return
+      code = iand(code, 255)
+      if (code == full) cells = 'the disk is full'
+      if (code == read_only) cells = 'there is no permission to write it'
+      call raise(error, cells, merge(machine_failure, exit_bad_input, any(of_the_machine == code)))
+      cells = ''
+      call name_file(self%path, error)
+   end subroutine query
+
+   !> A `text` as a value of a query; columns that are integers take texts of them.
+   pure function text_value(text) result(value)
+      character(len=*), intent(in) :: text
+      character(len=:), allocatable :: value
+
+      value = 't'//text//c_null_char
+   end function text_value
+
+   !> A `number` as a value of a query, NULL if it is not `known`.
+   pure function real_value(known, number) result(value)
+      logical, intent(in) :: known
+      real(wp), intent(in) :: number
+      character(len=:), allocatable :: value
+
+      value = 'n'//c_null_char
+      if (known) value = 'r'//number_text(number)//c_null_char
+   end function real_value
 
    !> Open a campaign; it is made, with its folders, if it is not there.
    subroutine open_campaign_file(path, file, error)

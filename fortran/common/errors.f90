@@ -4,10 +4,11 @@
 !> The caller returns at once if it is allocated. Nothing in the library stops the process.
 !> What may be meant, but should be known, is a warning: a list of lines.
 module errors
+   use text, only: split_list
    implicit none
    private
    public :: error_type, raise, refuse, exit_status, exit_failure, exit_bad_input, exit_unusable, machine_failure, warning_type, &
-      & warn
+      & warn, suggestion
 
    !> Exit statuses of the programs (see the README).
    integer, parameter :: exit_failure = 1, exit_bad_input = 2
@@ -73,4 +74,37 @@ contains
       call move_alloc(longer, warnings)
    end subroutine warn
 
+   !> ', did you mean X?' with the nearest of the allowed names, or nothing if none is near.
+   pure function suggestion(written, allowed) result(words)
+      !> The name that is not known.
+      character(len=*), intent(in) :: written
+      !> Names, separated by ', '.
+      character(len=*), intent(in) :: allowed
+      character(len=:), allocatable :: words, names(:)
+      integer :: i, nearest
+
+      words = ''
+      names = split_list(allowed)
+      if (size(names) == 0) return
+      associate (distances => [(edit_distance(trim(names(i)), written), i=1, size(names))])
+         nearest = minloc(distances, dim=1)
+         if (distances(nearest) <= max(1, len_trim(names(nearest))/3)) words = ', did you mean '//trim(names(nearest))//'?'
+      end associate
+   end function suggestion
+
+   !> Levenshtein's distance.
+   pure integer function edit_distance(a, b) result(distance)
+      character(len=*), intent(in) :: a, b
+      integer :: previous(0:len(b)), current(0:len(b)), i, j
+
+      previous = [(j, j=0, len(b))]
+      do i = 1, len(a)
+         current(0) = i
+         do j = 1, len(b)
+            current(j) = min(previous(j) + 1, current(j - 1) + 1, previous(j - 1) + merge(0, 1, a(i:i) == b(j:j)))
+         end do
+         previous = current
+      end do
+      distance = previous(len(b))
+   end function edit_distance
 end module errors

@@ -27,7 +27,7 @@ module json
       logical :: begun(0:deepest) = .false.
       character :: bracket(0:deepest) = ' '
    contains
-      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_null, put_if, put_numbers
+      procedure :: begin_object, end_object => close_level, begin_array, end_array => close_level, put_if, put_numbers
       !> A value that is JSON already.
       procedure :: put_json, text => document_text
       procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, put_matrix, put_lines
@@ -52,14 +52,6 @@ contains
       call open_level(self, '[]', key)
    end subroutine begin_array
 
-   !> null under `key`.
-   pure subroutine put_null(self, key)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-
-      call self%put_json(key, 'null')
-   end subroutine put_null
-
    !> The number `value` under `key`, or null if it is not `known`.
    pure subroutine put_if(self, known, key, value)
       class(json_type), intent(inout) :: self
@@ -68,7 +60,7 @@ contains
       real(wp), intent(in) :: value
 
       if (known) call self%put(key, value)
-      if (.not. known) call self%put_null(key)
+      if (.not. known) call self%put_json(key, 'null')
    end subroutine put_if
 
    !> A number, of `values`, for each name, in the object that is open, or in one of their own under `key`.

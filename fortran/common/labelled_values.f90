@@ -31,8 +31,8 @@ module labelled_values
       !> What is read; or what was written, in its first `filled` bytes.
       character(len=:), allocatable :: content
       integer :: filled = 0
-      !> Next byte to read, and the number of its line.
-      integer, private :: position = 1, line = 1
+      !> Next byte to read, and the number of the line before it.
+      integer, private :: position = 1, line = 0
    contains
       procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, real => exchange_real, &
          & reals => exchange_reals, finish, fail
@@ -47,28 +47,20 @@ contains
       character(len=*), intent(in) :: label
       !> Given or taken.
       character(len=:), allocatable, intent(inout) :: value
-      integer :: length
+      character(len=:), allocatable :: line
 
       if (associated(self%described)) then
          call self%described%put(label, value)
-         return
-      end if
-      if (.not. self%reading) then
-         call put(self, label//' '//value//newline)
-         return
-      end if
-      value = ''
-      if (allocated(self%error)) return
-      length = index(self%content(self%position:), newline)
-      if (length == 0) then
-         call self%fail('the file ends where '''//label//''' is expected')
-      else if (index(self%content(self%position:self%position + length - 2), label//' ') /= 1) then
-         call self%fail(''''//label//''' is expected, not '''//printable(self%content(self%position:self%position + length - 2)) &
-            & //'''')
+      else if (self%reading) then
+         call take_line(self, label, line)
+         value = ''
+         if (index(line, label//' ') == 1) then
+            value = line(len(label) + 2:)
+         else
+            call self%fail(''''//label//''' is expected, not '''//printable(line)//'''')
+         end if
       else
-         value = self%content(self%position + len(label) + 1:self%position + length - 2)
-         self%position = self%position + length
-         self%line = self%line + 1
+         call put(self, label//' '//value//newline)
       end if
    end subroutine exchange_text
 
@@ -79,7 +71,8 @@ contains
       character(len=*), intent(in) :: label
       !> Given or taken.
       character(len=:), allocatable, intent(inout) :: value
-      integer :: n, i, first, length
+      character(len=:), allocatable :: line
+      integer :: n, i, first
 
       if (associated(self%described)) then
          call self%described%put(label, value)
@@ -94,13 +87,10 @@ contains
       end if
       first = self%position
       do i = 1, n
+         call take_line(self, label, line)
          if (allocated(self%error)) return
-         length = index(self%content(self%position:), newline)
-         if (length == 0) call self%fail('ends within '''//label//'''')
-         self%position = self%position + length
-         self%line = self%line + 1
       end do
-      if (.not. allocated(self%error)) value = self%content(first:self%position - 2)
+      value = self%content(first:self%position - 2)
    end subroutine exchange_lines
 
    subroutine exchange_integer(self, label, value)
@@ -148,6 +138,7 @@ contains
       !> Given or taken.
       real(wp), allocatable, intent(inout) :: values(:)
       integer, parameter :: a_line = 4
+      character(len=:), allocatable :: line
       integer :: n, i, length
 
       if (associated(self%described)) then
@@ -171,20 +162,12 @@ contains
       if (allocated(values)) deallocate (values)
       allocate (values(n))
       do i = 1, n
-         length = scan(self%content(self%position:), ' '//newline) - 1
-         if (length <= 0) then
-            call self%fail(''''//label//''' has '//to_text(i - 1)//' values instead of '//to_text(n))
-            return
-         end if
-         call parse(self, self%content(self%position:self%position + length - 1), label, values(i))
+         if (mod(i, a_line) == 1) call take_line(self, label, line)
+         length = index(line//' ', ' ') - 1
+         call parse(self, line(:length), label, values(i))
+         line = line(length + 2:)
+         if ((mod(i, a_line) == 0 .or. i == n) .and. len(line) > 0) call self%fail(''''//label//''' has a line that is too long')
          if (allocated(self%error)) return
-         self%position = self%position + length
-         if ((self%content(self%position:self%position) == newline) .neqv. (mod(i, a_line) == 0 .or. i == n)) then
-            call self%fail(''''//label//''' has a line that is too short or too long')
-            return
-         end if
-         if (self%content(self%position:self%position) == newline) self%line = self%line + 1
-         self%position = self%position + 1
       end do
    end subroutine exchange_reals
 
@@ -197,12 +180,9 @@ contains
       last = self%position - 1
       if (.not. self%reading) rest = checksum(self%content(:self%filled))
       call self%text('checksum', rest)
-      if (allocated(self%error) .or. .not. self%reading) return
-      if (self%position <= len(self%content)) then
-         call self%fail('goes on after its checksum')
-      else if (rest /= checksum(self%content(:last))) then
-         call self%fail('the checksum is not that of the content, which was changed')
-      end if
+      if (.not. self%reading) return
+      if (self%position <= len(self%content)) call self%fail('goes on after its checksum')
+      if (rest /= checksum(self%content(:last))) call self%fail('the checksum is not that of the content, which was changed')
    end subroutine finish
 
    !> Record an error that names the line, unless there is one already.
@@ -215,6 +195,23 @@ contains
       call refuse(self%error, reason)
       if (self%reading) self%error%message = 'line '//to_text(self%line)//': '//reason
    end subroutine fail
+
+   !> The next line; '' where there is none, or after an error.
+   subroutine take_line(self, label, line)
+      class(labelled_values_type), intent(inout) :: self
+      !> Of the value in it.
+      character(len=*), intent(in) :: label
+      character(len=:), allocatable, intent(out) :: line
+      integer :: length
+
+      line = ''
+      if (allocated(self%error)) return
+      self%line = self%line + 1
+      length = index(self%content(self%position:), newline)
+      if (length == 0) call self%fail('the file ends where '''//label//''' is expected')
+      line = self%content(self%position:self%position + length - 2)
+      self%position = self%position + length
+   end subroutine take_line
 
    !> A finite number.
    subroutine parse(self, string, label, value)

@@ -62,15 +62,13 @@ contains
       !> Eigenvalues, (n).
       real(wp), intent(out), contiguous :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      integer :: n, info, lwork, liwork
+      integer :: n, info
       integer, allocatable :: iwork(:)
       real(wp), allocatable :: work(:)
 
       n = size(a, 2)
-      lwork = 1 + 6*n + 2*n*n
-      liwork = 3 + 5*n
-      allocate (work(lwork), iwork(liwork))
-      call dsyevd('V', 'L', n, a, max(1, n), values, work, lwork, iwork, liwork, info)
+      allocate (work(1 + 6*n + 2*n*n), iwork(3 + 5*n))
+      call dsyevd('V', 'L', n, a, max(1, n), values, work, size(work), iwork, size(iwork), info)
       if (info /= 0) call raise(error, 'the symmetric eigenvalue problem did not converge (dsyevd, info '//to_text(info)//')')
    end subroutine symmetric_eigen
 

@@ -122,7 +122,7 @@ contains
       character(len=*), intent(in) :: name
       integer, intent(in) :: value
 
-      call put_bits(self, name, 'i', int(value, i8))
+      call self%put_integers(name, [value], [integer ::])
    end subroutine put_integer
 
    !> Integers, `values`, of an array of any shape.
@@ -141,26 +141,19 @@ contains
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       logical, intent(in) :: value
+      integer(i8), target :: bits
 
-      call put_bits(self, name, 'b', merge(1_i8, 0_i8, value))
+      bits = merge(1_i8, 0_i8, value)
+      call append(self, name, 'b', [integer ::], 8_i8, c_loc(bits))
    end subroutine put_logical
-
-   subroutine put_bits(self, name, kind, bits)
-      class(named_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: name
-      character, intent(in) :: kind
-      integer(i8), intent(in), target :: bits
-
-      call append(self, name, kind, [integer ::], 8_i8, c_loc(bits))
-   end subroutine put_bits
 
    !> The real `value`.
    subroutine put_real(self, name, value)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
-      real(wp), intent(in), target :: value
+      real(wp), intent(in) :: value
 
-      call append(self, name, 'r', [integer ::], 8_i8, c_loc(value))
+      call self%put_array(name, [value], [integer ::])
    end subroutine put_real
 
    !> Reals, `values`, of an array of any shape.

@@ -1,12 +1,10 @@
-!> Order, moments and order statistics of samples; the distribution of chi-square; and points to the last bit among many: a hash table of
-!> their bits, so that a look-up does not depend on how many there are.
+!> Order, moments and order statistics of samples; the distribution of chi-square; and which points are the same.
 module statistics
    use, intrinsic :: iso_c_binding, only: c_double, c_int
-   use kinds, only: i8, wp
+   use kinds, only: wp
    implicit none
    private
-   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above, sort_order, point_index_type, &
-      & new_point_index, number_equal
+   public :: moments, covariance_of, sorted_values, median, flattened, thinned, chi_square_above, sort_order, number_equal
 
    interface
       pure subroutine c_sort_order(n, values, order) bind(c, name='bayesindent_sort_order')
@@ -15,19 +13,13 @@ module statistics
          real(c_double), intent(in) :: values(*)
          integer(c_int), intent(out) :: order(*)
       end subroutine c_sort_order
+      pure subroutine c_number_equal(coordinates, n, points, numbers) bind(c, name='bayesindent_number_equal')
+         import :: c_double, c_int
+         integer(c_int), value :: coordinates, n
+         real(c_double), intent(in) :: points(*)
+         integer(c_int), intent(out) :: numbers(*)
+      end subroutine c_number_equal
    end interface
-
-   type :: point_index_type
-      private
-      !> (coordinate, point).
-      real(wp), allocatable :: points(:, :)
-      !> Numbers of points, 0 where a place is free; a point is in the first free place from that of its hash on.
-      integer, allocatable :: places(:)
-      !> The next point that is the same as each, 0 where there is none.
-      integer, allocatable :: next(:)
-   contains
-      procedure :: find
-   end type point_index_type
 
 contains
 
@@ -47,21 +39,14 @@ contains
       real(wp), intent(out) :: mean(:), sd(:)
       !> (draw), not negative; default: all the same.
       real(wp), intent(in), optional :: weights(:)
-      real(wp) :: w(size(draws, 2)), total
-      integer :: i
+      real(wp) :: w(size(draws, 2)), total, deviations(size(draws, 1), size(draws, 2))
 
       w = 1.0_wp
       if (present(weights)) w = weights
       total = max(tiny(1.0_wp), sum(w))
-      mean = 0.0_wp
-      do i = 1, size(draws, 2)
-         mean = mean + w(i)*draws(:, i)
-      end do
-      mean = mean/total
-      sd = 0.0_wp
-      do i = 1, size(draws, 2)
-         sd = sd + w(i)*(draws(:, i) - mean)**2
-      end do
+      mean = matmul(draws, w)/total
+      deviations = draws - spread(mean, 2, size(w))
+      sd = matmul(deviations**2, w)
       if (.not. present(weights)) total = max(1.0_wp, total - 1.0_wp)
       sd = sqrt(sd/total)
    end subroutine moments
@@ -70,18 +55,10 @@ contains
    pure function covariance_of(draws) result(covariance)
       !> (variable, draw).
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: covariance(size(draws, 1), size(draws, 1)), mean(size(draws, 1)), deviation(size(draws, 1))
-      integer :: i, j
+      real(wp) :: covariance(size(draws, 1), size(draws, 1)), deviations(size(draws, 1), size(draws, 2))
 
-      mean = sum(draws, 2)/size(draws, 2)
-      covariance = 0.0_wp
-      do i = 1, size(draws, 2)
-         deviation = draws(:, i) - mean
-         do j = 1, size(mean)
-            covariance(:, j) = covariance(:, j) + deviation*deviation(j)
-         end do
-      end do
-      covariance = covariance/max(1, size(draws, 2) - 1)
+      deviations = draws - spread(sum(draws, 2)/size(draws, 2), 2, size(draws, 2))
+      covariance = matmul(deviations, transpose(deviations))/max(1, size(draws, 2) - 1)
    end function covariance_of
 
    !> The values in ascending order.
@@ -170,74 +147,13 @@ contains
       end if
    end function chi_square_above
 
-   !> The index of `points`, which may be there more than once.
-   pure subroutine new_point_index(points, index)
-      !> (coordinate, point).
-      real(wp), intent(in) :: points(:, :)
-      type(point_index_type), intent(out) :: index
-      integer :: last(size(points, 2)), j, k
-
-      index%points = points
-      allocate (index%places(0:2*size(points, 2)), index%next(size(points, 2)), source=0)
-      do j = 1, size(points, 2)
-         k = place_of(index, points(:, j))
-         if (index%places(k) == 0) then
-            index%places(k) = j
-         else
-            index%next(last(index%places(k))) = j
-         end if
-         last(index%places(k)) = j
-      end do
-   end subroutine new_point_index
-
-   !> The same number for equal `points`: that of the first.
+   !> The same number for equal `points`: that of the first. Both zeros are the same, and NaN.
    pure function number_equal(points) result(numbers)
       !> (coordinate, point).
       real(wp), intent(in) :: points(:, :)
       integer :: numbers(size(points, 2))
-      type(point_index_type) :: index
-      integer :: j
 
-      call new_point_index(points, index)
-      numbers = [(index%places(place_of(index, points(:, j))), j=1, size(points, 2))]
+      call c_number_equal(size(points, 1), size(points, 2), merge(points, 0.0_wp, abs(points) > 0.0_wp), numbers)
    end function number_equal
-
-   !> The numbers of all that are this `point`, none if there is none.
-   pure subroutine find(self, point, numbers)
-      class(point_index_type), intent(in) :: self
-      !> (coordinate).
-      real(wp), intent(in) :: point(:)
-      integer, allocatable, intent(out) :: numbers(:)
-      integer :: j
-
-      allocate (numbers(0))
-      j = self%places(place_of(self, point))
-      do while (j > 0)
-         numbers = [numbers, j]
-         j = self%next(j)
-      end do
-   end subroutine find
-
-   !> The place of a point, or the free one where it would be: from that of its hash on (Fowler, Noll and Vo's over numbers, its high bits
-   !> mixed into the low ones; products wrap around).
-   pure integer function place_of(self, point) result(place)
-      type(point_index_type), intent(in) :: self
-      real(wp), intent(in) :: point(:)
-      integer(i8), parameter :: prime = 1099511628211_i8, basis = -3750763034362895579_i8
-      integer(i8) :: hash
-      integer :: i
-
-      hash = basis
-      do i = 1, size(point)
-         ! Both zeros are the same.
-         hash = ieor(hash, merge(transfer(point(i), hash), 0_i8, abs(point(i)) > 0.0_wp))*prime
-         hash = ieor(hash, ishft(hash, -32))
-      end do
-      place = int(modulo(hash, size(self%places, kind=i8)))
-      do while (self%places(place) > 0)
-         if (.not. any(abs(self%points(:, self%places(place)) - point) > 0.0_wp)) return
-         place = modulo(place + 1, size(self%places))
-      end do
-   end function place_of
 
 end module statistics

@@ -33,12 +33,6 @@ module text
          ! allow(C072)
          character(kind=c_char), intent(out) :: text(*)
       end subroutine c_write
-      pure subroutine c_read_integer(text, length, value, outcome) bind(c, name='bayesindent_read_integer')
-         import :: c_char, c_int
-         character(kind=c_char), intent(in) :: text(*)
-         integer(c_int), value :: length
-         integer(c_int), intent(out) :: value, outcome
-      end subroutine c_read_integer
       pure subroutine c_read_real(text, length, value, outcome) bind(c, name='bayesindent_read_real')
          import :: c_char, c_double, c_int
          character(kind=c_char), intent(in) :: text(*)
@@ -197,8 +191,15 @@ contains
       character(len=*), intent(in) :: string
       integer, intent(out) :: value
       integer, intent(out) :: outcome
+      integer :: first, status
 
-      call c_read_integer(string, len(string), value, outcome)
+      value = 0
+      outcome = number_malformed
+      first = merge(2, 1, scan(string, '+-') == 1)
+      if (first > len(string) .or. verify(string(first:), '0123456789') > 0) return
+      read (string, *, iostat=status) value
+      outcome = merge(number_ok, number_not_finite, status == 0 .and. value >= -huge(value))
+      if (outcome /= number_ok) value = 0
    end subroutine read_integer
 
    !> A real in Fortran or C syntax: 1, 1., .5, 1.0e-3, 1d0.

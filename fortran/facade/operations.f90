@@ -25,7 +25,7 @@ module operations
    use surrogate_learner, only: learner_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_learner, use_posterior, use_surrogate
-   use table_columns, only: standard_names
+   use table_columns, only: standard_name
    implicit none
    private
    public :: perform
@@ -139,8 +139,8 @@ contains
          allocate (surrogate)
          call x%give(surrogate, 'surrogate')
          call load_named_surrogate(x%in%text('name'), x%in%text('symmetry'), x%places(), surrogate, x%error)
-      case ('file.column_names')
-         call x%out%put('names', standard_names(x%in%text('headers')))
+      case ('file.column_name')
+         x%text = trim(standard_name(x%in%text('header')))
       case ('file.watch_signals')
          call watch_signals()
       case ('file.take_folder')

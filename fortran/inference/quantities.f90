@@ -8,9 +8,8 @@
 module quantities
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: averages_type, anisotropy_index, compliance, hill_young_poisson, polycrystal_averages
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type, exit_bad_input, raise, suggestion
    use kinds, only: wp
-   use spelling, only: suggestion
    use text, only: join, lower, number_ok, read_real, split_list, to_text
    implicit none
    private

@@ -6,7 +6,7 @@ module known_rows
    use sequential_design, only: candidates_type
    use errors, only: error_type
    use kinds, only: wp
-   use statistics, only: new_point_index, point_index_type
+   use statistics, only: number_equal
    use simulate, only: outcome_done
    implicit none
    private
@@ -44,38 +44,41 @@ contains
       integer, intent(out) :: beyond
       type(error_type), allocatable, intent(out) :: error
       type(crystal_class_type) :: class
-      type(point_index_type) :: index
-      integer, allocatable :: same(:)
-      real(wp), allocatable :: points(:, :)
-      real(wp) :: c(6, 6), constants(basis%domain%class%n_constants)
-      integer :: i, n
+      integer, allocatable :: first(:), same(:)
+      !> Of the candidates, then of the rows: constants and angles.
+      real(wp), allocatable :: points(:, :), c(:, :, :)
+      integer :: i, j, k, m, n
 
       beyond = 0
       n = 0
-      allocate (known%constants(size(constants), size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
-      allocate (known%candidate(size(rows)), known%earlier(size(candidates%euler_deg, 2)))
+      k = basis%domain%class%n_constants
+      allocate (known%constants(k, size(rows)), known%euler_deg(3, size(rows)), known%modulus(size(rows)))
+      m = size(candidates%euler_deg, 2)
+      allocate (known%candidate(size(rows)), known%earlier(m))
       known%earlier = -1
-      allocate (known%open(size(known%earlier)), source=.false.)
+      allocate (known%open(m), source=.false.)
+      allocate (points(k + 3, m + size(rows)), c(6, 6, size(rows)))
+      points(:k, :m) = candidates%constants
+      points(k + 1:, :m) = candidates%euler_deg
       class = basis%domain%class
-      allocate (points(size(constants) + 3, size(known%earlier)))
-      points(:size(constants), :) = candidates%constants
-      points(size(constants) + 1:, :) = candidates%euler_deg
-      call new_point_index(points, index)
       do i = 1, size(rows)
          if (class%name /= rows(i)%symmetry) call new_crystal_class(rows(i)%symmetry, class, error)
          if (allocated(error)) return
-         c = class%stiffness(rows(i)%constants)
-         if (.not. basis%domain%is_of_class(c)) cycle
+         c(:, :, i) = class%stiffness(rows(i)%constants)
+         points(:, m + i) = [basis%domain%class%constants_of(c(:, :, i)), rows(i)%euler_deg]
+      end do
+      first = number_equal(points)
+      do i = 1, size(rows)
+         if (.not. basis%domain%is_of_class(c(:, :, i))) cycle
          if (chosen_only .and. .not. rows(i)%imported) cycle
-         constants = basis%domain%class%constants_of(c)
-         call index%find([constants, rows(i)%euler_deg], same)
+         same = pack([(j, j=1, m)], first(:m) == first(m + i))
          if (candidates_only .and. size(same) == 0 .and. .not. rows(i)%imported) cycle
          known%earlier(same) = n
          if (rows(i)%outcome%status /= outcome_done) then
             known%failed = known%failed + 1
-         else if (basis%domain%admits(c)) then
+         else if (basis%domain%admits(c(:, :, i))) then
             n = n + 1
-            known%constants(:, n) = constants
+            known%constants(:, n) = points(:k, m + i)
             known%euler_deg(:, n) = rows(i)%euler_deg
             known%modulus(n) = rows(i)%outcome%modulus
             known%candidate(n) = maxval([0, same])

@@ -290,7 +290,7 @@ contains
       associate (outcome => row%outcome)
          call page%put_if(outcome%status == outcome_done, 'indentation_modulus_gpa', outcome%modulus)
          if (outcome%elements > 0) call page%put('elements', outcome%elements)
-         if (outcome%elements == 0) call page%put_null('elements')
+         if (outcome%elements == 0) call page%put_json('elements', 'null')
          call page%put_if(outcome%seconds > 0.0_wp, 'seconds', outcome%seconds)
          call page%put('depth_um', outcome%depth)
          call page%put('force_mn', outcome%force)

@@ -4,7 +4,7 @@
 !>
 !> And the settings as a namelist, and as named values.
 module settings_reader
-   use errors, only: error_type, refuse, warning_type
+   use errors, only: error_type, refuse, suggestion, warning_type
    use files, only: printable
    use kinds, only: wp
    use named_values, only: named_values_type
@@ -12,7 +12,6 @@ module settings_reader
    use settings_list, only: is_text, kind_choice, kind_file, kind_integer, kind_logical, kind_source, longest_item, &
       & settings_list_type, shape_list, shape_one, variable_type
    use settings_schema, only: list_settings, set_settings, settings_type
-   use spelling, only: suggestion
    use text, only: lower, newline, number_malformed, number_ok, quoted, read_real, to_text
    implicit none
    private

@@ -3,6 +3,7 @@ module curve_tables
    use errors, only: error_type, refuse
    use files, only: checksum, printable
    use kinds, only: wp
+   use point_tables, only: read_column
    use table_columns, only: find_column
    use tables, only: longest_name, parse_table, read_table, table_type
    use text, only: split_list, to_text
@@ -33,9 +34,7 @@ module curve_tables
 
    !> Beyond this a number is none: instruments write 1.797e308.
    real(wp), parameter :: no_value = 1.0e300_wp
-   !> nm/s.
-   real(wp), parameter :: largest_drift = 5.0_wp
-   character(len=*), parameter :: of_tests = 'test, grain, reference, session, drift_nm_s', &
+   character(len=*), parameter :: of_tests = 'test, grain, reference, session', &
       & of_curves = 'test, time_s, depth_nm, load_mn, stiffness_n_m'
 
 contains
@@ -85,6 +84,7 @@ contains
       type(curve_set_type), intent(inout) :: set
       type(error_type), allocatable, intent(out) :: error
       integer, allocatable :: column(:)
+      real(wp), allocatable :: drift(:)
       character(len=:), allocatable :: reference, place
       integer :: i
 
@@ -104,13 +104,10 @@ contains
             if (named(set%curves(:i - 1), c%name) > 0) call refuse(error, place//' is there twice; each test has one row')
             if (allocated(error)) return
             if (c%reference) c%material = reference
-            if (len(text_of(column(5))) > 0) call set%tests%number(column(5), i, c%drift, error)
-            if (allocated(error)) return
-            if (abs(c%drift) > largest_drift) call set%tests%refuse(column(5), i, ' nm/s is no drift of an instrument; allowed ' &
-               & //'-5 to 5 nm/s', error)
-            if (allocated(error)) return
          end associate
       end do
+      call read_column(set%tests, 'drift_nm_s', .true., drift, error)
+      if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
 
    contains
 

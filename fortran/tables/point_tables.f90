@@ -8,14 +8,14 @@ module point_tables
    use kinds, only: degree, i8, pi, wp
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
-   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, name_columns, nearest_to, &
-      & read_directions
+   use table_columns, only: check_unit, column_list, degrees, find_column, find_modulus, find_ways, known_columns, name_columns, &
+      & nearest_to, read_directions
    use tables, only: longest_name, read_table, table_type
    use text, only: join, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_grains, read_measurements, read_positions, first_rows, angles_look_like_radians, &
-      & no_turn, turns_allowed, nan, read_angles, read_groups, read_numbers, read_optional
+      & nan, read_angles, read_groups, read_column
 
    !> One row a point. What a table has not is NaN.
    type :: points_type
@@ -58,14 +58,8 @@ module point_tables
    character(len=*), parameter :: angle_names(3) = [character(len=8) :: 'phi1_deg', 'Phi_deg', 'phi2_deg']
    !> Quiet. (A function of the intrinsic module would save the state of the processor at each call.)
    real(wp), parameter :: nan = transfer(int(z'7FF8000000000000', i8), 1.0_wp)
-   real(wp), parameter :: turns_allowed(2) = [-360.0_wp, 360.0_wp]
-   character(len=*), parameter :: no_turn = ' degrees; allowed -360 to 360'
-   !> Of depths and grains, um.
-   real(wp), parameter :: lengths_allowed(2) = [1.0e-6_wp, 1.0e6_wp]
-   !> What a modulus of a metal, and a stiffness, can be, GPa.
-   real(wp), parameter :: moduli_allowed(2) = [1.0_wp, 2000.0_wp], stiffness_most = 5000.0_wp
-   character(len=*), parameter :: no_modulus = ' GPa is no modulus of a metal; allowed 1.0 to 2000.0 GPa', &
-      & in_mpa = ' GPa looks like MPa; allowed 1.0 to 2000.0 GPa'
+   !> What a stiffness can be, GPa.
+   real(wp), parameter :: stiffness_most = 5000.0_wp
 
 contains
 
@@ -82,11 +76,10 @@ contains
       if (.not. allocated(error)) call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       if (.not. allocated(error)) call find_column(points%table, 'modulus_gpa', column, error)
-      if (.not. allocated(error) .and. column == 0) call find_column(points%table, 'indentation_modulus_gpa', column, error)
-      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .true., no_modulus, &
-         & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call read_column(points%table, trim(merge('modulus_gpa            ', 'indentation_modulus_gpa', &
+         & column > 0)), .true., points%modulus_gpa, error)
       if (.not. allocated(error)) call find_column(points%table, 'propagation_deg', column, error)
-      if (.not. allocated(error) .and. column > 0) call read_numbers(points%table, column, turns_allowed, .false., no_turn, &
+      if (.not. allocated(error) .and. column > 0) call read_column(points%table, 'propagation_deg', .false., &
          & points%propagation_deg, error)
       if (allocated(error)) error%message = prefix//error%message
    end subroutine read_crystals
@@ -130,39 +123,38 @@ contains
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: depth_nm(:)
+      character(len=:), allocatable :: name
       integer :: column
 
       points%table = table
       call name_columns(points%table, asked%columns, error)
       if (.not. allocated(error)) call read_orientations(points, asked%angles == 'radians', crystal, parameters, error)
-      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, column, points%modulus_kind, error)
-      if (.not. allocated(error)) call read_numbers(points%table, column, moduli_allowed, .false., no_modulus, &
-         & points%modulus_gpa, error, in_mpa)
+      if (.not. allocated(error)) call find_modulus(points%table, asked%modulus_kind, name, points%modulus_kind, error)
+      if (.not. allocated(error)) call read_column(points%table, name, .false., points%modulus_gpa, error)
       if (.not. allocated(error)) call find_column(points%table, 'sd_gpa', column, error)
       if (.not. allocated(error) .and. column == 0 .and. asked%scale /= 'inferred') call refuse(error, 'the column sd_gpa is ' &
          & //'missing; it may be absent only with scale = ''inferred''. If another column is it, state columns = ''sd_gpa = its ' &
          & //'header''; the columns are '//column_list(points%table) &
          & //nearest_to(points%table, 'sd_gpa'))
-      if (.not. allocated(error)) call read_numbers(points%table, column, [tiny(1.0_wp), moduli_allowed(2)], .false., ' GPa; a ' &
-         & //'standard deviation is above 0, up to '//to_text(moduli_allowed(2))//' GPa', points%sd_gpa, error)
-      call read_optional(points%table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
-      call read_optional(points%table, 'depth_um', lengths_allowed, ' um', points%depth_um, error)
-      call read_optional(points%table, 'contact_radius_um', lengths_allowed, ' um', points%contact_radius_um, error)
-      call read_optional(points%table, 'depth_nm', 1.0e3_wp*lengths_allowed, ' nm', depth_nm, error)
+      if (.not. allocated(error) .and. column > 0) call read_column(points%table, 'sd_gpa', .false., points%sd_gpa, error)
+      call read_column(points%table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
+      call read_column(points%table, 'depth_um', .true., points%depth_um, error)
+      call read_column(points%table, 'contact_radius_um', .true., points%contact_radius_um, error)
+      call read_column(points%table, 'depth_nm', .true., depth_nm, error)
       if (.not. allocated(error)) points%depth_um = merge(points%depth_um, 1.0e-3_wp*depth_nm, points%depth_um > 0.0_wp)
       call add_zero_error()
-      call read_optional(points%table, 'grain_radius_um', lengths_allowed, ' um', points%grain_radius_um, error)
+      call read_column(points%table, 'grain_radius_um', .true., points%grain_radius_um, error)
       if (.not. allocated(error)) call read_groups(points)
 
    contains
 
       !> Add to the sds what an uncertain zero of the depth does to the modulus of each test, E ~ P/(sqrt(R) h^1.5).
       subroutine add_zero_error()
-         real(wp), parameter :: power = 1.5_wp, most = 1000.0_wp
+         real(wp), parameter :: power = 1.5_wp
          real(wp), allocatable :: zero_sd_nm(:)
          integer :: i
 
-         call read_optional(points%table, 'zero_sd_nm', [0.0_wp, most], ' nm', zero_sd_nm, error)
+         call read_column(points%table, 'zero_sd_nm', .true., zero_sd_nm, error)
          if (allocated(error)) return
          zero_sd_nm = merge(zero_sd_nm, asked%zero_sd_nm, zero_sd_nm >= 0.0_wp)
          i = findloc(zero_sd_nm > 0.0_wp .and. .not. (points%depth_um > 0.0_wp .and. points%sd_gpa > 0.0_wp), .true., dim=1)
@@ -182,17 +174,11 @@ contains
       !> um, (n, 2).
       real(wp), allocatable, intent(out) :: positions(:, :)
       type(error_type), allocatable, intent(out) :: error
-      character(len=4), parameter :: names(2) = ['x_um', 'y_um']
-      real(wp), allocatable :: values(:)
-      integer :: column, j
+      real(wp), allocatable :: x(:), y(:)
 
-      allocate (positions(table%rows, 2))
-      do j = 1, 2
-         call find_column(table, names(j), column, error, needed=.true.)
-         if (.not. allocated(error)) call read_numbers(table, column, [-huge(1.0_wp), huge(1.0_wp)], .false., '', values, error)
-         if (allocated(error)) return
-         positions(:, j) = values
-      end do
+      call read_column(table, 'x_um', .false., x, error)
+      call read_column(table, 'y_um', .false., y, error)
+      if (.not. allocated(error)) positions = reshape([x, y], [table%rows, 2])
    end subroutine read_positions
 
    !> Orientations of grains that may be measured, with their names.
@@ -280,7 +266,7 @@ contains
       do j = 1, 3
          allowed = merge([0.0_wp, 180.0_wp], [-largest_turn, largest_turn], j == 2)*unit
          call read_numbers(points%table, column(j), allowed + [0.0_wp, merge(rounding, 0.0_wp, radians .and. j == 2)], .false., &
-            & merge(' radians', ' degrees', radians)//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
+            & merge(' radians', ' degrees', radians), '; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
          if (allocated(error)) return
          points%euler_deg(j, :) = min(values, allowed(2))/unit
       end do
@@ -306,7 +292,7 @@ contains
          if (column(j) == 0) cycle
          call check_unit(points%table, column(j), ' gpa ', error)
          if (.not. allocated(error)) call read_numbers(points%table, column(j), [-stiffness_most, stiffness_most], .true., &
-            & ' GPa looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
+            & ' GPa', ' looks like MPa; allowed up to '//to_text(stiffness_most)//' GPa', values, error)
          if (allocated(error)) return
          points%constants(j, :) = values
       end do
@@ -399,49 +385,51 @@ contains
       end subroutine read_classes
    end subroutine read_constants
 
-   !> `values` of a column that may be absent, and whose cells may be empty: NaN there. Nothing is done after an error.
-   subroutine read_optional(table, name, allowed, unit, values, error)
+   !> The `values` of one of `known_columns`. An `optional` one may be absent, and its cells may be empty: NaN there. Nothing is done after an
+   !> error.
+   subroutine read_column(table, name, optional, values, error)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
-      !> The least and the greatest.
-      real(wp), intent(in) :: allowed(2)
-      !> After a blank.
-      character(len=*), intent(in) :: unit
+      logical, intent(in) :: optional
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(inout) :: error
       integer :: column
 
-      if (.not. allocated(error)) call find_column(table, name, column, error)
-      if (.not. allocated(error)) call read_numbers(table, column, allowed, .true., unit//'; allowed ' &
-         & //to_text(allowed(1))//' to '//to_text(allowed(2)), values, error)
-   end subroutine read_optional
+      if (.not. allocated(error)) call find_column(table, name, column, error, needed=.not. optional)
+      if (allocated(error)) return
+      associate (known => known_columns(findloc(known_columns%name, name, 1)))
+         call read_numbers(table, column, known%allowed, optional, trim(known%unit), trim(known%refusal), values, error)
+      end associate
+   end subroutine read_column
 
    !> The `values` of a `column`, NaN where its cells are empty, if they `may_be_empty`, or where it is 0.
-   subroutine read_numbers(table, column, allowed, may_be_empty, refusal, values, error, refusal_of_large)
+   subroutine read_numbers(table, column, allowed, may_be_empty, unit, refusal, values, error)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
       !> The least and the greatest.
       real(wp), intent(in) :: allowed(2)
       logical, intent(in) :: may_be_empty
-      !> What follows a cell that is not allowed.
-      character(len=*), intent(in) :: refusal
+      !> What follows a cell that is not allowed: its unit, after a blank, and what is wrong, to which the range is added if it has no semicolon.
+      character(len=*), intent(in) :: unit, refusal
       real(wp), allocatable, intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
-      !> The same of too large numbers, where it differs.
-      character(len=*), intent(in), optional :: refusal_of_large
+      character(len=:), allocatable :: words
       integer :: i
 
       allocate (values(table%rows), source=nan)
-      if (column == 0) return
-      do i = 1, table%rows
+      do i = 1, merge(table%rows, 0, column > 0)
          if (may_be_empty) then
             if (table%is_empty(column, i)) cycle
          end if
          call table%number(column, i, values(i), error)
          if (allocated(error)) return
          if (values(i) >= allowed(1) .and. values(i) <= allowed(2)) cycle
-         call table%refuse(column, i, refusal, error)
-         if (present(refusal_of_large) .and. values(i) > allowed(2)) call table%refuse(column, i, refusal_of_large, error)
+         words = refusal
+         if (index(words, ';') == 0) then
+            if (unit == ' GPa' .and. values(i) > allowed(2)) words = ' looks like MPa'
+            words = words//'; allowed '//to_text(allowed(1))//' to '//to_text(allowed(2))//unit
+         end if
+         call table%refuse(column, i, unit//words, error)
          return
       end do
    end subroutine read_numbers

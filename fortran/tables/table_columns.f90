@@ -8,46 +8,54 @@
 !> takes the sample's z to it.
 module table_columns
    use crystal_class, only: crystal_class_type, lattice_parameters, lattice_type, new_lattice
-   use errors, only: error_type, refuse
+   use errors, only: error_type, refuse, suggestion
    use files, only: printable
    use kinds, only: degree, pi, wp
-   use spelling, only: suggestion
    use tables, only: longest_name, table_type
-   use text, only: join, lower, newline, split_list, to_text
+   use text, only: join, lower, split_list, to_text
    implicit none
    private
-   public :: find_column, find_modulus, standard_names, column_list, nearest_to, check_unit, column_hint, name_columns, degrees, &
-      & find_ways, read_directions, angles_of_direction
+   public :: known_columns, find_column, find_modulus, standard_name, column_list, nearest_to, check_unit, column_hint, &
+      & name_columns, degrees, find_ways, read_directions, angles_of_direction
 
-   !> A column, other names that it may have without their unit, and the words for its unit, each between blanks.
+   !> A column, other names that it may have without their unit, the words for its unit, each between blanks, and what its numbers can be.
    type :: column_type
       character(len=longest_name) :: name
       !> Separated by ', '.
       character(len=176) :: others
-      character(len=34) :: units
+      character(len=36) :: units
+      !> The least and the greatest; the unit as messages have it, after a blank; and what is said of other numbers.
+      real(wp) :: allowed(2) = [-huge(1.0_wp), huge(1.0_wp)]
+      character(len=8) :: unit = ''
+      character(len=60) :: refusal = ''
    end type column_type
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', angle_units = degrees//'rad radians ', &
-      & gpa = ' gpa ', um = ' um µm μm ', speed = ' m/s m_s '
+      & gpa = ' gpa ', um = ' um µm μm ', speed = ' m/s m_s ', no_modulus = ' is no modulus of a metal'
+   !> What a modulus of a metal can be, GPa; a depth or the size of a grain, um; the speed of a surface wave, m/s; and a direction, degrees.
+   real(wp), parameter :: moduli(2) = [1.0_wp, 2000.0_wp], lengths(2) = [1.0e-6_wp, 1.0e6_wp], speeds(2) = [100.0_wp, 30000.0_wp], &
+      & turns(2) = [-360.0_wp, 360.0_wp], no_less = tiny(1.0_wp)
    type(column_type), parameter :: known_columns(*) = [ &
       & column_type('phi1_deg', 'phi1, phi_1, φ1, euler1, euler_1', angle_units), &
       & column_type('Phi_deg', 'phi, φ, Φ, euler2, euler_2', angle_units), &
       & column_type('phi2_deg', 'phi2, phi_2, φ2, euler3, euler_3', angle_units), &
-      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa), &
-      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa), &
+      & column_type('modulus_gpa', 'modulus, e, youngs_modulus, young_modulus, elastic_modulus', gpa, moduli, ' GPa', no_modulus), &
+      & column_type('indentation_modulus_gpa', 'indentation_modulus, plane_strain_modulus, m', gpa, moduli, ' GPa', no_modulus), &
       & column_type('effective_modulus_gpa', 'effective_modulus, reduced_modulus, er, e_r, eeff, e_eff, e*, ereduced, ' &
-      & //'e_reduced', gpa), &
-      & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa), &
+      & //'e_reduced', gpa, moduli, ' GPa', no_modulus), &
+      & column_type('sample_modulus_gpa', 'sample_modulus, es, e_s, eit, e_it', gpa, moduli, ' GPa', no_modulus), &
       & column_type('sd_gpa', 'sd, std, stdev, st_dev, std_dev, stddev, error, err, uncertainty, standard_deviation, ' &
-      & //'standard_error, sem, sigma', gpa), &
-      & column_type('orientation_sd_deg', 'orientation_sd', degrees), &
-      & column_type('depth_um', 'depth', um), &
-      & column_type('depth_nm', 'depth', ' nm '), &
-      & column_type('contact_radius_um', '', um), &
-      & column_type('zero_sd_nm', '', ' nm '), &
-      & column_type('grain_radius_um', '', um), &
-      & column_type('propagation_deg', 'propagation', degrees), &
-      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity', speed), &
-      & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed), &
+      & //'standard_error, sem, sigma', gpa, [no_less, moduli(2)], ' GPa', '; a standard deviation is above 0, up to 2000.0 GPa'), &
+      & column_type('orientation_sd_deg', 'orientation_sd', degrees, [0.0_wp, 20.0_wp], ' degrees'), &
+      & column_type('depth_um', 'depth', um, lengths, ' um'), &
+      & column_type('depth_nm', 'depth', ' nm ', 1.0e3_wp*lengths, ' nm'), &
+      & column_type('contact_radius_um', '', um, lengths, ' um'), &
+      & column_type('zero_sd_nm', '', ' nm ', [0.0_wp, 1000.0_wp], ' nm'), &
+      & column_type('grain_radius_um', '', um, lengths, ' um'), &
+      & column_type('propagation_deg', 'propagation', degrees, turns, ' degrees'), &
+      & column_type('rayleigh_velocity_m_s', 'rayleigh_velocity, rayleigh_speed, saw_velocity', speed, speeds, ' m/s', &
+      & ' is no speed of a surface wave'), &
+      & column_type('sd_m_s', 'sd, std, stdev, error, uncertainty, standard_deviation', speed, [no_less, speeds(2)], ' m/s', &
+      & '; a standard deviation is above 0, up to 30000.0 m/s'), &
       & column_type('x_um', 'x', um), &
       & column_type('y_um', 'y', um), &
       & column_type('group', '', ''), &
@@ -58,7 +66,7 @@ module table_columns
       & column_type('time_s', 'time', ' s '), &
       & column_type('load_mn', 'load, force', ' mn '), &
       & column_type('stiffness_n_m', 'stiffness', ' n/m n_m '), &
-      & column_type('drift_nm_s', 'drift', ' nm/s nm_s ')]
+      & column_type('drift_nm_s', 'drift', ' nm/s nm_s ', [-5.0_wp, 5.0_wp], ' nm/s', ' is no drift of an instrument')]
    !> The rows of the moduli; all but the first name their kind, and then the unit.
    integer, parameter :: plain = 4, last_modulus = 7
    character(len=*), parameter :: modulus_unit = '_gpa'
@@ -128,28 +136,18 @@ contains
       if (word == 'depth') is_other_name = is_other_name .and. index(known_columns(i)%units, ' '//unit//' ') > 0
    end function is_other_name
 
-   !> What headers, a line each, mean: names of `known_columns` or of ways to state directions; '' is nothing that is read.
-   pure function standard_names(headers) result(names)
-      character(len=*), intent(in) :: headers
-      character(len=longest_name), allocatable :: names(:)
-      integer :: first, last, i
+   !> What a header means: one of `known_columns` or of the ways to state directions; '' is nothing that is read.
+   pure function standard_name(header) result(name)
+      character(len=*), intent(in) :: header
+      character(len=longest_name) :: name
+      integer :: i
 
-      allocate (names(0))
-      first = 1
-      do while (first <= len(headers))
-         last = first - 2 + index(headers(first:)//newline, newline)
-         names = [names, repeat(' ', longest_name)]
-         associate (header => headers(first:last), name => names(size(names)))
-            if (any([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] == lower(header))) then
-               name = lower(header)
-            end if
-            do i = size(known_columns), 1, -1
-               if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
-            end do
-         end associate
-         first = last + 2
+      name = lower(header)
+      if (all([ways(quaternions)%names, ways(four_directions)%names, ways(four_planes)%names] /= name)) name = ''
+      do i = size(known_columns), 1, -1
+         if (is_other_name(header, i) .or. lower(known_columns(i)%name) == lower(header)) name = known_columns(i)%name
       end do
-   end function standard_names
+   end function standard_name
 
    !> The unit that a column's name or the row of units says, if any, is one of `units`.
    subroutine check_unit(table, column, units, error)
@@ -209,13 +207,12 @@ contains
       end if
    end subroutine split_name
 
-   !> The column of the moduli, and their kind from its name or as stated.
-   subroutine find_modulus(table, stated, column, kind, error)
+   !> Which of `known_columns` the moduli are in, and their kind from its name or as stated.
+   subroutine find_modulus(table, stated, name, kind, error)
       type(table_type), intent(in) :: table
       !> A kind of modulus, or unallocated.
       character(len=:), allocatable, intent(in) :: stated
-      integer, intent(out) :: column
-      character(len=:), allocatable, intent(out) :: kind
+      character(len=:), allocatable, intent(out) :: name, kind
       type(error_type), allocatable, intent(out) :: error
       character(len=longest_name) :: names(plain:last_modulus), kinds(plain:last_modulus)
       character(len=:), allocatable :: choices, found
@@ -234,22 +231,22 @@ contains
          if (i > plain .and. allocated(stated)) own = merge(i, own, stated == kinds(i))
       end do
       choices = ''''//join(kinds(plain + 1:), ''', ''')//''''
-      column = columns(plain)
+      name = trim(names(plain))
       if (allocated(stated)) kind = stated
       if (len(found) == 0) then
          call refuse(error, 'no column is a modulus; allowed '//join(names(plain + 1:), ', ')//', or modulus_gpa with ' &
             & //'modulus_kind. If another one is, state columns = '''//trim(names(last_modulus - 1))//' = its header''; the ' &
             & //'columns are '//column_list(table)//nearest_to(table, join(names, ', ')))
-      else if (allocated(stated) .and. own == 0 .and. column == 0) then
+      else if (allocated(stated) .and. own == 0 .and. columns(plain) == 0) then
          call refuse(error, 'modulus_kind = '''//stated//''', but the moduli are those of the column '//found(6:) &
             & //'; leave modulus_kind out, or name the column modulus_gpa')
       else if (.not. allocated(stated) .and. count(columns > 0) > 1) then
          call refuse(error, 'the columns '//found(6:)//' are moduli; state modulus_kind to take one: '//choices)
-      else if (.not. allocated(stated) .and. column > 0) then
+      else if (.not. allocated(stated) .and. columns(plain) > 0) then
          call refuse(error, 'the column '//found(6:)//' does not say which modulus was measured, nor does modulus_kind; allowed ' &
             & //choices//' (effective_modulus: what instruments call reduced modulus, Er)')
       else if (own > 0) then
-         column = columns(own)
+         name = trim(names(own))
          kind = trim(kinds(own))
       end if
    end subroutine find_modulus
@@ -275,14 +272,6 @@ contains
       end do
    end function nearest_to
 
-   !> Whether a name is one of those of `known_columns`.
-   pure logical function is_known(name)
-      character(len=*), intent(in) :: name
-      integer :: i
-
-      is_known = any([(is_other_name(name, i) .or. lower(known_columns(i)%name) == lower(name), i=1, size(known_columns))])
-   end function is_known
-
    !> ', did you mean X?' of a `column` whose name nobody knows but which is near to one that is known; else nothing.
    function column_hint(table, column, allowed) result(words)
       type(table_type), intent(in) :: table
@@ -293,7 +282,7 @@ contains
       character(len=:), allocatable :: words
 
       words = ''
-      if (len(table%name(column)) < shortest_misspelt .or. is_known(table%called(column))) return
+      if (len(table%name(column)) < shortest_misspelt .or. len_trim(standard_name(table%called(column))) > 0) return
       if (present(allowed)) words = suggestion(table%name(column), allowed)
       if (.not. present(allowed)) words = suggestion(table%name(column), join(known_columns%name, ', '))
    end function column_hint

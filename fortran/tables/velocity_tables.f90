@@ -2,16 +2,12 @@
 module velocity_tables
    use errors, only: error_type
    use kinds, only: wp
-   use point_tables, only: nan, no_turn, points_type, read_angles, read_groups, read_numbers, read_optional, turns_allowed
+   use point_tables, only: nan, points_type, read_angles, read_column, read_groups
    use table_columns, only: find_column
    use tables, only: table_type
    implicit none
    private
    public :: read_velocities, append_velocities
-
-   !> What a speed of a surface wave can be, m/s.
-   real(wp), parameter :: speeds_allowed(2) = [100.0_wp, 30000.0_wp]
-   character(len=*), parameter :: no_speed = ' m/s is no speed of a surface wave; allowed 100 to 30000 m/s'
 
 contains
 
@@ -23,18 +19,13 @@ contains
       !> The speeds stand in place of the moduli.
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
-      integer :: column
 
       points%table = table
       call read_angles(points, radians, error)
-      if (.not. allocated(error)) call find_column(table, 'propagation_deg', column, error, needed=.true.)
-      if (.not. allocated(error)) call read_numbers(table, column, turns_allowed, .false., no_turn, points%propagation_deg, error)
-      if (.not. allocated(error)) call find_column(table, 'rayleigh_velocity_m_s', column, error, needed=.true.)
-      if (.not. allocated(error)) call read_numbers(table, column, speeds_allowed, .false., no_speed, points%modulus_gpa, error)
-      if (.not. allocated(error)) call find_column(table, 'sd_m_s', column, error, needed=.true.)
-      if (.not. allocated(error)) call read_numbers(table, column, [tiny(1.0_wp), speeds_allowed(2)], .false., ' m/s; a standard ' &
-         & //'deviation is above 0, up to 30000 m/s', points%sd_gpa, error)
-      call read_optional(table, 'orientation_sd_deg', [0.0_wp, 20.0_wp], ' degrees', points%orientation_sd_deg, error)
+      call read_column(table, 'propagation_deg', .false., points%propagation_deg, error)
+      call read_column(table, 'rayleigh_velocity_m_s', .false., points%modulus_gpa, error)
+      call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
+      call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
       if (.not. allocated(error)) call find_column(table, 'grain', points%named_by, error)
       if (.not. allocated(error)) call read_groups(points)
    end subroutine read_velocities

@@ -1,10 +1,10 @@
 !> The store of simulations: what it gives back, what it refuses, and how fast it is. test_campaign.py looks at it with Python's sqlite3.
 program test_campaign
    use campaign, only: campaign_type, row_type
-   use campaign_import, only: import_rows
-   use crystal_class, only: crystal_class_type
+   use campaign_import, only: import_points
    use errors, only: error_type
    use kinds, only: wp
+   use point_tables, only: points_type
    use simulate, only: outcome_done, outcome_failed
    use campaign_file, only: database_type
    use testing, only: check, check_refused, check_success, class_of, finish
@@ -90,29 +90,30 @@ contains
 
    subroutine test_import()
       type(campaign_type) :: store
-      type(crystal_class_type) :: cubic
+      type(points_type) :: points
       type(row_type), allocatable :: rows(:)
       type(error_type), allocatable :: error
-      real(wp) :: constants(3, 2), euler_deg(3, 2)
       integer :: n
 
-      cubic = class_of('cubic')
-      constants = reshape([copper, 2.0_wp*copper], [3, 2])
-      euler_deg = reshape([angles, angles], [3, 2])
+      points%n = 2
+      points%classes = [class_of('cubic')]
+      points%class = [1, 1]
+      points%constants = reshape([copper, 2.0_wp*copper], [3, 2])
+      points%euler_deg = reshape([angles, angles], [3, 2])
+      points%modulus_gpa = [134.0_wp, 268.0_wp]
       call store%open(path, theory, error)
-      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
+      call import_points(store, points, n, error)
       call check('results of others', n == 2 .and. .not. allocated(error))
-      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 268.0_wp], n, error)
+      call import_points(store, points, n, error)
       call check('are taken once', n == 0 .and. .not. allocated(error))
-      constants(:, 1) = 3.0_wp*copper
-      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
+      points%constants(:, 1) = 3.0_wp*copper
+      points%modulus_gpa(2) = 269.0_wp
+      call import_points(store, points, n, error)
       call check_refused('a contradiction', error, 'row 2 (C11 336.8, C12 242.8, C44 150.8): modulus_gpa is 269.0, but the same ' &
          & //'point has 268.0 GPa in the campaign; ')
-      constants(:, 2) = constants(:, 1)
-      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, 269.0_wp], n, error)
+      points%constants(:, 2) = points%constants(:, 1)
+      call import_points(store, points, n, error)
       call check_refused('among the rows', error, 'has 134.0 GPa in an earlier row; ')
-      call import_rows(store, cubic, constants, euler_deg, [134.0_wp, -1.0_wp], n, error)
-      call check_refused('a modulus that is none', error, 'row 2: modulus_gpa is -1.0; it must be positive')
       call store%rows('cubic', rows, error)
       call check('store nothing', size(rows) == 3 .and. count(rows%imported) == 2)
    end subroutine test_import

@@ -20,7 +20,7 @@ program test_json
    call document%put('integer', 7)
    call document%put('logical', .false.)
    call document%put('nan', ieee_value(1.0_wp, ieee_quiet_nan))
-   call document%put_null('none')
+   call document%put_json('none', 'null')
    call document%begin_array('rows')
    call document%put('', [1.0_wp, ieee_value(1.0_wp, ieee_positive_inf)])
    call document%begin_object()

@@ -237,7 +237,7 @@ def is_number(cell: str) -> bool:
 
 def meanings_of(names: Sequence[str], stated: Iterable[str] = ()) -> list[str]:
     """What the core takes headers for; those that the user gave a meaning are 'stated'."""
-    found = call("file.column_names", headers="\n".join(without_mean(name) or " " for name in names))["names"] if names else []
+    found = [call("file.column_name", header=without_mean(name))["text"] for name in names]
     return [
         "stated" if name.lower() in {header.lower() for header in stated} else meaning for name, meaning in zip(names, found, strict=True)
     ]

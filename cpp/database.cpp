@@ -1,0 +1,99 @@
+// Database files of SQLite: statements with values for their parameters, and the cells that they give. A C interface, for Fortran.
+#include <charconv>
+#include <cstdint>
+#include <cstring>
+#include <map>
+#include <sqlite3.h>
+#include <string>
+
+namespace {
+
+struct database {
+  sqlite3 *handle;
+  int opened;
+  // With parameters, each prepared once.
+  std::map<std::string, sqlite3_stmt *> statements;
+  // What the last one gave, each ended by a zero byte; or the reason of its failure.
+  std::string cells;
+};
+
+void add_cell(std::string &cells, const char *text) { cells.append(text == nullptr ? "" : text).push_back('\0'); }
+
+int add_cells(void *cells, int n, char **texts, char **) {
+  for (int i = 0; i < n; ++i)
+    add_cell(*static_cast<std::string *>(cells), texts[i]);
+  return SQLITE_OK;
+}
+
+// Numbers to the last bit: the library's own texts of them have 15 digits.
+void add_row(std::string &cells, sqlite3_stmt *statement) {
+  for (int i = 0; i < sqlite3_column_count(statement); ++i) {
+    char digits[32] = {};
+    if (sqlite3_column_type(statement, i) == SQLITE_FLOAT) {
+      std::to_chars(digits, digits + sizeof digits, sqlite3_column_double(statement, i));
+      add_cell(cells, digits);
+    } else {
+      add_cell(cells, reinterpret_cast<const char *>(sqlite3_column_text(statement, i)));
+    }
+  }
+}
+
+// A value is t and a text, r and the digits of a number, or n, nothing.
+int bind(sqlite3_stmt *statement, int i, const char *value) {
+  double number = 0.0;
+  if (*value == 't')
+    return sqlite3_bind_text(statement, i, value + 1, -1, SQLITE_TRANSIENT);
+  if (*value == 'n')
+    return sqlite3_bind_null(statement, i);
+  std::from_chars(value + 1, value + std::strlen(value), number);
+  return sqlite3_bind_double(statement, i, number);
+}
+
+int run(database &self, const char *sql, const char *values, const char *end) {
+  if (self.opened != SQLITE_OK)
+    return self.opened;
+  if (values == end)
+    return sqlite3_exec(self.handle, sql, add_cells, &self.cells, nullptr);
+  sqlite3_stmt *&statement = self.statements[sql];
+  int code = statement == nullptr ? sqlite3_prepare_v2(self.handle, sql, -1, &statement, nullptr) : SQLITE_OK;
+  for (int i = 1; code == SQLITE_OK && values < end; ++i, values += std::strlen(values) + 1)
+    code = bind(statement, i, values);
+  if (code == SQLITE_OK)
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW)
+      add_row(self.cells, statement);
+  // The file is left to others.
+  sqlite3_reset(statement);
+  return code == SQLITE_DONE ? SQLITE_OK : code;
+}
+
+} // namespace
+
+extern "C" {
+
+// Open a file, which is made at the first statement that writes. What is wrong with it is said then.
+database *bayesindent_open_database(const char *path) {
+  auto *const self = new database();
+  self->opened = sqlite3_open(path, &self->handle);
+  return self;
+}
+
+// Close the file; what was not committed is not done.
+void bayesindent_close_database(database *self) {
+  for (const auto &[sql, statement] : self->statements)
+    sqlite3_finalize(statement);
+  sqlite3_close_v2(self->handle);
+  delete self;
+}
+
+// Perform a statement with the `length` bytes of values, each ended by a zero byte, for its parameters; without them several,
+// separated by semicolons. The cells of the rows that it gives, so many `bytes`, or the reason of a failure, with its result code.
+const char *bayesindent_query(database *self, const char *sql, const char *values, std::int32_t length, std::int32_t *bytes,
+                              std::int32_t *code) {
+  self->cells.clear();
+  *code = run(*self, sql, values, values + length);
+  if (*code != SQLITE_OK)
+    self->cells = sqlite3_errmsg(self->handle);
+  *bytes = static_cast<std::int32_t>(self->cells.size());
+  return self->cells.data();
+}
+}
