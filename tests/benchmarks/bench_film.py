@@ -11,13 +11,13 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
+from learner import build
 from measured_tables import read_measurements
 
 import bayesindent as bi
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.fe.indentation import Indentation
-from bayesindent.pipeline.build import build
 from bayesindent.settings.problem import Problem
 
 QUICKSTART = Path(__file__).parents[2] / "inputs" / "quickstart.nml"

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
+from learner import build
 from paper_domains import DOMAINS
 from scipy.linalg import expm
 
 from bayesindent.common.progress import Progress
 from bayesindent.common.result_files import write_csv
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, log_anisotropy, stiffness_rows
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis

@@ -16,11 +16,11 @@ from pathlib import Path
 import distributed
 import numpy as np
 from bench_learning import kinds, simulated, unseen_crystals
+from learner import build
 
 from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import halfspace_modulus
 from bayesindent.engines import ENGINES
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import Job, Stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate

@@ -1,15 +1,25 @@
 """What trains a surrogate, step by step: the operations of the core, for tests and benchmarks of the choice of simulations."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bayesindent.common.progress import Progress
 from bayesindent.core import NativeObject
+from bayesindent.pipeline.stage import Job, run_stage
+from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner", "spread_of", "to_modulus", "to_y"]
+__all__ = ["Learner", "build", "spread_of", "to_modulus", "to_y"]
+
+
+def build(problem: Problem, output: Path, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None) -> dict:
+    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
+    return run_stage(problem, "build", output, progress, simulate)
 
 
 def spread_of(basis: Basis, stiffness: ArrayLike) -> np.ndarray:

@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from learner import build
 
 import bayesindent as bi
 from bayesindent.engines import DaskEngine
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from conftest import HANGS_S

@@ -7,19 +7,32 @@ from os import PathLike
 import numpy as np
 
 from ..common.result_files import plain
-from ..core import InputError, call
+from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, schema
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
-from .posterior import EXTRACTION, Posterior
 
-__all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "next_grain", "summary"]
+__all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "summary"]
+
+#: What `Posterior` makes of a problem and a surrogate for the chains of both prior and posterior; 'density' for none.
+EXTRACTION = "extract"
 
 #: Groups whose variables are keywords, and those that other keywords stand for.
 GROUPS = ("problem", "indenter", "measurements", "prior", "sampler")
 LEFT_OUT = ("symmetry", "lattice", "title", "synthetic", "seed", "file", "c_min", "c_max")
+
+
+class Posterior(NativeObject):
+    """The posterior of the constants in the core. `values` of an `EXTRACTION` have the names of fortran/pipeline/extraction_document.f90,
+    with the axes reversed."""
+
+    kind = "posterior"
+
+    def __init__(self, problem: Problem, surrogate: Surrogate, what: str):
+        self.values = surrogate._call(what, problem=problem.handle)
+        self._hold(self.values["handle"])
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -60,7 +73,8 @@ def next_grain(
             of_next = {variable.name for variable in schema() if variable.group == "next"}
             result = extract(measurements, surrogate=surrogate, **own, **{name: settings[name] for name in settings if name not in of_next})
     draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
-    document = Posterior(problem, surrogate).suggest(problem, draws)
+    posterior = Posterior(problem, surrogate, "density")
+    document = json.loads(posterior._call("next", problem=problem.handle, points=draws)["text"])
     warn_of(document)
     return document
 
@@ -109,9 +123,9 @@ def extract(
     own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
     problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
     call("file.show_progress", wanted=progressbar)
-    found = Posterior(problem, surrogate, EXTRACTION)
-    warn_of(found.document)
-    groups = groups_of(found.values)
+    found = Posterior(problem, surrogate, EXTRACTION).values
+    warn_of(json.loads(found["document"]))
+    groups = groups_of(found)
     made = problem._made_of[0]
     groups["posterior"][1].update(surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str))
     result = inference_data(groups)
@@ -126,18 +140,13 @@ def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]):
-    """Groups of variables and facts, for ArviZ."""
-    import xarray as xr
-
-    return arviz_data({name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()})
-
-
-def arviz_data(groups: dict):
-    """Groups, datasets of xarray by name, as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    # Not above: importing them takes seconds.
     import arviz as az
     import xarray as xr
 
-    return az.InferenceData(**groups) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(groups)
+    sets: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()}
+    return az.InferenceData(**sets) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(sets)
 
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:

@@ -41,10 +41,6 @@ class Simulator(NativeObject):
         # The messages begin with the origin.
         self._hold(Problem.parse(origin, physics)._call("simulator")["handle"])
 
-    def __call__(self, stiffness: np.ndarray, euler_deg: np.ndarray) -> dict:
-        """What became of a crystal: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
-        return self._call("run", stiffness=stiffness, euler_deg=euler_deg)
-
 
 class Simulations:
     """Simulations by the simulators that jobs ask for, each made once. Threads share them; processes make their own."""
@@ -58,10 +54,10 @@ class Simulations:
         return Simulations, (self.origin,)
 
     def __call__(self, job: Job) -> dict:
-        """What became of a job, see `Simulator`."""
+        """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
         with self._lock:
             simulator = self._simulator(job.physics)
-        return simulator(job.stiffness, job.euler_deg)
+        return simulator._call("run", stiffness=job.stiffness, euler_deg=job.euler_deg)
 
 
 def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:

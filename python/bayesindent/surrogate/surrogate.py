@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
 from ..settings.keywords import takes
-from ..settings.problem import Points, html_table
+from ..settings.problem import Points, html_details
 from ..surrogate.basis import Basis
 
 __all__ = ["SHIPPED", "Surrogate", "places"]
@@ -61,7 +61,7 @@ class Surrogate(NativeObject):
 
     def _describe(self, handle: int) -> None:
         self._hold(handle)
-        facts, basis = self._call("describe"), Basis.of(self)
+        facts, basis = self._call("describe"), Basis(self)
         for values in facts.values():
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
@@ -120,9 +120,7 @@ class Surrogate(NativeObject):
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
 
     def _repr_html_(self) -> str:
-        facts = {name: value for name, value in self.provenance.items() if isinstance(value, str) and "\n" not in value}
-        shown = {"model": self.basis.model, "terms": self.basis.n_terms, "simulations": len(self._facts["simulated_modulus_gpa"])} | facts
-        return html_table(repr(self)[1:-1], [(name, str(value)) for name, value in shown.items() if value])
+        return html_details(self, "\n".join(f"{name}: {value}" for name, value in self.provenance.items()))
 
     @property
     def covariance(self) -> np.ndarray:

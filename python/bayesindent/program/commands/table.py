@@ -6,6 +6,7 @@ from pathlib import Path
 from ...settings.laboratory_tables import LaboratoryTable, meanings_of
 from ...settings.problem import Problem, schema
 from ..command import Command
+from ..console import show_table
 
 __all__ = ["COMMAND"]
 
@@ -41,11 +42,11 @@ def table(arguments: argparse.Namespace) -> dict:
 
 def show(document: dict) -> None:
     print("\n".join(document["words"]))
-    print(f"{'grain':<12} {'phi1':>8} {'Phi':>8} {'phi2':>8} {document['modulus_kind']:>20} {'sd':>8}   (degrees, GPa)")
+    rows = []
     for number, row in enumerate(document["results"], 1):
         sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
-        angles = " ".join(f"{angle:8.2f}" for angle in row["euler_deg"])
-        print(f"{row['grain'] or number:<12} {angles} {row['modulus_gpa']:>20.2f} {sd:>8}")
+        rows.append([str(row["grain"] or number), *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])), sd])
+    show_table("Grains (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
