@@ -53,7 +53,7 @@ def simulate(job):
 
 for name, more in (("none fits", 0.5 * workspace), ("again", None)):
     limit(more)
-    attempt(name, lambda: run_stage(problem, "simulate", folder, None, simulate)["failed"])
+    attempt(name, lambda: run_stage(problem, "simulate", folder, simulate)["failed"])
     limit(None)
     found = rows(folder + "/campaign.sqlite")
     print("rows", len(found), [row.modulus_gpa is not None for row in found])

@@ -6,7 +6,7 @@ import arviz as az
 import numpy as np
 import pytest
 from densities import EXTRACTION, PRIOR, Posterior
-from learner import spread_of
+from learner import spread_of, surrogate_of
 from scipy import stats
 from scipy.linalg import block_diag
 from step_2_cases import KIND, columns, crystal, reference, rough_correction, table_of
@@ -295,7 +295,7 @@ def test_the_smallest_sds_have_a_density(rough):
     model = rough["cubic", "paper"]
     case, settings = reference("cubic")
     angles, measured, _ = columns("cubic")
-    sure = bi.Surrogate(model.basis, model.coefficients, model.covariance, alpha=1.0, beta=1e30)
+    sure = surrogate_of(model.basis, model.coefficients, model.covariance, beta=1e30)
     values = []
     for sd in (1e-4, 1e-6, 1e-8):
         posterior = Posterior.of(table_of(angles, measured, np.full(11, sd)), surrogate=sure, **settings)

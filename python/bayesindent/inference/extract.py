@@ -6,8 +6,9 @@ from os import PathLike
 
 import numpy as np
 
+from ..common.progress import show_progress
 from ..common.result_files import plain
-from ..core import InputError, NativeObject, call
+from ..core import InputError, NativeObject
 from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, schema
@@ -122,8 +123,11 @@ def extract(
     name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
     own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
     problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
-    call("file.show_progress", wanted=progressbar)
-    found = Posterior(problem, surrogate, EXTRACTION).values
+    show_progress(progressbar)
+    try:
+        found = Posterior(problem, surrogate, EXTRACTION).values
+    finally:
+        show_progress(False)
     warn_of(json.loads(found["document"]))
     groups = groups_of(found)
     made = problem._made_of[0]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..common.progress import Progress
+from ..common.progress import progress_bar
 from ..core import MachineError, NativeObject
 from ..engines import ENGINES
 from ..settings.problem import Problem
@@ -87,24 +87,16 @@ class Stage(NativeObject):
         jobs = zip(found["physics_number"].tolist(), found["stiffness"], found["euler_deg"], strict=True)
         return found["number"].tolist(), [Job(found["physics"][k], *crystal) for k, *crystal in jobs]
 
-    def __enter__(self) -> "Stage":
-        return self
-
-    def __exit__(self, *raised) -> None:
-        self._call("leave")
-
     def close(self) -> dict:
         """Write the results; the document."""
         return json.loads(self._call("close")["text"])
 
 
-def run_stage(
-    problem: Problem, name: str, output: Path | str, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None
-) -> dict:
+def run_stage(problem: Problem, name: str, output: Path | str, simulate: Callable[[Job], dict] | None = None) -> dict:
     """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
-    stage, progress = Stage(problem, name, output), progress or Progress()
-    execution, engine = problem.settings.execution, None
-    with progress.bar("simulations", stage.expected) as advance, stage, ExitStack() as opened:
+    stage, execution, engine = Stage(problem, name, output), problem.settings.execution, None
+    with progress_bar("simulations", stage.expected) as advance, ExitStack() as opened:
+        opened.callback(stage._call, "leave")
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))

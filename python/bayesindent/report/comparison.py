@@ -114,11 +114,8 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
         entry = {"folder": str(run.folder), "run": run.label, "title": run.title, "symmetry": run.symmetry, "grains": len(run.measured[1])}
         entries.append(entry | {"parameters": values})
         warnings += [f"the result of {run.label} cannot be used: {reason}" for reason in run.documents["extract"]["reasons"]]
-        for name in constants_of(runs):
-            if name not in values:
-                continue
-            item, difference = values[name], ["", ""]
-            rows.append([run.label, name, item["mean"], item["sd"], *item["hdi_95"], *difference])
+        for name, item in values.items():
+            rows.append([run.label, name, item["mean"], item["sd"], *item["hdi_95"], "", ""])
             if run is first or name not in first.parameters:
                 continue
             reference = first.parameters[name]

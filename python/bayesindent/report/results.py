@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..common.result_files import read_json
 from ..core import InputError, call
 from ..crystal.elasticity import constant_names
-from ..pipeline.results_folder import DOCUMENTS, belongs, changed_inputs, read_manifest, read_posterior, read_resolved, surrogate_digest
+from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
@@ -42,7 +42,7 @@ class Results:
         if not folder.is_dir():
             raise InputError(f"{folder}: there is no such folder of results")
         facts = {} if self.result is None else self.result.posterior.attrs
-        self.manifest = {} if facts else read_manifest(folder)
+        self.manifest = {} if facts else read_json(folder / MANIFEST)
         self.resolved = facts["settings"] if facts else read_resolved(folder)
         self._settings = typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved)) if self.resolved else {}
         #: The folder of the namelist that was last used here.

@@ -123,13 +123,9 @@ def check_rows(results: Results) -> list[list]:
     """Whether the model could have given the measurements."""
     document = results.documents["extract"]
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
-    found = {
-        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(results.documents['extract']['predicted'])} measurements": chi_square[
-            "p"
-        ],
-        f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds": worst["p"],
-    }
-    rows: list[list] = [[text, unbroken(f"p = {p:.3f}")] for text, p in found.items()]
+    mean = f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(document['predicted'])} measurements"
+    furthest = f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds"
+    rows: list[list] = [[text, unbroken(f"p = {item['p']:.3f}")] for text, item in ((mean, chi_square), (furthest, worst))]
     if evidence := document.get("evidence"):
         rows.append(["evidence, log Z; it depends on the bounds", " ± ".join(numbers(evidence, log_z=2, sd=2))])
     return rows

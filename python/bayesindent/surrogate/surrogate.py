@@ -36,30 +36,16 @@ def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, st
 class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
-    Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, the decay rate of the prior's sd from degree to degree, and the
-    `provenance`, where it comes from (title, physics, namelist, ..).
+    Made by `fit` or `load`, of a `handle` of the core. `coefficients` (n_terms,): the posterior mean; `alpha`, `beta`: the precisions of the
+    prior and of the noise, all in units of y; `fall`: the decay rate of the prior's sd from degree to degree; `provenance`: where it comes from
+    (title, physics, namelist, ..).
     """
 
     kind = "surrogate"
     basis: Basis
     symmetry: str
 
-    def __init__(
-        self, basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, alpha: float, beta: float, fall: float = 1.0,
-        provenance: dict | None = None,
-    ):  # fmt: skip
-        posterior = {"coefficients": coefficients, "covariance": covariance, "provenance": json.dumps(provenance or {}, indent=1)}
-        self._describe(basis._call("surrogate", alpha=float(alpha), beta=float(beta), fall=float(fall), **posterior)["handle"])
-
-    @classmethod
-    def of(cls, handle: int) -> Surrogate:
-        """The surrogate of a handle, which is from now on this object's."""
-        self = cls.__new__(cls)
-        self._describe(handle)
-        return self
-
-    def _describe(self, handle: int) -> None:
+    def __init__(self, handle: int):
         self._hold(handle)
         facts, basis = self._call("describe"), Basis(self)
         for values in facts.values():
@@ -89,7 +75,7 @@ class Surrogate(NativeObject):
         try:
             call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
             call("learner.fit", learner, alpha=[0.0], beta=[0.0])
-            return cls.of(call("learner.surrogate", learner, provenance="{}")["handle"])
+            return cls(call("learner.surrogate", learner, provenance="{}")["handle"])
         finally:
             native.core_release(learner)
 
@@ -99,7 +85,7 @@ class Surrogate(NativeObject):
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
         """
-        return cls.of(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
+        return cls(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
 
     def save(self, path: str | PathLike) -> None:
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
