@@ -170,25 +170,19 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
     n = found["n_moduli"]
 
-    def by_kind(axes: tuple, name: str, units: str = "{}") -> dict:
-        parts = {"modulus": (axes, found[name][..., :n], {"units": units.format("GPa")})}
-        speeds = ((*axes[:-1], "wave"), found[name][..., n:], {"units": units.format("m/s")})
-        return parts | ({"velocity": speeds} if found[name].shape[-1] > n else {})
+    def by_kind(axes: tuple, values: np.ndarray, names: tuple = ("modulus", "velocity"), units: tuple = ("GPa", "m/s")) -> dict:
+        at = axes.index("grain")
+        modulus, velocity = np.split(values, [n], axis=at)
+        parts = {names[0]: (axes, modulus, {"units": units[0]})}
+        speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
+        return parts | ({names[1]: speeds} if velocity.size else {})
 
-    predictions = by_kind(per_grain, "predicted") | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
-    likelihood = by_kind(per_grain, "log_likelihood", "log(1/{})")
-    replicated = by_kind(per_grain, "replicated")
+    predictions = by_kind(per_grain, found["predicted"]) | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
+    likelihood = by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)"))
     before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
     sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
-    conditions = {
-        "euler_deg": (("grain", "angle"), found["euler_deg"][:n], {"units": "degree"}),
-        "sd": (("grain",), sd[:n], gpa),
-    }
-    if len(sd) > n:
-        conditions |= {
-            "velocity_euler_deg": (("wave", "angle"), found["euler_deg"][n:], {"units": "degree"}),
-            "velocity_sd": (("wave",), sd[n:], {"units": "m/s"}),
-        }
+    conditions = by_kind(("grain", "angle"), found["euler_deg"], ("euler_deg", "velocity_euler_deg"), ("degree", "degree"))
+    conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
     bounds = zip(found["lower"].tolist(), found["upper"].tolist())
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
     facts |= {
@@ -207,10 +201,10 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),
         "predictions": (some | predictions, {}),
-        "posterior_predictive": (some | replicated, {}),
+        "posterior_predictive": (some | by_kind(per_grain, found["replicated"]), {}),
         "log_likelihood": (some | likelihood, {}),
         "log_prior": (some | before_data, {}),
-        "observed_data": (by_kind(("grain",), "modulus_gpa"), {}),
+        "observed_data": (by_kind(("grain",), found["modulus_gpa"]), {}),
         "constant_data": (conditions, {}),
     }
 

@@ -192,9 +192,8 @@ def describe_group(name: str) -> str:
     lines = [f"&{name}: {variables[0].group_meaning}"]
     for variable in variables:
         default = "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
-        details = ", ".join(
-            filter(None, [variable.unit, f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed, default])
-        )
+        allowed = f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed
+        details = ", ".join(filter(None, [variable.unit, allowed, default]))
         lines += textwrap.wrap(f"{variable.meaning} ({details})", 110, initial_indent=f"  {variable.name:<22}", subsequent_indent=" " * 24)
     return "\n".join(lines) + "\n"
 

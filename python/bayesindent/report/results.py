@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..common.result_files import read_json
 from ..core import InputError, call
-from ..crystal.elasticity import constant_names
+from ..crystal.elasticity import constant_names, stiffness_rows
 from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
@@ -141,9 +141,9 @@ class Results:
         return {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)} if self.posterior else {}
 
     def draws(self, count: int) -> np.ndarray:
-        """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""
+        """Stiffness (n, 6, 6) in GPa of at most `count` draws of the posterior, evenly over all."""
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
-        return table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
+        return stiffness_rows(self.symmetry, table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)])
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""

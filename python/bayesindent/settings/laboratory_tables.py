@@ -194,12 +194,10 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
             if sheet and sheet not in book.sheetnames:
                 raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
             pages = {name: list(book[name].iter_rows(values_only=True)) for name in ([sheet] if sheet else book.sheetnames)}
-        rows = {
-            name: [
-                (number, [tidy(value) for value in row]) for number, row in enumerate(page, 1) if any(value is not None for value in row)
-            ]
-            for name, page in pages.items()
-        }
+        rows = {}
+        for name, page in pages.items():
+            numbered = enumerate(([tidy(value) for value in row] for row in page), 1)
+            rows[name] = [(number, cells) for number, cells in numbered if any(cells)]
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_of(page, stated)[2])]
         if len(fit) > 1 and next(iter(rows)) not in fit:
             raise InputError(f"{place}the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another")
@@ -236,9 +234,8 @@ def is_number(cell: str) -> bool:
 def meanings_of(names: Sequence[str], stated: Iterable[str] = ()) -> list[str]:
     """What the core takes headers for; those that the user gave a meaning are 'stated'."""
     found = call("file.column_names", headers="\n".join(without_mean(name) or " " for name in names))["names"] if names else []
-    return [
-        "stated" if name.lower() in {header.lower() for header in stated} else meaning for name, meaning in zip(names, found, strict=True)
-    ]
+    own = {header.lower() for header in stated}
+    return ["stated" if name.lower() in own else meaning for name, meaning in zip(names, found, strict=True)]
 
 
 def without_mean(name: str) -> str:
@@ -423,18 +420,14 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
     """Sds of means: of a standard deviation of N tests, or of repeated tests that have none, a pooled one where they are few."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
-    if (
-        sd >= 0
-        and number >= 0
-        and DEVIATION.search(table.names[sd])
-        and all(re.fullmatch(r"0*[1-9]\d*", row[number]) for row in table.rows)
-    ):
-        for row in table.rows:
-            row[sd] = repr(float(row[sd]) / float(np.sqrt(int(row[number]))))
+    counts = [row[number] for row in table.rows] if number >= 0 else [""]
+    if sd >= 0 and DEVIATION.search(table.names[sd]) and all(re.fullmatch(r"0*[1-9]\d*", count) for count in counts):
+        for row, count in zip(table.rows, counts, strict=True):
+            row[sd] = repr(float(row[sd]) / float(np.sqrt(int(count))))
         table.note(
             f"column {table.names[sd]}: a standard deviation of {table.names[number]} tests, divided by its root: the standard error of the mean"
         )
-    if sd >= 0 or grain < 0 or modulus < 0:
+    if sd >= 0 or grain < 0 or modulus < 0 or not all(re.fullmatch(NUMBER, row[modulus]) for row in table.rows):
         return
     tests: dict[str, list[float]] = {}
     for row in table.rows:

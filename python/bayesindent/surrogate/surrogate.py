@@ -97,11 +97,8 @@ class Surrogate(NativeObject):
             return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
-        known = (
-            f"{len(self._facts['simulated_modulus_gpa'])} simulations, {self.basis.n_terms} terms"
-            if self.basis.n_terms
-            else "the exact theory"
-        )
+        simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
+        known = f"{simulations} simulations, {terms} terms" if terms else "the exact theory"
         title = self.provenance.get("title") or ""
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
 

@@ -14,7 +14,10 @@ __all__ = ["COMMAND"]
 def run(arguments: argparse.Namespace) -> dict:
     """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
     if arguments.check:
-        return check(problem_of(arguments), arguments)
+        problem = problem_of(arguments)
+        # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
+        problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
+        return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     problem, output = prepare(arguments)
     if problem.table and not arguments.quiet:
         print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
@@ -26,12 +29,6 @@ def run(arguments: argparse.Namespace) -> dict:
     documents["report"] = report.make(output, output)
     warnings = [line for document in documents.values() for line in document["warnings"]]
     return with_warnings(problem, documents | {"warnings": warnings})
-
-
-def check(problem, arguments: argparse.Namespace) -> dict:
-    """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals."""
-    problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
-    return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
 
 
 def show(document: dict) -> None:

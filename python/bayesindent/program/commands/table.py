@@ -21,6 +21,9 @@ def table(arguments: argparse.Namespace) -> dict:
     points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
     # Of a pipe there is none.
     found = points.problem.table or LaboratoryTable(f"{path}: ", points.columns, meanings_of(points.columns), points.rows, [])
+    none = [None] * len(points)
+    sds = none if points.sd_gpa is None else points.sd_gpa
+    grains = {"grain": points.names or none, "euler_deg": points.euler_deg, "modulus_gpa": points.modulus_gpa, "sd_gpa": sds}
     return {
         "file": str(path),
         "sheet": found.sheet or None,
@@ -28,16 +31,10 @@ def table(arguments: argparse.Namespace) -> dict:
         "modulus_kind": points.modulus_kind,
         "grains": len(points),
         "left_out": {str(line): reason for line, reason in found.left_out.items()},
-        "results": [
-            {"grain": name, "euler_deg": euler, "modulus_gpa": modulus, "sd_gpa": sd}
-            for name, euler, modulus, sd in zip(
-                points.names or [None] * len(points), points.euler_deg, points.modulus_gpa,
-                [None] * len(points) if points.sd_gpa is None else points.sd_gpa, strict=True,
-            )
-        ],
+        "results": [dict(zip(grains, grain, strict=True)) for grain in zip(*grains.values(), strict=True)],
         "words": found.words(len(points)),
         "warnings": points.problem.warnings,
-    }  # fmt: skip
+    }
 
 
 def show(document: dict) -> None:

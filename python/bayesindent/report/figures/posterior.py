@@ -4,7 +4,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ..formatting import number, product_label, quantities_label, quantity_name, subscript
+from ..formatting import number, product_label, quantity_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, parity_panels, sd_axes
 
@@ -73,7 +73,7 @@ def knowledge(results: Results) -> Picture:
         then = np.array([row["sd_then"][name] for name in names])
         lifted = place + 0.5 * ((index + 1) / (len(rows) + 1) - 0.5)
         axes.hlines(lifted, np.minimum(then, now), now, color=colour, lw=1.2)
-        label = f"{quantities_label(row)} known to {100 * row['relative_sd']:.0f} %"
+        label = f"{quantity_label(row)} known to {100 * row['relative_sd']:.0f} %"
         axes.plot(then, lifted, marker, color=colour, ms=5, label=label)
         table += [[row["name"], row["relative_sd"], *sds] for sds in zip(names, now.tolist(), then.tolist())]
     axes.set_yticks(place, [subscript(name) for name in names])
