@@ -20,25 +20,15 @@ from .fe.indentation import Indentation, IndentationResult
 from .inference.extract import extract, next_grain, summary
 from .pipeline.build import build_surrogate as build
 from .pipeline.curves import curves
+from .report import plots
 from .report.comparison import compare
-from .report.plots import (
-    plot_chains,
-    plot_constants,
-    plot_error_budget,
-    plot_grains,
-    plot_knowledge,
-    plot_orientations,
-    plot_pairs,
-    plot_prior,
-    plot_residuals,
-    plot_shares,
-    plot_young,
-)  # fmt: skip
+from .report.plots import *  # noqa: F403
 from .settings.problem import Problem
 from .surrogate.surrogate import Surrogate
 
 __all__ = [
     "BayesindentError", "BayesindentWarning", "Indentation", "IndentationResult", "InputError", "MachineError", "Problem",
     "Surrogate", "anisotropy_index", "build", "compare", "constants", "curves", "extract", "halfspace_modulus", "log_anisotropy",
-    "next_grain", "plot_chains", "plot_constants", "plot_error_budget", "plot_grains", "plot_knowledge", "plot_orientations", "plot_pairs", "plot_prior", "plot_residuals", "plot_shares", "plot_young", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
+    "next_grain", "polycrystal_averages", "quantities", "rayleigh_velocity", "report", "stiffness", "summary",
 ]  # fmt: skip
+__all__ += plots.__all__

@@ -23,12 +23,12 @@ from pathlib import Path
 
 import numpy as np
 from bench_studies import BINS, DRAWS, effective_size, holm
+from densities import PRIOR, Posterior
 from reference_density import LogPosterior
 from reference_posteriors import SYNONYMS
 from scipy import stats
 
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, quantities, rayleigh_velocity, stiffness_rows
-from bayesindent.inference.posterior import PRIOR, Posterior
 from bayesindent.surrogate.surrogate import Surrogate
 
 REFERENCE = Path(__file__).parents[1] / "reference"

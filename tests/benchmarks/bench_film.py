@@ -11,13 +11,13 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
+from learner import build
 from measured_tables import read_measurements
 
 import bayesindent as bi
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import progress_bar, show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from bayesindent.fe.indentation import Indentation
-from bayesindent.pipeline.build import build
 from bayesindent.settings.problem import Problem
 
 QUICKSTART = Path(__file__).parents[2] / "inputs" / "quickstart.nml"
@@ -35,12 +35,13 @@ def main(argv=None) -> int:
     parser.add_argument("--output", type=Path, default=Path("runs/film"), help="folder (runs/film)")
     arguments = parser.parse_args(argv)
     arguments.output.mkdir(parents=True, exist_ok=True)
-    surrogate = bi.Surrogate.load(build(Problem(QUICKSTART, "build"), arguments.output, Progress(True))["file"])
+    show_progress(True)
+    surrogate = bi.Surrogate.load(build(Problem(QUICKSTART, "build"), arguments.output)["file"])
     angles, modulus = without_noise(arguments)
     truth = halfspace_modulus(stiffness_rows("cubic", len(DIRECTIONS) * [TRUTH]), list(DIRECTIONS.values()))
     kept = arguments.output / "draws.json"
     rows = json.loads(kept.read_text()) if kept.exists() else []
-    with Progress(True).bar("draws", arguments.draws) as advance:
+    with progress_bar("draws", arguments.draws) as advance:
         advance(len(rows))
         for seed in range(len(rows), arguments.draws):
             noisy = modulus + np.random.default_rng(seed).normal(0, SD_GPA, len(modulus))

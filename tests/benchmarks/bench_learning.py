@@ -13,13 +13,13 @@ from pathlib import Path
 
 import f90nml
 import numpy as np
+from learner import build
 from paper_domains import DOMAINS
 from scipy.linalg import expm
 
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import show_progress
 from bayesindent.common.result_files import write_csv
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, log_anisotropy, stiffness_rows
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
@@ -55,6 +55,7 @@ def main(argv=None) -> int:
     parser.add_argument("--workers", type=int, default=0, help="simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, help="folder (runs/learning_SPECIMEN)")
     arguments = parser.parse_args(argv)
+    show_progress(True)
     arguments.output = arguments.output or Path("runs") / f"learning_{arguments.specimen}"
     arguments.output.mkdir(parents=True, exist_ok=True)
     unseen = {name: simulated(arguments, name, points) for name, points in unseen_crystals(arguments).items()}
@@ -176,7 +177,7 @@ def simulated(arguments, name: str, points: list[tuple]) -> tuple[np.ndarray, np
         f"&problem symmetry = 'triclinic' /\n&crystals points = 'points.csv' /\n&specimen {specimen} /\n"
         f"&execution workers = {arguments.workers} /\n"
     )
-    results = run_stage(Problem(folder / "unseen.nml", "simulate"), "simulate", folder, Progress(True))["results"]
+    results = run_stage(Problem(folder / "unseen.nml", "simulate"), "simulate", folder)["results"]
     moduli = [row["indentation_modulus_gpa"] for row in results]
     matrices = np.array([stiffness_rows(symmetry, [constants])[0] for symmetry, constants, _ in points])
     done = np.array([modulus is not None for modulus in moduli])
@@ -194,7 +195,7 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
             f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n&specimen {specimen} /\n"
             f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n&execution workers = {arguments.workers} /\n"
         )
-        document = build(Problem(path, "build"), folder, Progress(True))
+        document = build(Problem(path, "build"), folder)
         surrogate = Surrogate.load(document["file"])
         for name, (matrices, angles, modulus) in unseen.items():
             mean, sd = surrogate.predict(matrices, angles)
@@ -220,7 +221,7 @@ def print_paper_model(arguments, unseen: dict) -> None:
             namelist["execution"] = {"workers": arguments.workers}
             path = folder / f"build_{size}.nml"
             namelist.write(path, force=True)
-            surrogate = Surrogate.load(build(Problem(path, "build"), folder, Progress(True))["file"])
+            surrogate = Surrogate.load(build(Problem(path, "build"), folder)["file"])
             matrices, angles, modulus = unseen[symmetry]
             print(f"| {symmetry} | {size} | {np.mean(np.abs(surrogate.predict(matrices, angles)[0] - modulus)):.2f} |", flush=True)
 

@@ -13,10 +13,9 @@ import f90nml
 import numpy as np
 from paper_step_2 import Study
 
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from bayesindent.program.command import perform
-from bayesindent.program.commands.build import COMMAND as BUILD
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.report.report import write_report
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
@@ -38,6 +37,7 @@ def main(argv=None) -> int:
     parser.add_argument("--figures", action="store_true", help="step 2: write the figures of docs/verification")
     arguments = parser.parse_args(argv)
     output = arguments.output or Path("runs") / f"paper_{arguments.symmetry}"
+    show_progress(True)
     if arguments.step == 2:
         study = Study(arguments.symmetry, output / "step_2", arguments.simulator, arguments.workers)
         study.run()
@@ -51,7 +51,7 @@ def main(argv=None) -> int:
         folder = output / f"seed_{seed}"
         problem = variant(arguments, seed, folder)
         start = time.perf_counter()
-        document = perform(BUILD, problem, folder, Progress(True))
+        document = run_stage(problem, "build", folder)
         seconds = time.perf_counter() - start
         (folder / "resolved.nml").write_text(problem.resolved)
         write_report(folder, kind_of_files="svg")

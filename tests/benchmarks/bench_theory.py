@@ -13,9 +13,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+from densities import Posterior
 
 from bayesindent.crystal.elasticity import anisotropy_index, constant_names, halfspace_modulus, stiffness, stiffness_rows
-from bayesindent.inference.posterior import Posterior
 from bayesindent.surrogate.surrogate import Surrogate
 
 REFERENCE = Path(__file__).parents[1] / "reference"

@@ -16,11 +16,11 @@ from pathlib import Path
 import distributed
 import numpy as np
 from bench_learning import kinds, simulated, unseen_crystals
+from learner import build
 
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import show_progress
 from bayesindent.crystal.elasticity import halfspace_modulus
 from bayesindent.engines import ENGINES
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import Job, Stage
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
@@ -42,6 +42,7 @@ def main(argv=None) -> int:
     parser.add_argument("--workers", type=int, default=0, help="real simulations at a time (0: all cores)")
     parser.add_argument("--output", type=Path, default=Path("runs/workers"), help="folder (runs/workers)")
     arguments = parser.parse_args(argv)
+    show_progress(True)
     arguments.specimen = "block"
     batches = [int(batch) for batch in arguments.batches.split(",")]
     print(f"{WORKERS} workers, {arguments.budget} simulations\n\n| batch | local | dask |\n|---|---|---|")
@@ -109,7 +110,7 @@ def losses(arguments, batches: list[int], sizes: list[int]) -> list[dict]:
             f"&problem title = 'Batches', seed = {seed} /\n&specimen geometry = 'block' /\n"
             f"&design budget = {size}, batch = {batch} /\n&execution workers = {arguments.workers} /\n"
         )
-        surrogate = Surrogate.load(build(Problem(path, "build"), folder, Progress(True))["file"])
+        surrogate = Surrogate.load(build(Problem(path, "build"), folder)["file"])
         for name, (matrices, angles, modulus) in unseen.items():
             error = float(np.mean(np.abs(surrogate.predict(matrices, angles)[0] - modulus)))
             rows.append({"batch": batch, "seed": seed, "simulations": size, "set": name, "error_gpa": error})

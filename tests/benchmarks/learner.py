@@ -1,15 +1,32 @@
 """What trains a surrogate, step by step: the operations of the core, for tests and benchmarks of the choice of simulations."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesindent.core import NativeObject
+from bayesindent.pipeline.stage import Job, run_stage
+from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["Learner", "spread_of", "to_modulus", "to_y"]
+__all__ = ["Learner", "build", "spread_of", "surrogate_of", "to_modulus", "to_y"]
+
+
+def build(problem: Problem, output: Path, simulate: Callable[[Job], dict] | None = None) -> dict:
+    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
+    return run_stage(problem, "build", output, simulate)
+
+
+def surrogate_of(
+    basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, beta: float, alpha: float = 1.0, fall: float = 1.0
+) -> Surrogate:
+    """The surrogate with this posterior mean (n_terms,) and covariance (n_terms, n_terms) of the coefficients of a basis."""
+    found = basis._call("surrogate", coefficients=coefficients, covariance=covariance, alpha=alpha, beta=beta, fall=fall, provenance="{}")
+    return Surrogate(found["handle"])
 
 
 def spread_of(basis: Basis, stiffness: ArrayLike) -> np.ndarray:
@@ -103,4 +120,4 @@ class Learner(NativeObject):
 
     def surrogate(self, **provenance) -> Surrogate:
         """The surrogate of what was learnt."""
-        return Surrogate.of(self._call("surrogate", provenance=json.dumps(provenance, indent=1))["handle"])
+        return Surrogate(self._call("surrogate", provenance=json.dumps(provenance, indent=1))["handle"])

@@ -6,13 +6,10 @@ from pathlib import Path
 import f90nml
 import numpy as np
 
-from bayesindent.common.progress import Progress
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness, stiffness_rows
 from bayesindent.inference.extract import extract, summary
 from bayesindent.pipeline.results_folder import read_posterior
-from bayesindent.program.command import perform
-from bayesindent.program.commands.build import COMMAND as BUILD
-from bayesindent.program.commands.extract import COMMAND as EXTRACT
+from bayesindent.pipeline.stage import run_stage
 from bayesindent.report.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, SKY, house_style, new_figure, stamp_synthetic
 from bayesindent.report.formatting import subscript
 from bayesindent.settings.problem import Problem
@@ -70,7 +67,7 @@ class Study:
     def run(self) -> None:
         """Both steps as the file says, then the other posteriors."""
         problem = self.problem(self.namelist, self.folder, "run")
-        self.build = perform(BUILD, problem, self.folder, Progress(True))
+        self.build = run_stage(problem, "build", self.folder)
         self.measured = problem.measurements
         self.sample(METHOD, self.namelist, self.folder)
         self.surrogate = Surrogate.load(self.folder / "surrogate.txt")
@@ -99,7 +96,7 @@ class Study:
 
     def sample(self, label: str, namelist: f90nml.Namelist, folder: Path) -> None:
         """A posterior: its document, and its draws (chains, samples, k)."""
-        self.documents[label] = perform(EXTRACT, self.problem(namelist, folder, "extract"), folder, Progress(False))
+        self.documents[label] = run_stage(self.problem(namelist, folder, "extract"), "extract", folder)
         self.draws[label] = read_posterior(folder)["draws"][..., : len(self.names)]
 
     def tables(self) -> None:

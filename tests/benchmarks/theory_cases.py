@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from learner import surrogate_of
 from measured_tables import read_measurements
 from paper_domains import DOMAINS
 
@@ -53,4 +54,4 @@ def theory_surrogate(symmetry: str, degree: int, bandlimit: int, truncation: str
     inverse = (vectors / np.maximum(values, 1e-8)) @ vectors.T
     coefficients = inverse @ (terms @ y)
     variance = np.mean((y - coefficients @ terms) ** 2)
-    return Surrogate(basis, coefficients, variance * inverse, alpha=1.0, beta=1 / variance)
+    return surrogate_of(basis, coefficients, variance * inverse, beta=1 / variance)

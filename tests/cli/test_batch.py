@@ -12,11 +12,11 @@ import arviz
 import numpy as np
 import pytest
 import xarray
+from densities import EXTRACTION, Posterior
 from theory_cases import theory_surrogate
 
 from bayesindent import Problem
 from bayesindent.inference.extract import groups_of, inference_data, summary
-from bayesindent.inference.posterior import EXTRACTION, Posterior
 from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 from conftest import DOMAIN, SOURCE
 

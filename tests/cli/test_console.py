@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from bayesindent.program import cli
-from bayesindent.program.commands.extract import COMMAND as EXTRACT
+from bayesindent.program.commands.stages import show_extract
 from conftest import SOURCE
 
 IRON = "&problem symmetry = 'bcc' /\n&measurements file = 'grains.csv' /\n&knowledge quantity = 'bulk_modulus', mean = 165, sd = 3 /\n&sampler samples = {} burn_in = 300 /\n"
@@ -28,7 +28,7 @@ def test_no_number_of_the_answer_is_cut(capsys, monkeypatch):
     document = {"parameters": dict.fromkeys(names, item), "prior": {"words": ["measured: nothing"]}}
     for columns in ("80", "40"):
         monkeypatch.setenv("COLUMNS", columns)
-        EXTRACT.show(document)
+        show_extract(document)
         lines = capsys.readouterr().out.splitlines()[-22:]
         assert [line.split()[:6] for line in lines[1:]] == [[name, "1076.0", "123.5", "-234.6", "..", "1234.6"] for name in names]
     assert max(map(len, lines)) <= 82
@@ -50,7 +50,7 @@ def test_the_first_warnings_are_shown_and_all_are_in_the_document(capsys):
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
-        (["rnu", "a.nml"], "'rnu' is no command; allowed: init, run, "),
+        (["rnu", "a.nml"], "'rnu' is no command; allowed: init, table, run, "),
         (["extrct", "a.nml"], "Did you mean 'extract'?"),
         (["a.nml"], "Did you mean 'run a.nml'?"),
         (["run", "a.nml", "--chek"], "unrecognized arguments: --chek. Did you mean '--check'?"),

@@ -25,7 +25,7 @@ with open(folder + "/a.nml", "w") as file:
 problem = bi.Problem(folder + "/a.nml", "simulate")
 workspace = bi.Indentation().workspace_bytes
 theory = Simulator("test", "&simulation simulator = 'theory' /\\n")
-theory(bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), (0, 0, 0))
+theory._call("run", stiffness=bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4), euler_deg=(0, 0, 0))
 
 
 def limit(more):
@@ -45,9 +45,15 @@ limit(20e6)
 attempt("finest mesh", lambda: bi.Indentation(refine=1.6).elements)
 limit(None)
 simulations = Simulator("test", "&specimen /\\n")
+
+
+def simulate(job):
+    return simulations._call("run", stiffness=job.stiffness, euler_deg=job.euler_deg)
+
+
 for name, more in (("none fits", 0.5 * workspace), ("again", None)):
     limit(more)
-    attempt(name, lambda: run_stage(problem, "simulate", folder, None, lambda job: simulations(job.stiffness, job.euler_deg))["failed"])
+    attempt(name, lambda: run_stage(problem, "simulate", folder, simulate)["failed"])
     limit(None)
     found = rows(folder + "/campaign.sqlite")
     print("rows", len(found), [row.modulus_gpa is not None for row in found])

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from learner import surrogate_of
 from measured_tables import read_measurements
 from scipy import stats
 from theory_cases import FILES, SYMMETRIES, theory_surrogate
@@ -47,7 +48,7 @@ def rough_correction(degree=2, directions=6, sd=0.01, beta=1e5, domain=None):
     root = (vectors / np.sqrt(values)) @ vectors.T @ np.linalg.qr(rng.normal(size=(basis.n_terms, directions)))[0]
     covariance = sd**2 / directions * root @ root.T + 1e-14 * np.diag(1 / np.mean(terms**2, axis=1))
     coefficients = rng.normal(size=basis.n_terms) * np.array([0.1, 0.05, 0.01, 0.003])[basis.polynomial_degrees.astype(int)]
-    return bi.Surrogate(basis, coefficients, covariance, alpha=1.0, beta=beta, fall=0.3)
+    return surrogate_of(basis, coefficients, covariance, beta=beta, fall=0.3)
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +59,7 @@ def rough():
         model = theory_surrogate(symmetry, 2, 4, points=1500)
         root = np.random.default_rng(1).normal(size=(model.basis.n_terms, 6))
         covariance = 0.65**2 / model.basis.n_terms * root @ root.T
-        models[symmetry, "paper"] = bi.Surrogate(model.basis, model.coefficients, covariance, alpha=1.0, beta=model.beta)
+        models[symmetry, "paper"] = surrogate_of(model.basis, model.coefficients, covariance, beta=model.beta)
     return models
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from learner import Learner
+from learner import Learner, build
 from paper_domains import DOMAINS
 from test_surrogate import specimen
 
 import bayesindent as bi
 from bayesindent.common.result_files import as_csv
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.pipeline.build import ask, build, tell
+from bayesindent.pipeline.build import ask, tell
 from bayesindent.pipeline.stage import Simulations
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem, read_crystals

@@ -7,14 +7,14 @@ import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
+from learner import build
 
 import bayesindent as bi
 from bayesindent.engines import DaskEngine
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.settings.problem import Problem
 from conftest import HANGS_S
@@ -92,7 +92,7 @@ def test_an_exception_starts_no_more_and_keeps_what_is_done(cluster, tmp_path):
     assert len(found) < 200 and all(found[i][1] == i**2 for i in found if i < 5)
 
 
-def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path):
+def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path, monkeypatch):
     address, workers = cluster
     with engine_with_two(address):
         pass
@@ -104,21 +104,12 @@ def test_a_build_whose_worker_is_killed_gives_the_same_numbers(cluster, tmp_path
         (tmp_path / f"{name}.nml").write_text(problem + execution)
     build(Problem(tmp_path / "local.nml", "build"), tmp_path / "local")
 
-    class Progress:
-        def bar(self, *_):
-            return self
+    def kill(_):
+        if workers[0].poll() is None:
+            workers[0].send_signal(signal.SIGKILL)
 
-        def __enter__(self):
-            return self.advance
-
-        def __exit__(self, *_):
-            pass
-
-        def advance(self, _):
-            if workers[0].poll() is None:
-                workers[0].send_signal(signal.SIGKILL)
-
-    build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask", Progress())
+    monkeypatch.setattr("bayesindent.pipeline.stage.progress_bar", lambda *_: nullcontext(kill))
+    build(Problem(tmp_path / "dask.nml", "build"), tmp_path / "dask")
     assert workers[0].wait(HANGS_S) == -signal.SIGKILL
 
     def rows(name: str) -> list[tuple]:

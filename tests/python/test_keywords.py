@@ -204,6 +204,6 @@ def test_figures_take_the_place_of_an_axis(result):
 def test_notebooks_show_problems_and_surrogates(tmp_path):
     (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' title = 'a <b>' /\n&measurements file = '{IRON}' /\n")
     page = bi.Problem(tmp_path / "a.nml")._repr_html_()
-    assert "symmetry = cubic, title = a &lt;b&gt;" in page and "<th style='text-align:left'>measurements</th>" in page
+    assert "symmetry = &#x27;cubic&#x27;\n" in page and "title = &#x27;a &lt;b&gt;&#x27;" in page and "&amp;measurements\n" in page
     page = bi.Surrogate.load("block")._repr_html_()
-    assert "150 simulations" in page and page.count("<tr>") == page.count("</tr>") > 3
+    assert "150 simulations" in page and "\nphysics: " in page

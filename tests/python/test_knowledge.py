@@ -5,12 +5,12 @@ import pickle
 
 import numpy as np
 import pytest
+from densities import PRIOR, Posterior
 from scipy import stats
 from step_2_cases import KIND, default_prior, table_of
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, stiffness_rows
-from bayesindent.inference.posterior import PRIOR, Posterior
 from conftest import SOURCE
 
 STIFFNESS = SOURCE / "inputs" / "data" / "titanium_dft.csv"

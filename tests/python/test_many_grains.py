@@ -4,12 +4,12 @@ import csv
 
 import numpy as np
 import pytest
+from densities import Posterior
 from learner import spread_of
 from scipy.stats import multivariate_normal
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.inference.posterior import Posterior
 from conftest import REFERENCE
 
 COPPER = {"C11": 168.4, "C12": 121.4, "C44": 75.4}

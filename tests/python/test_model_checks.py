@@ -3,12 +3,12 @@
 import arviz as az
 import numpy as np
 import pytest
+from densities import Posterior
 from scipy import stats
 from step_2_cases import KIND, columns, reference, rough_correction, table_of
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
-from bayesindent.inference.posterior import Posterior
 
 #: Short chains: what is compared are numbers of single draws.
 SHORT = {"samples": 25, "burn_in": 300, "chains": 2, "method": "scmh"}

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from bench_orientations import RARE, harmonics, misfits
+from densities import Posterior
 from scipy import stats
 from scipy.spatial.transform import Rotation
 from step_2_cases import KIND, crystal
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
-from bayesindent.inference.posterior import Posterior
 
 SHORT = {"samples": 25, "burn_in": 400, "chains": 2} | KIND
 #: Beside those of the reference files: constants of other crystals, GPa.

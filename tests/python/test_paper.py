@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import progress_bar
 from bayesindent.program.cli import main
 from bayesindent.report import drawing
 from bayesindent.report.paper import card
@@ -90,8 +90,8 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert "there is no posterior" in capsys.readouterr().err
     assert main(["extract", str(file), "--output", str(output)]) == 0
     # Figures take most of the time: a terminal sees how many are done.
-    bars, usual = [], Progress.bar
-    monkeypatch.setattr(Progress, "bar", lambda self, name, total: bars.append((name, total)) or usual(self, name, total))
+    bars = []
+    monkeypatch.setattr("bayesindent.report.drawing.progress_bar", lambda *bar: bars.append(bar) or progress_bar(*bar))
     assert main(["report", str(output), "--paper", "--json"]) == 0
     assert bars == [("figures", 1)]
     found = json.loads((output / "summary.json").read_text())["parameters"]

@@ -5,24 +5,24 @@ import pty
 import subprocess
 import sys
 
-from bayesindent.common.progress import Progress
+from bayesindent.common.progress import progress_bar
 
 #: A loop of 4 steps, of which three take half a second each, and one within it.
 CODE = """
 import time
-from bayesindent.common.progress import Progress
-progress = Progress(True)
-with progress.bar("outer", 4) as advance:
+from bayesindent.common.progress import progress_bar, show_progress
+show_progress(True)
+with progress_bar("outer", 4) as advance:
     for _ in range(3):
         time.sleep(0.5)
-        with progress.bar("inner", 2) as step:
+        with progress_bar("inner", 2) as step:
             step(1)
         advance(1)
 """
 
 
 def test_silent_by_default(capfd):
-    with Progress().bar("simulations", 3) as advance:
+    with progress_bar("simulations", 3) as advance:
         advance(1)
         advance()
     assert capfd.readouterr() == ("", "")

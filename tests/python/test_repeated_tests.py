@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from densities import Posterior
 from scipy import stats
 
 import bayesindent as bi
-from bayesindent.inference.posterior import Posterior
 from conftest import SOURCE
 
 #: Three grains of four, two and one tests, not in order; phi1 does not matter to the indented direction.

@@ -3,6 +3,7 @@
 import arviz as az
 import numpy as np
 import pytest
+from densities import EXTRACTION, Posterior
 from scipy import stats
 from scipy.linalg import eigh
 from step_2_cases import KIND, columns, reference, rough_correction, table_of
@@ -11,7 +12,6 @@ from theory_cases import FILES, theory_surrogate
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, quantity_names, stiffness_rows
 from bayesindent.inference.measurements import measurements_of
-from bayesindent.inference.posterior import EXTRACTION, Posterior
 from bayesindent.pipeline.results_folder import read_posterior
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main

@@ -5,14 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from densities import Posterior
+from learner import build
 from step_2_cases import rough_correction
 from synthetic_curves import sneddon
 from theory_cases import theory_surrogate
 
 import bayesindent as bi
 from bayesindent.engines import ENGINES
-from bayesindent.inference.posterior import Posterior
-from bayesindent.pipeline.build import build
 from bayesindent.pipeline.stage import run_stage
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results

@@ -5,13 +5,13 @@ import warnings
 import dynesty
 import numpy as np
 import pytest
+from densities import Posterior
 from scipy import stats
 from step_2_cases import crystal
 from stroh import Waves, rayleigh, slowest_bulk
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import rayleigh_modes, stiffness_rows
-from bayesindent.inference.posterior import Posterior
 
 #: Speeds are then roots of rho v^2 in GPa.
 UNIT = 1e9

@@ -1,30 +1,23 @@
-"""Progress on standard error, with an estimate of the time that is left; nothing where it is not wanted. The core counts and writes it."""
+"""Progress on standard error, with an estimate of the time that is left, where somebody asked for it. The core counts and writes it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..core import call
 
-__all__ = ["Progress"]
+__all__ = ["progress_bar", "show_progress"]
 
 
-def advance(steps: int = 1) -> None:
-    """So many more steps of the innermost loop are done."""
-    call("file.advance_progress", steps=steps)
+def show_progress(wanted: bool) -> None:
+    """Show from now on how far loops are, or do not; the library is silent."""
+    call("file.show_progress", wanted=wanted)
 
 
-class Progress:
-    """What a stage shows while it works. `Progress()`, the default of the library, is silent."""
-
-    def __init__(self, enabled: bool = False):
-        self.enabled = enabled
-        call("file.show_progress", wanted=enabled)
-
-    @contextmanager
-    def bar(self, text: str, total: int) -> Iterator[Callable[..., object]]:
-        """Yield `advance(n)`, which counts towards `total`."""
-        call("file.begin_progress", name=text, steps=total)
-        try:
-            yield advance
-        finally:
-            call("file.end_progress")
+@contextmanager
+def progress_bar(text: str, total: int) -> Iterator[Callable[..., object]]:
+    """Yield `advance(n)`, which counts towards `total`."""
+    call("file.begin_progress", name=text, steps=total)
+    try:
+        yield lambda steps=1: call("file.advance_progress", steps=steps)
+    finally:
+        call("file.end_progress")

@@ -131,7 +131,8 @@ class Indentation(NativeObject):
         Raises `InputError` for an unstable crystal, `BayesindentError` where the simulation fails.
         """
         crystal = one_crystal(stiffness, euler_deg)
-        return IndentationResult(**self._call("run", **crystal), warning=resolution(self._problem, crystal["stiffness"])[1])
+        found = self._call("run", **crystal)
+        return IndentationResult(**found, warning=self._problem._call("mesh_error", stiffness=crystal["stiffness"])["text"])
 
     @takes()
     def run_many(
@@ -180,7 +181,7 @@ class Indentation(NativeObject):
 
     def largest_error(self, stiffness: ArrayLike) -> np.ndarray:
         """How large the error of the mesh may be, relative (n,), for crystals of stiffness (n, 6, 6) in GPa: see docs/simulation.md."""
-        return resolution(self._problem, stiffness)[0]
+        return self._problem._call("mesh_error", stiffness=stiffness)["values"][0]
 
     def mesh_arrays(self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)) -> SimpleNamespace:
         """The finest mesh; where its refined zone is too small for the contact of a crystal, the larger one that is used for it.
@@ -225,9 +226,3 @@ class Indentation(NativeObject):
         found = self._fields(stiffness, euler_deg)
         depths = found["depth_um"] if depth_um is None else np.asarray(depth_um, dtype=float)
         return write_deck(SimpleNamespace(**found), depths, self.element.upper(), title, self.parts.split(", "))
-
-
-def resolution(problem: Problem, stiffness: ArrayLike) -> tuple[np.ndarray, str]:
-    """How large the error of the mesh may be, relative (n,), for stiffnesses (n, 6, 6) in GPa, and what is to be said of it, if anything."""
-    found = problem._call("mesh_error", stiffness=stiffness)
-    return found["values"][0], found["text"]

@@ -6,20 +6,34 @@ from os import PathLike
 
 import numpy as np
 
+from ..common.progress import show_progress
 from ..common.result_files import plain
-from ..core import InputError, call
+from ..core import InputError, NativeObject
 from ..crystal.elasticity import constant_names, quantity_names
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem, schema
 from ..surrogate.surrogate import Surrogate
 from .measurements import problem_of
-from .posterior import EXTRACTION, Posterior
 
-__all__ = ["arviz_data", "extract", "groups_of", "inference_data", "loaded", "next_grain", "summary"]
+__all__ = ["EXTRACTION", "Posterior", "extract", "groups_of", "inference_data", "next_grain", "summary"]
+
+#: What `Posterior` makes of a problem and a surrogate for the chains of both prior and posterior; 'density' for none.
+EXTRACTION = "extract"
 
 #: Groups whose variables are keywords, and those that other keywords stand for.
 GROUPS = ("problem", "indenter", "measurements", "prior", "sampler")
 LEFT_OUT = ("symmetry", "lattice", "title", "synthetic", "seed", "file", "c_min", "c_max")
+
+
+class Posterior(NativeObject):
+    """The posterior of the constants in the core. `values` of an `EXTRACTION` have the names of fortran/pipeline/extraction_document.f90,
+    with the axes reversed."""
+
+    kind = "posterior"
+
+    def __init__(self, problem: Problem, surrogate: Surrogate, what: str):
+        self.values = surrogate._call(what, problem=problem.handle)
+        self._hold(self.values["handle"])
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -60,7 +74,8 @@ def next_grain(
             of_next = {variable.name for variable in schema() if variable.group == "next"}
             result = extract(measurements, surrogate=surrogate, **own, **{name: settings[name] for name in settings if name not in of_next})
     draws = np.stack([values.values.ravel() for values in result.posterior.data_vars.values()], axis=1)
-    document = Posterior(problem, surrogate).suggest(problem, draws)
+    posterior = Posterior(problem, surrogate, "density")
+    document = json.loads(posterior._call("next", problem=problem.handle, points=draws)["text"])
     warn_of(document)
     return document
 
@@ -108,10 +123,13 @@ def extract(
     name, surrogate = "" if isinstance(surrogate, Surrogate) else str(surrogate), loaded(surrogate)
     own = {"symmetry": symmetry, "lattice": lattice, "bounds": bounds, "knowledge": knowledge, "seed": seed, "workers": workers}
     problem = problem_of("bi.extract", surrogate, measurements, **own, **settings)
-    call("file.show_progress", wanted=progressbar)
-    found = Posterior(problem, surrogate, EXTRACTION)
-    warn_of(found.document)
-    groups = groups_of(found.values)
+    show_progress(progressbar)
+    try:
+        found = Posterior(problem, surrogate, EXTRACTION).values
+    finally:
+        show_progress(False)
+    warn_of(json.loads(found["document"]))
+    groups = groups_of(found)
     made = problem._made_of[0]
     groups["posterior"][1].update(surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str))
     result = inference_data(groups)
@@ -126,18 +144,13 @@ def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]):
-    """Groups of variables and facts, for ArviZ."""
-    import xarray as xr
-
-    return arviz_data({name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()})
-
-
-def arviz_data(groups: dict):
-    """Groups, datasets of xarray by name, as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    """Groups of variables and facts as the object that ArviZ takes: an InferenceData; from its version 1 on a DataTree."""
+    # Not above: importing them takes seconds.
     import arviz as az
     import xarray as xr
 
-    return az.InferenceData(**groups) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(groups)
+    sets: dict = {name: xr.Dataset(variables, attrs=facts) for name, (variables, facts) in groups.items()}
+    return az.InferenceData(**sets) if int(az.__version__.split(".")[0]) < 1 else xr.DataTree.from_dict(sets)
 
 
 def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
@@ -157,25 +170,19 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
     derived = {name: (each, quantities[..., q], {"units": unit}) for q, (name, unit) in enumerate(units.items()) if name not in names}
     n = found["n_moduli"]
 
-    def by_kind(axes: tuple, name: str, units: str = "{}") -> dict:
-        parts = {"modulus": (axes, found[name][..., :n], {"units": units.format("GPa")})}
-        speeds = ((*axes[:-1], "wave"), found[name][..., n:], {"units": units.format("m/s")})
-        return parts | ({"velocity": speeds} if found[name].shape[-1] > n else {})
+    def by_kind(axes: tuple, values: np.ndarray, names: tuple = ("modulus", "velocity"), units: tuple = ("GPa", "m/s")) -> dict:
+        at = axes.index("grain")
+        modulus, velocity = np.split(values, [n], axis=at)
+        parts = {names[0]: (axes, modulus, {"units": units[0]})}
+        speeds = ((*axes[:at], "wave", *axes[at + 1 :]), velocity, {"units": units[1]})
+        return parts | ({names[1]: speeds} if velocity.size else {})
 
-    predictions = by_kind(per_grain, "predicted") | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
-    likelihood = by_kind(per_grain, "log_likelihood", "log(1/{})")
-    replicated = by_kind(per_grain, "replicated")
+    predictions = by_kind(per_grain, found["predicted"]) | {"calibration_factor": ((*each, "group"), found["factor"], {"units": "1"})}
+    likelihood = by_kind(per_grain, found["log_likelihood"], units=("log(1/GPa)", "log(1/m/s)"))
     before_data = {"constants": (each, found["log_prior"], {"long_name": "log prior density of all constants, up to a constant"})}
     sd = np.where(found["sd_gpa"] > 0, found["sd_gpa"], 1.0)
-    conditions = {
-        "euler_deg": (("grain", "angle"), found["euler_deg"][:n], {"units": "degree"}),
-        "sd": (("grain",), sd[:n], gpa),
-    }
-    if len(sd) > n:
-        conditions |= {
-            "velocity_euler_deg": (("wave", "angle"), found["euler_deg"][n:], {"units": "degree"}),
-            "velocity_sd": (("wave",), sd[n:], {"units": "m/s"}),
-        }
+    conditions = by_kind(("grain", "angle"), found["euler_deg"], ("euler_deg", "velocity_euler_deg"), ("degree", "degree"))
+    conditions |= by_kind(("grain",), sd, ("sd", "velocity_sd"))
     bounds = zip(found["lower"].tolist(), found["upper"].tolist())
     facts = {name: found[name] for name in ("symmetry", "title", "modulus_kind", "acceptance", "anisotropy_cap", "share_inside")}
     facts |= {
@@ -194,10 +201,10 @@ def groups_of(found: dict) -> dict[str, tuple[dict, dict]]:
         "sample_stats": (counted(draws) | {"lp": (each, found["log_density"])}, {}),
         "derived": (some | derived, {}),
         "predictions": (some | predictions, {}),
-        "posterior_predictive": (some | replicated, {}),
+        "posterior_predictive": (some | by_kind(per_grain, found["replicated"]), {}),
         "log_likelihood": (some | likelihood, {}),
         "log_prior": (some | before_data, {}),
-        "observed_data": (by_kind(("grain",), "modulus_gpa"), {}),
+        "observed_data": (by_kind(("grain",), found["modulus_gpa"]), {}),
         "constant_data": (conditions, {}),
     }
 

@@ -13,7 +13,7 @@ from ..settings.problem import Problem, schema
 __all__ = ["measurements_of", "problem_of"]
 
 #: Groups whose variables are keywords of `extract` and `next_grain`.
-GROUPS = ("indenter", "measurements", "prior", "sampler", "next")
+GROUPS = ("problem", "indenter", "measurements", "prior", "sampler", "next")
 
 
 def problem_of(
@@ -30,6 +30,7 @@ def problem_of(
         raise InputError(f"{origin}: symmetry is missing: this surrogate serves crystals of every class; state one, such as 'cubic'")
     groups = {v.name: v.group for v in schema() if v.group in GROUPS and (v.group, v.name) != ("measurements", "file")}
     asked: dict[str, dict] = {group: {} for group in GROUPS}
+    asked["problem"] = {"symmetry": symmetry, "lattice": lattice, "seed": seed}
     table, pages, velocities = None, {}, variables.pop("velocities", None)
     if isinstance(measurements, str | os.PathLike):
         asked["measurements"]["file"] = measurements
@@ -40,7 +41,6 @@ def problem_of(
     elif velocities is not None:
         columns = measurements_of(velocities)
         pages["velocities"] = as_csv(list(columns), zip(*columns.values(), strict=True))
-    density = {name: variables.pop(name) for name in ("density_kg_m3", "density_sd_kg_m3") if name in variables}
     for name, value in variables.items():
         asked[groups.get(name, "measurements")][name] = value
     if bounds:
@@ -55,8 +55,7 @@ def problem_of(
             asked["knowledge"]["stiffness_file"] = stiffness
         elif stiffness is not None:
             pages["stiffness"] = stiffness_page(origin, symmetry, *stiffness)
-    of_problem = {"symmetry": symmetry, "lattice": lattice, "seed": seed} | density
-    return Problem.from_keywords(origin, table, pages, problem=of_problem, execution={"workers": workers}, **asked)
+    return Problem.from_keywords(origin, table, pages, execution={"workers": workers}, **asked)
 
 
 def pair_of(place: str, value, allowed: str) -> tuple:

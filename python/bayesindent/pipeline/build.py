@@ -3,19 +3,19 @@
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from ..common.progress import Progress
 from ..core import BayesindentError, InputError, MachineError
 from ..settings.keywords import warn_of
 from ..settings.problem import Points, Problem
 from ..surrogate.surrogate import Surrogate, places
 from .stage import Job, Stage, run_stage
 
-__all__ = ["ask", "build", "build_surrogate", "tell"]
+__all__ = ["ask", "build_surrogate", "tell"]
 
 
 def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *, simulate: Callable | None = None) -> Surrogate:
@@ -31,36 +31,21 @@ def build_surrogate(problem: Problem | str | PathLike, output: str | PathLike, *
         raise InputError(
             f"{problem.path}: &simulation simulator: simulate(stiffness, euler_deg) is given where it is 'import', and only there"
         )
-    warn_of(build(problem, output, simulate=None if simulate is None else Given(simulate)), str)
+    warn_of(run_stage(problem, "build", output, simulate=simulate and partial(given, simulate)), str)
     return Surrogate.load(Path(output) / problem.settings.surrogate.file)
 
 
-def build(
-    problem: Problem, output: str | PathLike, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None
-) -> dict:
-    """Step 1 of a problem: the surrogate in the output folder, and the document of `build`."""
-    return run_stage(problem, "build", Path(output), progress, simulate)
-
-
-class Given:
-    """A function of the user's in place of simulations."""
-
-    def __init__(self, function: Callable):
-        self.function = function
-
-    def __call__(self, job: Job) -> dict:
-        """What became of a job, see `run_stage`."""
-        begun = time.perf_counter()
-        try:
-            modulus = float(self.function(job.stiffness, job.euler_deg))
-        except (InputError, MachineError):
-            raise
-        except BayesindentError as error:
-            return {"seconds": time.perf_counter() - begun, "message": str(error)}
-        seconds = time.perf_counter() - begun
-        if not (np.isfinite(modulus) and modulus > 0):
-            return {"seconds": seconds, "message": f"the modulus is {modulus}"}
-        return {"modulus_gpa": modulus, "seconds": seconds}
+def given(function: Callable, job: Job) -> dict:
+    """What became of a job by a function of the user's in place of simulations, see `run_stage`."""
+    begun = time.perf_counter()
+    try:
+        modulus = float(function(job.stiffness, job.euler_deg))
+        made = {"modulus_gpa": modulus} if np.isfinite(modulus) and modulus > 0 else {"message": f"the modulus is {modulus}"}
+    except (InputError, MachineError):
+        raise
+    except BayesindentError as error:
+        made = {"message": str(error)}
+    return made | {"seconds": time.perf_counter() - begun}
 
 
 def ask(problem: Problem, output: str | PathLike, count: int) -> dict:

@@ -12,7 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..settings.instruments import as_file, read_curves
 from ..settings.keywords import takes, warn_of
-from ..settings.problem import Problem, spelled
+from ..settings.problem import Problem
 from .stage import run_stage
 
 __all__ = ["Curves", "curves"]
@@ -60,12 +60,8 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     with TemporaryDirectory() as folder:
         removed = settings.get("drift_removed", True)
         files = {"file": read_curves(curves, Path(folder), origin, removed), "tests": as_file(tests, Path(folder) / "tests.csv")}
-        groups = {"curves": files | settings, "references": references_of(references, crystal_sd)}
-        text = ""
-        for group, values in groups.items():
-            lines = [f"{name} = {spelled(value, f'{origin}: &{group} {name}')}\n" for name, value in values.items() if value is not None]
-            text += f"&{group}\n{''.join(lines)}/\n" if lines else ""
-        document = run_stage(Problem.parse(origin, text), "curves", folder)
+        problem = Problem.from_keywords(origin, curves=files | settings, references=references_of(references, crystal_sd))
+        document = run_stage(problem, "curves", folder)
         found = {name: read_columns(Path(folder) / f"{name}.csv") for name in ("measurements", "shared_errors", "fits")}
     warn_of(document)
     radius = document["tip"]["radius_um"]
@@ -79,10 +75,10 @@ def curves(curves, tests, references: Mapping | str | os.PathLike | None = None,
     )
 
 
-def references_of(references, crystal_sd: float | None) -> dict:
-    """The variables of &references."""
+def references_of(references, crystal_sd: float | None) -> dict | None:
+    """The variables of &references; None if there are none."""
     if not isinstance(references, Mapping):
-        return {"crystals": references, "crystal_sd": crystal_sd}
+        return None if references is crystal_sd is None else {"crystals": references, "crystal_sd": crystal_sd}
     try:
         moduli, sds, ratios = zip(*references.values(), strict=True)
     except (TypeError, ValueError):

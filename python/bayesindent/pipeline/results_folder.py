@@ -9,15 +9,12 @@ from ..core import InputError, call
 from ..settings.problem import Problem, stages
 from ..surrogate.surrogate import places
 
-__all__ = ["DOCUMENTS", "belongs", "changed_inputs", "read_manifest", "read_posterior", "read_resolved", "surrogate_digest"]
+__all__ = ["DOCUMENTS", "MANIFEST", "belongs", "changed_inputs", "read_posterior", "read_resolved", "surrogate_digest"]
 
 #: The file of each stage's document.
 DOCUMENTS = {stage.name: stage.document for stage in stages() if stage.document}
-
-
-def read_manifest(folder: Path) -> dict:
-    """The namelist and the inputs last used in a folder."""
-    return read_json(folder / "inputs.json")
+#: The namelist and the inputs last used in a folder.
+MANIFEST = "inputs.json"
 
 
 def read_resolved(folder: Path) -> str:
@@ -45,7 +42,7 @@ def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str
 
 def changed_inputs(folder: Path) -> list[str]:
     """A line for each group of the namelist last used in a folder, with the tables that it names, that was edited since."""
-    manifest = read_manifest(folder)
+    manifest = read_json(folder / MANIFEST)
     try:
         problem = Problem(manifest["namelist"])
         now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])

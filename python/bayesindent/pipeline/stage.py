@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..common.progress import Progress
+from ..common.progress import progress_bar
 from ..core import MachineError, NativeObject
 from ..engines import ENGINES
 from ..settings.problem import Problem
@@ -41,10 +41,6 @@ class Simulator(NativeObject):
         # The messages begin with the origin.
         self._hold(Problem.parse(origin, physics)._call("simulator")["handle"])
 
-    def __call__(self, stiffness: np.ndarray, euler_deg: np.ndarray) -> dict:
-        """What became of a crystal: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
-        return self._call("run", stiffness=stiffness, euler_deg=euler_deg)
-
 
 class Simulations:
     """Simulations by the simulators that jobs ask for, each made once. Threads share them; processes make their own."""
@@ -58,10 +54,10 @@ class Simulations:
         return Simulations, (self.origin,)
 
     def __call__(self, job: Job) -> dict:
-        """What became of a job, see `Simulator`."""
+        """What became of a job: status, modulus_gpa, seconds, elements, depth_um, force_mn, and the message why it failed."""
         with self._lock:
             simulator = self._simulator(job.physics)
-        return simulator(job.stiffness, job.euler_deg)
+        return simulator._call("run", stiffness=job.stiffness, euler_deg=job.euler_deg)
 
 
 def attempt(simulate: Callable[[Job], dict], job: Job) -> dict:
@@ -91,24 +87,16 @@ class Stage(NativeObject):
         jobs = zip(found["physics_number"].tolist(), found["stiffness"], found["euler_deg"], strict=True)
         return found["number"].tolist(), [Job(found["physics"][k], *crystal) for k, *crystal in jobs]
 
-    def __enter__(self) -> "Stage":
-        return self
-
-    def __exit__(self, *raised) -> None:
-        self._call("leave")
-
     def close(self) -> dict:
         """Write the results; the document."""
         return json.loads(self._call("close")["text"])
 
 
-def run_stage(
-    problem: Problem, name: str, output: Path | str, progress: Progress | None = None, simulate: Callable[[Job], dict] | None = None
-) -> dict:
+def run_stage(problem: Problem, name: str, output: Path | str, simulate: Callable[[Job], dict] | None = None) -> dict:
     """A stage from its beginning to its document. Simulations are made by `simulate`, or as the problem asks, on the engine of &execution."""
-    stage, progress = Stage(problem, name, output), progress or Progress()
-    execution, engine = problem.settings.execution, None
-    with progress.bar("simulations", stage.expected) as advance, stage, ExitStack() as opened:
+    stage, execution, engine = Stage(problem, name, output), problem.settings.execution, None
+    with progress_bar("simulations", stage.expected) as advance, ExitStack() as opened:
+        opened.callback(stage._call, "leave")
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
             engine = engine or opened.enter_context(ENGINES[execution.engine](execution.workers, execution.scheduler))

@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
+from ..common.progress import show_progress
 from ..common.result_files import plain
 from ..core import BayesindentError, InputError, call
 from ..settings.problem import schema
@@ -83,8 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     # A log that cannot be written is no reason for a traceback.
     logging.raiseExceptions = False
     # The tools of a source tree have processes of their own, which end as they see fit.
-    if arguments.command.has_document:
+    if arguments.command.show is not None:
         call("file.watch_signals")
+        show_progress(not arguments.quiet)
     try:
         return finish(arguments, arguments.command.run(arguments))
     except KeyboardInterrupt:
@@ -115,6 +117,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # On a full disk it has lines that it cannot keep.
             with suppress(OSError):
                 handler.close()
+        show_progress(False)
         call("file.end_command")
 
 
@@ -174,7 +177,7 @@ def parser() -> argparse.ArgumentParser:
             sub.add_argument("--seed", metavar="N", type=int, help="in place of &problem seed")
             if "sampler" in command.groups:
                 sub.add_argument("--samples", metavar="N", type=int, help="in place of &sampler samples")
-        if command.has_document:
+        if command.show is not None:
             sub.add_argument("--output", metavar="DIR", type=Path, help="folder of the results (default: runs/<stem of the file>)")
             sub.add_argument("--json", action="store_true", help="one JSON document on standard output, all else on standard error")
             sub.add_argument("--quiet", action="store_true", help="neither progress nor warnings nor hints on standard error")
@@ -189,9 +192,8 @@ def describe_group(name: str) -> str:
     lines = [f"&{name}: {variables[0].group_meaning}"]
     for variable in variables:
         default = "required" if variable.default == "*" else f"default: {variable.default or 'none'}"
-        details = ", ".join(
-            filter(None, [variable.unit, f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed, default])
-        )
+        allowed = f"one of {variable.allowed}" if variable.kind == "choice" else variable.allowed
+        details = ", ".join(filter(None, [variable.unit, allowed, default]))
         lines += textwrap.wrap(f"{variable.meaning} ({details})", 110, initial_indent=f"  {variable.name:<22}", subsequent_indent=" " * 24)
     return "\n".join(lines) + "\n"
 

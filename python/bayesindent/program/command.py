@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from ..common.progress import Progress
 from ..core import call
 from ..pipeline.stage import run_stage
 from ..settings.problem import Problem, schema, stages
@@ -27,9 +26,9 @@ PATIENCE_S = 60
 class Command:
     """One command; `action(arguments)` gives its JSON document, or an exit status, and `show` prints the document.
 
-    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output, progress) -> document; its help explains
+    A command that reads a namelist does the core's stage of its name, or `stage`(problem, output) -> document; its help explains
     `groups`. `arguments` adds options to the parser. `resumes`: it goes on from what it kept in the output folder.
-    `then(arguments, document)` says what to do next.
+    `then(arguments, document)` says what to do next. Without `show` it gives an exit status.
     """
 
     name: str
@@ -43,17 +42,12 @@ class Command:
     resumes: bool = False
     then: Callable[[argparse.Namespace, dict], str] | None = None
 
-    @property
-    def has_document(self) -> bool:
-        """Whether it gives a document, rather than an exit status."""
-        return self.show is not None
-
     def run(self, arguments: argparse.Namespace) -> dict | int:
         """Do it."""
         if self.action is not None:
             return self.action(arguments)
         problem, output = prepare(arguments)
-        return with_warnings(problem, perform(self, problem, output, Progress(not arguments.quiet)))
+        return with_warnings(problem, perform(self, problem, output))
 
 
 def namelist_command(name: str, **more) -> Command:
@@ -110,11 +104,11 @@ def output_folder(arguments: argparse.Namespace, source: Path) -> Path:
     return arguments.output or Path("runs") / source.stem
 
 
-def perform(command: Command, problem: Problem, output: Path, progress: Progress) -> dict:
+def perform(command: Command, problem: Problem, output: Path) -> dict:
     """Perform a command's stage; its document is kept in the output folder for reports."""
     log.info("%s begins", command.name)
     stage = command.stage or partial(run_stage, name=command.name)
-    document = stage(problem, output=output, progress=progress)
+    document = stage(problem, output=output)
     log.info("%s ends", command.name)
     return document
 

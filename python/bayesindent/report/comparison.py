@@ -12,7 +12,7 @@ import numpy as np
 
 from ..common.result_files import whole_file, write_csv, write_json
 from ..core import InputError
-from ..inference.extract import arviz_data
+from ..inference.extract import inference_data
 from ..settings.keywords import warn_of
 from .formatting import number
 from .results import Results
@@ -45,9 +45,8 @@ class Run(Results):
     @cached_property
     def leave_one_out(self) -> Any:
         """ArviZ' estimate of how well each grain is predicted by the others."""
-        # Not above: importing them takes seconds, and only the comparison of models needs them.
+        # Not above: importing it takes seconds, and only the comparison of models needs it.
         import arviz
-        import xarray
 
         # The same draws of the constants, by whose effective size ArviZ judges the weights.
         draws = {name: (("chain", "draw"), chains[:, :: self.posterior["stride"]]) for name, chains in self.samples.items()}
@@ -55,8 +54,7 @@ class Run(Results):
         with warnings.catch_warnings():
             # `compare` has its own words for what it warns of.
             warnings.simplefilter("ignore")
-            groups = {"posterior": xarray.Dataset(draws), "log_likelihood": xarray.Dataset(density)}
-            return arviz.loo(arviz_data(groups), pointwise=True)
+            return arviz.loo(inference_data({"posterior": (draws, {}), "log_likelihood": (density, {})}), pointwise=True)
 
     @property
     def pointwise(self) -> np.ndarray:
@@ -116,11 +114,8 @@ def compare_runs(runs: Sequence[Run], output: Path | None, figures: str) -> dict
         entry = {"folder": str(run.folder), "run": run.label, "title": run.title, "symmetry": run.symmetry, "grains": len(run.measured[1])}
         entries.append(entry | {"parameters": values})
         warnings += [f"the result of {run.label} cannot be used: {reason}" for reason in run.documents["extract"]["reasons"]]
-        for name in constants_of(runs):
-            if name not in values:
-                continue
-            item, difference = values[name], ["", ""]
-            rows.append([run.label, name, item["mean"], item["sd"], *item["hdi_95"], *difference])
+        for name, item in values.items():
+            rows.append([run.label, name, item["mean"], item["sd"], *item["hdi_95"], "", ""])
             if run is first or name not in first.parameters:
                 continue
             reference = first.parameters[name]

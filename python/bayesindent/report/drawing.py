@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Rectangle, StepPatch
 
-from ..common.progress import Progress
+from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
 from .figures import FIGURES
 from .figures.style import Picture, house_style, stamp_synthetic, text_size
@@ -68,7 +68,7 @@ SCREEN = 160
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
-def draw_figures(results: Results, kind_of_files: str, paper: bool, progress: Progress) -> dict[str, list[dict]]:
+def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str, list[dict]]:
     """Of each section the figures that the results can make: PNG in base 64 and their texts.
 
     As files too, of one kind in the folder `figures`, and for a paper in `paper/figures` with the numbers behind each as CSV.
@@ -105,7 +105,7 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool, progress: Pr
                 "width": width, "height": height, "text": text_size(picture.figure),
             }  # fmt: skip
 
-        with progress.bar("figures", len(pictures)) as counted:
+        with progress_bar("figures", len(pictures)) as counted:
             drawn = dict(zip(pictures, halved(draw, list(pictures))))
     sections: dict[str, list[dict]] = {}
     for section, function in FIGURES:

@@ -8,7 +8,7 @@ from markupsafe import Markup, escape
 
 __all__ = [
     "SHARES", "SHARE_HEADER", "enumeration", "latex", "limit_name", "number", "numbers", "orientation", "percent", "product_html",
-    "product_label", "products_as_html", "quantities_label", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript",
+    "product_label", "products_as_html", "quantity_format", "quantity_label", "quantity_name", "share_cells", "subscript",
 ]  # fmt: skip
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -45,14 +45,14 @@ def share_cells(item: Mapping) -> list[str]:
     return [*(percent(item["share"][name]) for name in SHARES), item["verdict"].replace("_", " ")]
 
 
-def limit_name(name: str) -> str:
-    """What a limit of the prior, or of a surrogate's domain, limits."""
+def limit_name(name: str, side: str = "") -> str:
+    """A limit of the prior, or of a surrogate's domain, by its side, or what it limits."""
     words = {
         "anisotropy_cap": "the anisotropy index", "log_anisotropy_max": "log-anisotropy", "poisson": "Poisson's ratio (Hill)",
         "stiffness_gpa": "the scale of the stiffness", "measure": "the other measure of the prior",
     }  # fmt: skip
     domain, _, own = name.rpartition(".")
-    return words.get(own, own) + (" in the domain of the surrogate" if domain else "")
+    return f"{side} limit of " * bool(side) + words.get(own, own) + " in the domain of the surrogate" * bool(domain)
 
 
 def orientation(euler_deg: Iterable[float]) -> str:
@@ -76,14 +76,10 @@ def quantity_format(row: Mapping) -> tuple[str, int]:
 
 
 def quantity_label(row: Mapping) -> str:
-    """The name of a quantity with its unit."""
-    unit = quantity_format(row)[0]
-    return quantity_name(row["name"]) + (f" ({unit})" if unit else "")
-
-
-def quantities_label(row: Mapping) -> str:
-    """The names of quantities that are known together."""
-    return " and ".join(map(quantity_name, row["name"].split(", ")))
+    """The name of a quantity, or of those that are known together, with the unit that is stated."""
+    names = " and ".join(map(quantity_name, row["name"].split(", ")))
+    unit = quantity_format(row)[0] if "unit" in row else ""
+    return names + (f" ({unit})" if unit else "")
 
 
 def latex(text: str) -> str:

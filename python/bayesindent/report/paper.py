@@ -83,6 +83,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
     """Caption, header and rows of the tables that have rows, by the name of their files."""
     document = results.documents["extract"]
     quantities = [row for row in results.identifiability("quantity") if row["name"] not in document["parameters"]]
+    digits = dict.fromkeys(("measured", "measured_sd", "mean", "sd"), 1)
     found = {
         "constants": (
             "Elastic constants in GPa: mean and standard deviation (sd) of the posterior, its 95 % interval of highest density, and the "
@@ -115,7 +116,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
             f"The {results.kind} of each grain in GPa: Bunge's angles, as measured, and as the posterior predicts it without the noise.",
             ["grain", "orientation", "measured", "sd measured", "predicted", "sd predicted"],
             [
-                [str(row), orientation(item.get("euler_deg", ())), *numbers(item, measured=1, measured_sd=1, mean=1, sd=1)]
+                [str(row), orientation(item.get("euler_deg", ())), *numbers(item, **digits)]
                 for row, item in enumerate(results.predicted, start=1)
             ],
         ),
@@ -124,11 +125,7 @@ def tables(results: Results) -> dict[str, tuple[str, list[str], list[list[str]]]
             "posterior predicts it without the noise.",
             ["grain", "orientation", "direction", "measured", "sd measured", "predicted", "sd predicted"],
             [
-                [
-                    str(item.get("grain", row)),
-                    orientation(item["euler_deg"]),
-                    *numbers(item, propagation_deg=1, measured=1, measured_sd=1, mean=1, sd=1),
-                ]
+                [str(item.get("grain", row)), orientation(item["euler_deg"]), *numbers(item, propagation_deg=1, **digits)]
                 for row, item in enumerate(results.velocities, start=1)
             ],
         ),

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from ..common.result_files import read_json
 from ..core import InputError, call
-from ..crystal.elasticity import constant_names
-from ..pipeline.results_folder import DOCUMENTS, belongs, changed_inputs, read_manifest, read_posterior, read_resolved, surrogate_digest
+from ..crystal.elasticity import constant_names, stiffness_rows
+from ..pipeline.results_folder import DOCUMENTS, MANIFEST, belongs, changed_inputs, read_posterior, read_resolved, surrogate_digest
 from ..settings.problem import typed
 from ..surrogate.surrogate import Surrogate
 
@@ -42,7 +42,7 @@ class Results:
         if not folder.is_dir():
             raise InputError(f"{folder}: there is no such folder of results")
         facts = {} if self.result is None else self.result.posterior.attrs
-        self.manifest = {} if facts else read_manifest(folder)
+        self.manifest = {} if facts else read_json(folder / MANIFEST)
         self.resolved = facts["settings"] if facts else read_resolved(folder)
         self._settings = typed(call("settings.values", path=folder / "resolved.nml", content=self.resolved)) if self.resolved else {}
         #: The folder of the namelist that was last used here.
@@ -141,9 +141,9 @@ class Results:
         return {name: self.posterior["draws"][..., j] for j, name in enumerate(self.constants)} if self.posterior else {}
 
     def draws(self, count: int) -> np.ndarray:
-        """Constants (n, k) in GPa of at most `count` draws of the posterior, evenly over all."""
+        """Stiffness (n, 6, 6) in GPa of at most `count` draws of the posterior, evenly over all."""
         table = np.stack([chains.ravel() for chains in self.samples.values()], axis=1)
-        return table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)]
+        return stiffness_rows(self.symmetry, table[np.linspace(0, len(table) - 1, min(len(table), count)).astype(int)])
 
     def as_measured(self, modulus: ArrayLike) -> np.ndarray:
         """Indentation moduli in GPa as the kind that was measured."""

@@ -7,18 +7,7 @@ from importlib import metadata
 from markupsafe import Markup
 
 from ..version import __version__
-from .formatting import (
-    limit_name,
-    number,
-    numbers,
-    orientation,
-    percent,
-    product_html,
-    quantities_label,
-    quantity_format,
-    quantity_label,
-    share_cells,
-)
+from .formatting import limit_name, number, numbers, orientation, percent, product_html, quantity_format, quantity_label, share_cells
 from .results import Results
 
 __all__ = ["LEAST_SHIFT", "MOST_ROWS", "identifiability_cells", "report_rows"]
@@ -40,12 +29,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
             for name, item in parameters
         ],
         "limits": [
-            [
-                f"{row['side']} limit of {limit_name(row['name'])}",
-                f"{row['value']:.4g}",
-                percent(row["share"]),
-                "yes" if row["stated"] else "no",
-            ]
+            [limit_name(row["name"], row["side"]), f"{row['value']:.4g}", percent(row["share"]), "yes" if row["stated"] else "no"]
             for row in document.get("limits", [])
         ],
         "convergence": [[name, *numbers(item, r_hat=3, ess_bulk=0, ess_tail=0)] for name, item in parameters],
@@ -106,7 +90,7 @@ def identifiability_cells(row: dict) -> list[str]:
 
 def knowledge_row(row: dict, parameters: dict) -> list[str]:
     sds = [f"{name} {number(parameters[name]['sd'])} → {number(sd)}" for name, sd in row["sd_then"].items()]
-    return [f"{quantities_label(row)} to {100 * row['relative_sd']:.0f} %", ", ".join(sds)]
+    return [f"{quantity_label(row)} to {100 * row['relative_sd']:.0f} %", ", ".join(sds)]
 
 
 def prior_rows(results: Results) -> list[list[str]]:
@@ -123,13 +107,9 @@ def check_rows(results: Results) -> list[list]:
     """Whether the model could have given the measurements."""
     document = results.documents["extract"]
     chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
-    found = {
-        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(results.documents['extract']['predicted'])} measurements": chi_square[
-            "p"
-        ],
-        f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds": worst["p"],
-    }
-    rows: list[list] = [[text, unbroken(f"p = {p:.3f}")] for text, p in found.items()]
+    mean = f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for {len(document['predicted'])} measurements"
+    furthest = f"grain {worst['grain']}, the furthest off, by {number(worst['residual_sd'])} sds"
+    rows: list[list] = [[text, unbroken(f"p = {item['p']:.3f}")] for text, item in ((mean, chi_square), (furthest, worst))]
     if evidence := document.get("evidence"):
         rows.append(["evidence, log Z; it depends on the bounds", " ± ".join(numbers(evidence, log_z=2, sd=2))])
     return rows
@@ -140,9 +120,9 @@ def sensitivity_row(change: dict) -> list[str] | None:
     shifts = {name: shift for name, shift in change["shift_sd"].items() if shift is not None and abs(shift) > LEAST_SHIFT}
     if not shifts:
         return None
-    text = limit_name(change["name"])
+    text = limit_name(change["name"], change.get("side", ""))
     if "side" in change:
-        text = f"{change['side']} limit of {text} from {change['from']:.4g} to {change['to']:.4g}"
+        text += f" from {change['from']:.4g} to {change['to']:.4g}"
     shifted = ", ".join(f"{name} {shift:+.2f}" for name, shift in sorted(shifts.items(), key=lambda pair: -abs(pair[1])))
     return [text, shifted if change["exact"] else f"about {shifted}"]
 

@@ -68,13 +68,14 @@ def reader_of(place: str, path: Path, kind: str, module: str, otherwise: str = "
 @dataclass
 class LaboratoryTable:
     """A table and what was understood: `names` of its columns, what the core takes each for (`meanings`, '' for nothing), and `rows` of cells,
-    each with its `lines` number. `notes` say what was changed, `left_out` rows by number with their reason; `is_plain`: nothing was changed."""
+    each with its `lines` number; of a row of `units` both. `notes` say what was changed, `left_out` rows by number with their reason; `is_plain`: nothing was changed."""
 
     place: str
     names: list[str]
     meanings: list[str]
     rows: list[list[str]]
     lines: list[int]
+    units: list[tuple[int, list[str]]] = field(default_factory=list)
     header_line: int = 1
     sheet: str = ""
     notes: list[str] = field(default_factory=list)
@@ -125,9 +126,9 @@ class LaboratoryTable:
         text = StringIO()
         writer = csv.writer(text, delimiter="\t", lineterminator="\n")
         at = 1
-        for line, cells in [(self.header_line, self.names), *zip(self.lines, self.rows, strict=True)]:
+        for line, cells in [(self.header_line, self.names), *self.units, *zip(self.lines, self.rows, strict=True)]:
             text.write("\n" * (line - at))
-            writer.writerow(cells)
+            writer.writerow([*cells, *[""] * (len(self.names) - len(cells))])
             at = line + 1
         return text.getvalue()
 
@@ -196,12 +197,10 @@ def sheet_of(place: str, path: Path, sheet: str, stated: Iterable[str]) -> tuple
             if sheet and sheet not in book.sheetnames:
                 raise InputError(f"{place}there is no sheet {sheet!r}; the sheets are {', '.join(book.sheetnames)}")
             pages = {name: list(book[name].iter_rows(values_only=True)) for name in ([sheet] if sheet else book.sheetnames)}
-        rows = {
-            name: [
-                (number, [tidy(value) for value in row]) for number, row in enumerate(page, 1) if any(value is not None for value in row)
-            ]
-            for name, page in pages.items()
-        }
+        rows = {}
+        for name, page in pages.items():
+            numbered = enumerate(([tidy(value) for value in row] for row in page), 1)
+            rows[name] = [(number, cells) for number, cells in numbered if any(cells)]
         fit = [name for name, page in rows.items() if set(MODULI) & set(header_of(page, stated)[2])]
         if len(fit) > 1 and next(iter(rows)) not in fit:
             raise InputError(f"{place}the sheets {', '.join(fit)} have moduli; state sheet = '{fit[0]}' or another")
@@ -238,9 +237,8 @@ def is_number(cell: str) -> bool:
 def meanings_of(names: Sequence[str], stated: Iterable[str] = ()) -> list[str]:
     """What the core takes headers for; those that the user gave a meaning are 'stated'."""
     found = [call("file.column_name", header=without_mean(name))["text"] for name in names]
-    return [
-        "stated" if name.lower() in {header.lower() for header in stated} else meaning for name, meaning in zip(names, found, strict=True)
-    ]
+    own = {header.lower() for header in stated}
+    return ["stated" if name.lower() in own else meaning for name, meaning in zip(names, found, strict=True)]
 
 
 def without_mean(name: str) -> str:
@@ -265,7 +263,7 @@ def understood(place: str, rows: list[tuple[int, list[str]]], sheet: str, stated
         return LaboratoryTable(place, [], [], [], [], sheet=sheet, is_plain=is_plain)
     line, names = rows[at]
     below = rows[at + 1 :]
-    table = LaboratoryTable(place, list(names), meanings or [""] * len(names), [], [], line, sheet, is_plain=is_plain)
+    table = LaboratoryTable(place, list(names), meanings or [""] * len(names), [], [], header_line=line, sheet=sheet, is_plain=is_plain)
     if at and (joined := joined_header(rows[at - 1][1], names, meanings, stated)):
         together = rows[at - 1][0], line
     elif below and not any(map(is_number, below[0][1])) and (joined := joined_header(names, below[0][1], meanings, stated)):
@@ -314,10 +312,9 @@ def lines_in_words(lines: Iterable[int]) -> str:
 def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
     """Leave out what is no measurement, turn cells into numbers, one name for each grain, and means for tests without sds. `short`: the
     number of cells of lines that have too few."""
-    # A row of units, which the core reads, stays as it is.
-    units = table.rows[:1] if table.rows and all(not cell or UNIT.fullmatch(cell) for cell in table.rows[0]) else []
-    above = table.lines[: len(units)]
-    table.rows, table.lines = table.rows[len(units) :], table.lines[len(units) :]
+    # The core reads it.
+    if table.rows and all(not cell or UNIT.fullmatch(cell) for cell in table.rows[0]):
+        table.units = [(table.lines.pop(0), table.rows.pop(0))]
     if not any(meaning in ANGLES or len(meaning) in (1, 2) for meaning in table.meanings):
         split_indices(table)
     table.leave_out(
@@ -336,8 +333,6 @@ def clean(table: LaboratoryTable, short: dict[int, int]) -> None:
     if grain >= 0:
         one_spelling(table, grain)
     standard_errors(table, grain)
-    if not table.is_plain:
-        table.rows, table.lines = [*([*row, *[""] * (len(table.names) - len(row))] for row in units), *table.rows], [*above, *table.lines]
 
 
 def numeric_columns(table: LaboratoryTable) -> list[int]:
@@ -428,36 +423,26 @@ def standard_errors(table: LaboratoryTable, grain: int) -> None:
     """Sds of means: of a standard deviation of N tests, or of repeated tests that have none, a pooled one where they are few."""
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
-    if (
-        sd >= 0
-        and number >= 0
-        and DEVIATION.search(table.names[sd])
-        and all(re.fullmatch(r"0*[1-9]\d*", row[number]) for row in table.rows)
-    ):
-        for row in table.rows:
-            row[sd] = repr(float(row[sd]) / float(np.sqrt(int(row[number]))))
+    counts = [row[number] for row in table.rows] if number >= 0 else [""]
+    if sd >= 0 and DEVIATION.search(table.names[sd]) and all(re.fullmatch(r"0*[1-9]\d*", count) for count in counts):
+        for row, count in zip(table.rows, counts, strict=True):
+            row[sd] = repr(float(row[sd]) / float(np.sqrt(int(count))))
         table.note(
             f"column {table.names[sd]}: a standard deviation of {table.names[number]} tests, divided by its root: the standard error of the mean"
         )
-    if sd >= 0 or grain < 0 or modulus < 0:
+    if sd >= 0 or grain < 0 or modulus < 0 or not all(re.fullmatch(NUMBER, row[modulus]) for row in table.rows):
         return
-    names = [row[grain] for row in table.rows]
-    counts = Counter(names)
-    if max(counts.values(), default=0) < 2:
-        return
-    values = np.array([float(row[modulus]) for row in table.rows])
-    of = {name: values[[i for i, other in enumerate(names) if other == name]] for name in counts}
-    freedom = sum(len(tests) - 1 for tests in of.values())
-    pooled = float(np.sqrt(sum(((tests - tests.mean()) ** 2).sum() for tests in of.values()) / freedom))
+    tests: dict[str, list[float]] = {}
+    for row in table.rows:
+        tests.setdefault(row[grain], []).append(float(row[modulus]))
+    freedom = len(table.rows) - len(tests)
+    pooled = float(np.sqrt(sum(len(values) * np.var(values) for values in tests.values()) / max(1, freedom)))
     if not pooled > 0:
         return
-    sds = {name: (tests.std(ddof=1) if len(tests) >= FEW_TESTS else pooled) / np.sqrt(len(tests)) for name, tests in of.items()}
-    kept = [names.index(name) for name in counts]
-    for i, name in zip(kept, counts, strict=True):
-        table.rows[i][modulus] = repr(float(of[name].mean()))
-    table.rows, table.lines = [table.rows[i] for i in kept], [table.lines[i] for i in kept]
-    table.add_column("sd_gpa", "sd_gpa", [repr(float(sds[name])) for name in counts])
+    # Of tests with sds the core makes the means.
+    sds = {name: float(np.std(values, ddof=1)) if len(values) >= FEW_TESTS else pooled for name, values in tests.items()}
+    table.add_column("sd_gpa", "sd_gpa", [repr(sds[row[grain]]) for row in table.rows])
     table.note(
-        f"{len(values)} tests of {len(of)} grains became means with standard errors; the sd of a test is {pooled:.3g} GPa, pooled over grains "
-        f"with fewer than {FEW_TESTS} tests ({freedom} degrees of freedom)"
+        f"{len(table.rows)} tests of {len(tests)} grains became means with standard errors; the sd of a test is {pooled:.3g} GPa, pooled over "
+        f"grains with fewer than {FEW_TESTS} tests ({freedom} degrees of freedom)"
     )

@@ -2,8 +2,9 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, make_dataclass
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
 from html import escape
 from pathlib import Path
@@ -17,7 +18,7 @@ from ..crystal.elasticity import constant_names
 from .instruments import curves_of_files, files_of
 from .laboratory_tables import LaboratoryTable, laboratory_table
 
-__all__ = ["Points", "Problem", "Stage", "Variable", "html_table", "read_crystals", "schema", "spelled", "stages", "typed"]
+__all__ = ["Points", "Problem", "Stage", "Variable", "html_details", "read_crystals", "schema", "spelled", "stages", "typed"]
 
 
 #: From texts of a namelist.
@@ -129,7 +130,7 @@ class Problem(NativeObject):
 
     @classmethod
     def from_keywords(
-        cls, origin: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None, **groups: Mapping
+        cls, origin: str, measurements_table: Mapping | None = None, pages: Mapping[str, str] | None = None, **groups: Mapping | None
     ) -> "Problem":
         """The problem of variables by group, `specimen={"geometry": "block"}`, that the function `origin` was called with.
 
@@ -215,29 +216,15 @@ class Problem(NativeObject):
         return f"<Problem {self.path}: {self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
 
     def _repr_html_(self) -> str:
-        groups = {name: getattr(self.settings, name) for name in _types()[0]}
-        rows = [
-            (
-                name,
-                ", ".join(
-                    f"{label} = {value}" for label, value in vars(group).items() if label != "given" and str(value) not in ("None", "")
-                ),
-            )
-            for name, group in groups.items()
-            if group.given
-        ]
-        return html_table(repr(self)[1:-1], rows)
+        return html_details(self, self.resolved)
 
     def __reduce__(self):
         return self._made_of or super().__reduce__()
 
 
-def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """What a notebook shows: a title and rows of a name and a text."""
-    lines = (
-        f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(text)}</td></tr>" for name, text in rows
-    )
-    return f"<table><caption>{escape(title)}</caption>{''.join(lines)}</table>"
+def html_details(thing: object, text: str) -> str:
+    """What a notebook shows of a thing: its name, and after a click the text."""
+    return f"<details><summary>{escape(repr(thing)[1:-1])}</summary><pre>{escape(text)}</pre></details>"
 
 
 def spelled(value, place: str = "") -> str:
@@ -303,22 +290,18 @@ def _rows(found: dict, name: str) -> list[list[str]]:
 
 
 @cache
-def _types() -> tuple[dict[str, type], type]:
-    """A frozen class for each group of the schema, and one that holds them all."""
+def _types() -> dict[str, Any]:
+    """A named tuple for each group of the schema."""
     names: dict[str, list[str]] = {}
     for variable in schema():
         names.setdefault(variable.group, ["given"]).append(variable.name)
-    types = {group: make_dataclass(f"{group}_settings", names_, frozen=True, eq=False) for group, names_ in names.items()}
-    return types, make_dataclass("settings", names, frozen=True, eq=False)
+    return {group: namedtuple(group, variables) for group, variables in names.items()}
 
 
 def _settings(values: dict):
-    """The values of all groups, as frozen objects in a frozen object."""
-
-    def frozen(value):
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-        return tuple(value) if isinstance(value, list) else value
-
-    groups, all_groups = _types()
-    return all_groups(*(kind(*(frozen(values.get(f"{group}.{name.name}")) for name in fields(kind))) for group, kind in groups.items()))
+    """The values of all groups, as named tuples in a named tuple; lists become tuples, and arrays cannot be written to."""
+    for array in (value for value in values.values() if isinstance(value, np.ndarray)):
+        array.flags.writeable = False
+    found = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    groups = {group: kind(*(found.get(f"{group}.{name}") for name in kind._fields)) for group, kind in _types().items()}
+    return namedtuple("settings", groups)(**groups)

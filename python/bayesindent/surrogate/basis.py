@@ -11,7 +11,7 @@ __all__ = ["Basis"]
 
 
 class Basis(NativeObject):
-    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say; see docs/surrogate.md.
+    """Terms of a crystal and its orientation over a domain, as &domain and &surrogate of a problem say, or those of a surrogate; see docs/surrogate.md.
 
     `symmetry`: the class by whose constants crystals are given. `stiffness`: the range of the scale in GPa on which the terms depend, from 0 to
     the largest number where they do not. Of each term `directional_degrees` and `polynomial_degrees`.
@@ -22,32 +22,16 @@ class Basis(NativeObject):
     model: str
     n_terms: int
     logarithmic: bool
-    _problem: Problem | None
 
-    def __init__(self, problem: Problem):
-        self._describe(problem._call("basis")["handle"], problem)
-
-    @classmethod
-    def of(cls, surrogate: NativeObject) -> "Basis":
-        """The basis of a surrogate."""
-        self = cls.__new__(cls)
-        self._describe(surrogate._call("basis")["handle"], None)
-        return self
+    def __init__(self, source: Problem | NativeObject):
+        self._hold(source._call("basis")["handle"])
+        arrays = dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0))
+        self.__dict__.update(arrays | self._call("describe"))
 
     @classmethod
     def from_keywords(cls, symmetry: str | None = None, domain: dict | None = None, **surrogate) -> "Basis":
         """The basis of a symmetry with variables of &domain and &surrogate: `model`, `degree`, `bandlimit`, `truncation`."""
         return cls(Problem.from_keywords("Basis", problem={"symmetry": symmetry}, domain=domain or {}, surrogate=surrogate))
-
-    def _describe(self, handle: int, problem: Problem | None) -> None:
-        self._hold(handle)
-        arrays = dict.fromkeys(("c_min", "c_max", "poisson", "stiffness"), np.zeros(0))
-        self.__dict__.update({"_problem": problem} | arrays | self._call("describe"))
-
-    def __reduce__(self):
-        if self._problem is None:
-            return super().__reduce__()
-        return Basis, (self._problem,)
 
     def crystals(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """n crystals (n, k) in GPa spread over the domain, and angles (n, 3) in degrees, indentation directions uniform on the sphere."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..core import NativeObject, call, native
 from ..crystal.elasticity import crystal_rows
 from ..settings.keywords import takes
-from ..settings.problem import Points, html_table
+from ..settings.problem import Points, html_details
 from ..surrogate.basis import Basis
 
 __all__ = ["SHIPPED", "Surrogate", "places"]
@@ -36,32 +36,18 @@ def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, st
 class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
-    Made by `fit`, `load`, or from a basis with the posterior mean (n_terms,) and covariance (n_terms, n_terms) of its coefficients, the
-    precisions alpha of the prior and beta of the noise, all in units of y, `fall`, the decay rate of the prior's sd from degree to degree, and the
-    `provenance`, where it comes from (title, physics, namelist, ..).
+    Made by `fit` or `load`, of a `handle` of the core. `coefficients` (n_terms,): the posterior mean; `alpha`, `beta`: the precisions of the
+    prior and of the noise, all in units of y; `fall`: the decay rate of the prior's sd from degree to degree; `provenance`: where it comes from
+    (title, physics, namelist, ..).
     """
 
     kind = "surrogate"
     basis: Basis
     symmetry: str
 
-    def __init__(
-        self, basis: Basis, coefficients: ArrayLike, covariance: ArrayLike, *, alpha: float, beta: float, fall: float = 1.0,
-        provenance: dict | None = None,
-    ):  # fmt: skip
-        posterior = {"coefficients": coefficients, "covariance": covariance, "provenance": json.dumps(provenance or {}, indent=1)}
-        self._describe(basis._call("surrogate", alpha=float(alpha), beta=float(beta), fall=float(fall), **posterior)["handle"])
-
-    @classmethod
-    def of(cls, handle: int) -> Surrogate:
-        """The surrogate of a handle, which is from now on this object's."""
-        self = cls.__new__(cls)
-        self._describe(handle)
-        return self
-
-    def _describe(self, handle: int) -> None:
+    def __init__(self, handle: int):
         self._hold(handle)
-        facts, basis = self._call("describe"), Basis.of(self)
+        facts, basis = self._call("describe"), Basis(self)
         for values in facts.values():
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
@@ -89,7 +75,7 @@ class Surrogate(NativeObject):
         try:
             call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
             call("learner.fit", learner, alpha=[0.0], beta=[0.0])
-            return cls.of(call("learner.surrogate", learner, provenance="{}")["handle"])
+            return cls(call("learner.surrogate", learner, provenance="{}")["handle"])
         finally:
             native.core_release(learner)
 
@@ -99,7 +85,7 @@ class Surrogate(NativeObject):
 
         `symmetry`: the crystal class that it must be for. `output`, `folder`: where a relative name is looked for, in this order.
         """
-        return cls.of(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
+        return cls(call("file.surrogate", name=name, symmetry=symmetry, **places(output, folder))["handle"])
 
     def save(self, path: str | PathLike) -> None:
         """Write the surrogate, its provenance and its simulations as text; what is there and is no surrogate is not replaced."""
@@ -111,18 +97,13 @@ class Surrogate(NativeObject):
             return _from_text, ((Path(folder) / "surrogate.txt").read_text(encoding="utf-8"),)
 
     def __repr__(self) -> str:
-        known = (
-            f"{len(self._facts['simulated_modulus_gpa'])} simulations, {self.basis.n_terms} terms"
-            if self.basis.n_terms
-            else "the exact theory"
-        )
+        simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
+        known = f"{simulations} simulations, {terms} terms" if terms else "the exact theory"
         title = self.provenance.get("title") or ""
         return f"<Surrogate{f' {title!r}' if title else ''} of {self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
 
     def _repr_html_(self) -> str:
-        facts = {name: value for name, value in self.provenance.items() if isinstance(value, str) and "\n" not in value}
-        shown = {"model": self.basis.model, "terms": self.basis.n_terms, "simulations": len(self._facts["simulated_modulus_gpa"])} | facts
-        return html_table(repr(self)[1:-1], [(name, str(value)) for name, value in shown.items() if value])
+        return html_details(self, "\n".join(f"{name}: {value}" for name, value in self.provenance.items()))
 
     @property
     def covariance(self) -> np.ndarray:

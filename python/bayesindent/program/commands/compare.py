@@ -23,17 +23,15 @@ def show(document: dict) -> None:
     """The constants of all runs, and how well each model predicts the measurements."""
     runs = document["runs"]
     differences = {(item["run"], item["constant"]): item["difference_sd"] for item in document["differences"]}
-    header, rows = ["constant"], []
-    for run in runs:
+    header, rows = ["constant", runs[0]["run"]], []
+    for run in runs[1:]:
         header += [run["run"], "differs by (sd)"]
     for name in dict.fromkeys(name for run in runs for name in run["parameters"]):
         rows.append([name])
         for run in runs:
             item = run["parameters"].get(name, {})
-            rows[-1] += [with_sd(item.get("mean"), item.get("sd"), 1), number(differences.get((run["run"], name)), 2)]
-    # The first does not differ from itself.
-    for cells in (header, *rows):
-        del cells[2]
+            rows[-1] += [with_sd(item.get("mean"), item.get("sd"), 1)]
+            rows[-1] += [number(differences.get((run["run"], name)), 2)] * (run is not runs[0])
     show_table("Elastic constants (GPa), and by how many sds of the difference they are from the first", header, rows)
     if document["same_data"]:
         print("The runs share their measurements, and with them the errors of these: differences come from the models and the priors.")

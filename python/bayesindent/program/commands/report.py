@@ -3,18 +3,17 @@
 import argparse
 from pathlib import Path
 
-from ...common.progress import Progress
 from ..command import Command, take_folder
 
 __all__ = ["COMMAND", "make"]
 
 
-def make(folder: Path, output: Path, progress: Progress, kind_of_files: str = "", paper: bool = False) -> dict:
+def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """The report of what a folder holds."""
     # Not above: importing matplotlib is slow, and every command would.
     from ...report.report import write_report
 
-    results, page = write_report(folder, output, kind_of_files, paper, progress)
+    results, page = write_report(folder, output, kind_of_files, paper)
     return {"file": str(page), "warnings": results.edited} | ({"paper": str(folder / "paper")} if paper else {})
 
 
@@ -23,7 +22,7 @@ def report(arguments: argparse.Namespace) -> dict:
     output = arguments.output or arguments.folder
     if arguments.folder.is_dir():
         take_folder(output)
-    return make(arguments.folder, output, Progress(not arguments.quiet), arguments.figures, arguments.paper)
+    return make(arguments.folder, output, arguments.figures, arguments.paper)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,46 +3,39 @@
 import argparse
 import sys
 
-from ...common.progress import Progress
 from ...surrogate.surrogate import places
 from ..command import namelist_command, output_folder, perform, prepare, problem_of, with_warnings
 from . import report
+from .stages import COMMANDS
 
 __all__ = ["COMMAND"]
 
 
 def run(arguments: argparse.Namespace) -> dict:
     """The stages of the file in order, then a report; with --check only what would be done. A result that cannot be used suggests no grain."""
-    from ..commands import COMMANDS
-
     if arguments.check:
-        return check(problem_of(arguments), arguments)
+        problem = problem_of(arguments)
+        # What the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals.
+        problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
+        return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
     problem, output = prepare(arguments)
     if problem.table and not arguments.quiet:
         print(*problem.table.words(len(problem.measurements)), sep="\n", file=sys.stderr)
-    known, progress = {command.name: command for command in COMMANDS}, Progress(not arguments.quiet)
+    known = {command.name: command for command in COMMANDS}
     documents: dict[str, dict] = {}
     for name in problem.stages:
         if name != "next" or documents.get("extract", {}).get("usable", True):
-            documents[name] = perform(known[name], problem, output, progress)
-    documents["report"] = report.make(output, output, progress)
+            documents[name] = perform(known[name], problem, output)
+    documents["report"] = report.make(output, output)
     warnings = [line for document in documents.values() for line in document["warnings"]]
     return with_warnings(problem, documents | {"warnings": warnings})
 
 
-def check(problem, arguments: argparse.Namespace) -> dict:
-    """Look at what the reader cannot see: the surrogate, if no stage before builds it, and whether it is valid for the prior's crystals."""
-    problem._call("check_stages", **places(output_folder(arguments, arguments.file), problem.folder))
-    return {"file": str(arguments.file), "stages": problem.stages, "warnings": problem.warnings}
-
-
 def show(document: dict) -> None:
-    from ..commands import COMMANDS
-
     if "stages" in document:
         print(f"{document['file']}: right; it asks for {', '.join(document['stages'])}")
     # The constants last: a terminal shows the end.
-    for command in sorted(COMMANDS, key=lambda command: command.name == "extract"):
+    for command in sorted((*COMMANDS, report.COMMAND), key=lambda command: command.name == "extract"):
         if command.show is not None and command.name in document:
             command.show(document[command.name])
 

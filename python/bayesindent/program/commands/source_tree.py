@@ -1,9 +1,9 @@
 """`bench`, `test`, `lint`, `wheel`, `docs` and `lines`: what only a source tree can do, by its tests/tools/NAME.py."""
 
 import argparse
-import importlib.util
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 
 from ...core import BayesindentError
@@ -30,14 +30,11 @@ def take_all(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the `main(arguments)` of a tool. The launcher says where the source tree is; otherwise the current folder must be it."""
     root = Path(os.environ.get("BAYESINDENT_SOURCE", "."))
-    file = root / "tests" / "tools" / f"{arguments.command.name}.py"
-    specification = importlib.util.spec_from_file_location(f"tool_{file.stem}", file)
-    if not file.exists() or specification is None or specification.loader is None:
+    tools = root / "tests" / "tools"
+    if not tools.is_dir():
         raise BayesindentError(f"{root.resolve()} is no source tree of bayesindent; use ./bayesindent in one")
-    sys.path.insert(0, str(file.parent))
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module.main(arguments.arguments)
+    sys.path.insert(0, str(tools))
+    return import_module(arguments.command.name).main(arguments.arguments)
 
 
 COMMANDS = tuple(Command(name, summary, action=run, arguments=take_all) for name, summary in SUMMARIES.items())

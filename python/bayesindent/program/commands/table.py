@@ -6,6 +6,7 @@ from pathlib import Path
 from ...settings.laboratory_tables import LaboratoryTable, meanings_of
 from ...settings.problem import Problem, schema
 from ..command import Command
+from ..console import show_table
 
 __all__ = ["COMMAND"]
 
@@ -20,6 +21,9 @@ def table(arguments: argparse.Namespace) -> dict:
     points = Problem.from_keywords(str(path), problem=crystal, measurements={"file": path.absolute()} | asked).measurements
     # Of a pipe there is none.
     found = points.problem.table or LaboratoryTable(f"{path}: ", points.columns, meanings_of(points.columns), points.rows, [])
+    none = [None] * len(points)
+    sds = none if points.sd_gpa is None else points.sd_gpa
+    grains = {"grain": points.names or none, "euler_deg": points.euler_deg, "modulus_gpa": points.modulus_gpa, "sd_gpa": sds}
     return {
         "file": str(path),
         "sheet": found.sheet or None,
@@ -27,25 +31,19 @@ def table(arguments: argparse.Namespace) -> dict:
         "modulus_kind": points.modulus_kind,
         "grains": len(points),
         "left_out": {str(line): reason for line, reason in found.left_out.items()},
-        "results": [
-            {"grain": name, "euler_deg": euler, "modulus_gpa": modulus, "sd_gpa": sd}
-            for name, euler, modulus, sd in zip(
-                points.names or [None] * len(points), points.euler_deg, points.modulus_gpa,
-                [None] * len(points) if points.sd_gpa is None else points.sd_gpa, strict=True,
-            )
-        ],
+        "results": [dict(zip(grains, grain, strict=True)) for grain in zip(*grains.values(), strict=True)],
         "words": found.words(len(points)),
         "warnings": points.problem.warnings,
-    }  # fmt: skip
+    }
 
 
 def show(document: dict) -> None:
     print("\n".join(document["words"]))
-    print(f"{'grain':<12} {'phi1':>8} {'Phi':>8} {'phi2':>8} {document['modulus_kind']:>20} {'sd':>8}   (degrees, GPa)")
+    rows = []
     for number, row in enumerate(document["results"], 1):
         sd = "" if row["sd_gpa"] is None else f"{row['sd_gpa']:.3g}"
-        angles = " ".join(f"{angle:8.2f}" for angle in row["euler_deg"])
-        print(f"{row['grain'] or number:<12} {angles} {row['modulus_gpa']:>20.2f} {sd:>8}")
+        rows.append([str(row["grain"] or number), *(f"{value:.2f}" for value in (*row["euler_deg"], row["modulus_gpa"])), sd])
+    show_table("Grains (degrees, GPa)", ["grain", "phi1", "Phi", "phi2", document["modulus_kind"], "sd"], rows)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

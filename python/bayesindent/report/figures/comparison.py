@@ -6,7 +6,7 @@ import numpy as np
 
 from ..comparison import Run
 from ..formatting import subscript
-from .style import CYCLE, Picture, density_axes, grid_of_constants, unique_legend
+from .style import CYCLE, Picture, density_axes, grid_of_constants
 
 __all__ = ["forest", "limits", "overlay"]
 
@@ -47,8 +47,8 @@ def overlay(runs: Sequence[Run], names: Sequence[str]) -> Picture:
         for run, colour in zip(runs, np.resize(CYCLE, len(runs))):
             if name in run.samples:
                 axes.hist(run.samples[name].ravel(), bins=48, density=True, histtype="step", color=colour, label=run.label, lw=1.4)
-        density_axes(axes, name, xlim=limits(runs, name))
-    unique_legend(figure)
+        axes.set_xlim(limits(runs, name))
+    density_axes(figure, grid)
     return Picture(
         figure,
         f"Histograms of the posterior of each constant, in GPa, of {len(runs)} runs: {', '.join(run.label for run in runs)}.",

@@ -93,13 +93,10 @@ def validation(results: Results) -> Picture:
 
 def against_simulated(simulated: np.ndarray, predicted: np.ndarray, sd: np.ndarray) -> Figure:
     """Predicted against simulated moduli with one sd, and the residuals in units of the sd."""
-    figure, left, right = parity_panels(3.4, simulated, predicted)
-    size, width, colour = (1.5, 0.4, SKY) if len(simulated) > MANY else (3.5, 0.8, BLUE)
-    left.errorbar(simulated, predicted, sd, fmt="o", ms=size, lw=width, color=BLUE, ecolor=colour)
-    left.set(xlabel="simulated modulus (GPa)", ylabel="predicted modulus (GPa)")
+    labels = ("simulated modulus (GPa)", "predicted modulus (GPa)", "(predicted - simulated) / sd")
+    small = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
+    figure, right = parity_panels(simulated, predicted, (predicted - simulated) / sd, labels, yerr=sd, **small)
     sd_axes(right)
-    right.plot(simulated, (predicted - simulated) / sd, "o", ms=size, color=BLUE)
-    right.set(xlabel="simulated modulus (GPa)", ylabel="(predicted - simulated) / sd")
     return figure
 
 

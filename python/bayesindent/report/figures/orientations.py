@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...crystal.directions import euler_of, indentation_direction, representative, spread_of_directions
-from ...crystal.elasticity import stiffness_rows
 from ..results import NothingToShow, Results, present
 from .style import BLACK, BLUE, SKY, Picture, panels
 
@@ -27,7 +26,7 @@ def orientations(results: Results) -> Picture:
     if surrogate is None or any("euler_deg" not in item for item in grains):
         raise NothingToShow
     lattice, directions = spread_of_directions(results.symmetry), directions_of(results, grains)
-    crystals = stiffness_rows(results.symmetry, results.draws(DRAWS))
+    crystals = results.draws(DRAWS)
     modulus = results.as_measured(surrogate.predict(crystals[:, None], euler_of(lattice), threads=len(os.sched_getaffinity(0)))[0])
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
     measured, error = ([item.get(name) or 0.0 for item in grains] for name in ("measured", "measured_sd"))

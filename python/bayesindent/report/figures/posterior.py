@@ -4,23 +4,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ..formatting import number, product_label, quantities_label, quantity_name, subscript
+from ..formatting import number, product_label, quantity_label, quantity_name, subscript
 from ..results import NothingToShow, Results, present
-from .style import (
-    BLACK,
-    BLUE,
-    CYCLE,
-    MARKERS,
-    RED,
-    SKY,
-    Picture,
-    density_axes,
-    grid_of_constants,
-    panels,
-    parity_panels,
-    sd_axes,
-    unique_legend,
-)
+from .style import BLACK, BLUE, CYCLE, MARKERS, RED, SKY, Picture, density_axes, grid_of_constants, panels, parity_panels, sd_axes
 
 __all__ = [
     "chi_square", "error_budget", "grain_comparison", "knowledge", "marginals", "pairs", "prior_posterior", "residuals", "shares",
@@ -87,7 +73,7 @@ def knowledge(results: Results) -> Picture:
         then = np.array([row["sd_then"][name] for name in names])
         lifted = place + 0.5 * ((index + 1) / (len(rows) + 1) - 0.5)
         axes.hlines(lifted, np.minimum(then, now), now, color=colour, lw=1.2)
-        label = f"{quantities_label(row)} known to {100 * row['relative_sd']:.0f} %"
+        label = f"{quantity_label(row)} known to {100 * row['relative_sd']:.0f} %"
         axes.plot(then, lifted, marker, color=colour, ms=5, label=label)
         table += [[row["name"], row["relative_sd"], *sds] for sds in zip(names, now.tolist(), then.tolist())]
     axes.set_yticks(place, [subscript(name) for name in names])
@@ -123,8 +109,8 @@ def marginals(results: Results) -> Picture:
         for bound in bounds.get(name, ()):
             if low - 0.1 * (high - low) <= bound <= high + 0.1 * (high - low):
                 axes.axvline(bound, color=BLACK, lw=2.5, label="bound of the prior")
-        density_axes(axes, name, title=f"{mean:.1f} ± {sd:.1f} GPa")
-    unique_legend(figure)
+        axes.set_title(f"{mean:.1f} ± {sd:.1f} GPa")
+    density_axes(figure, grid)
     values = ", ".join(f"{name} {item['mean']:.0f} with sd {item['sd']:.0f}" for name, item in parameters.items())
     return Picture(
         figure,
@@ -146,8 +132,8 @@ def prior_posterior(results: Results) -> Picture:
             # Relative to the highest bin: a sharp posterior would flatten the prior.
             counts = np.histogram(values, edges)[0]
             axes.stairs(counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=label)
-        density_axes(axes, name, ylim=(0, 1.05))
-    unique_legend(figure)
+        axes.set_ylim(0, 1.05)
+    density_axes(figure, grid)
     return Picture(
         figure,
         f"Histograms of the prior and of the posterior of {', '.join(samples)}.",
@@ -224,12 +210,9 @@ def velocities(results: Results) -> Picture:
     names = ("propagation_deg", "measured", "measured_sd", "mean", "sd")
     rows = [[item[name] for name in names] for item in present(results.velocities)]
     _, measured, error, mean, sd = np.array(rows).T
-    figure, left, right = parity_panels(3.4, mean, measured)
-    left.errorbar(mean, measured, error, sd, "o", ms=3.5, lw=0.8, color=BLUE)
-    left.set(xlabel="predicted Rayleigh velocity (m/s)", ylabel="measured Rayleigh velocity (m/s)")
+    labels = ("predicted Rayleigh velocity (m/s)", "measured Rayleigh velocity (m/s)", "(measured - predicted) / sd")
+    figure, right = parity_panels(mean, measured, (measured - mean) / error, labels, yerr=error, xerr=sd)
     sd_axes(right)
-    right.plot(mean, (measured - mean) / error, "o", ms=3.5, color=BLUE)
-    right.set(xlabel="predicted Rayleigh velocity (m/s)", ylabel="(measured - predicted) / sd")
     text = f"Rayleigh velocity in {len(rows)} directions, measured and as the posterior predicts it"
     return Picture(figure, f"{text}.", f"{text}; {results.documents['extract']['velocities_left_out']} were left out.", ([*names], rows))
 

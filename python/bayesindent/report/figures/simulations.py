@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from ..formatting import orientation
 from ..results import NothingToShow, Results, present
-from .style import BLACK, BLUE, CYCLE, MARKERS, Picture, panels, parity_panels
+from .style import BLACK, CYCLE, MARKERS, Picture, panels, parity_panels
 
 __all__ = ["draw_bias", "load_depth", "specimen_size", "theory"]
 
@@ -83,20 +83,12 @@ def theory(results: Results) -> Picture:
     if exact is None:
         raise NothingToShow
     simulated = np.array([row["indentation_modulus_gpa"] for row in rows])
-    text = f"Finite elements beside the exact theory of the half-space: they differ by at most {100 * np.abs(simulated / exact - 1).max():.2f} %."
-    return Picture(against_theory(simulated, exact), text, text + " The simulations use nothing of the theory.")
-
-
-def against_theory(simulated: np.ndarray, theory: np.ndarray) -> Figure:
-    """Simulated moduli of various crystals against the theory."""
-    figure, left, right = parity_panels(3.4, theory, simulated)
-    left.plot(theory, simulated, "o", color=BLUE, ms=4)
-    left.set(xlabel="half-space theory (GPa)", ylabel="finite elements (GPa)")
-    values = 100 * (simulated / theory - 1)
+    values = 100 * (simulated / exact - 1)
+    text = f"Finite elements beside the exact theory of the half-space: they differ by at most {np.abs(values).max():.2f} %."
+    figure, right = parity_panels(exact, simulated, values, ("half-space theory (GPa)", "finite elements (GPa)", "difference (%)"), ms=4)
     right.axhline(0, color=BLACK, lw=0.8)
-    right.plot(theory, values, "o", color=BLUE, ms=4)
     # Limits that show the line of zero and all values.
     limit = 1.25 * max(np.max(np.abs(values)), 0.1)
     ends = min(-0.25 * limit, 1.25 * np.min(values)), max(0.25 * limit, 1.25 * np.max(values))
-    right.set(xlabel="half-space theory (GPa)", ylabel="difference (%)", ylim=ends)
-    return figure
+    right.set(ylim=ends)
+    return Picture(figure, text, text + " The simulations use nothing of the theory.")

@@ -1,6 +1,6 @@
 """What all figures share: the style, and how a figure is handed over."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from ..formatting import subscript
 
 __all__ = [
     "Picture", "density_axes", "grid_of_constants", "house_style", "logarithmic", "new_figure", "panels", "parity_panels",
-    "sd_axes", "stamp_synthetic", "text_size", "unique_legend",
+    "sd_axes", "stamp_synthetic", "text_size",
 ]  # fmt: skip
 
 # The palette of Okabe and Ito, which colour-blind readers can tell apart.
@@ -86,11 +86,16 @@ def grid_of_constants(names: Collection[str], height: float, further: float = 0.
     return figure, dict(zip(names, grid.ravel()))
 
 
-def density_axes(axes: Any, name: str, **further: Any) -> None:
-    """Axes of a histogram of a constant, whose height is no matter."""
-    axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[], **further)
-    axes.grid(False)
-    axes.spines["left"].set_visible(False)
+def density_axes(figure: Figure, grid: dict[str, Any]) -> None:
+    """Axes of histograms of constants, whose heights are no matter, under one legend."""
+    entries: dict = {}
+    for name, axes in grid.items():
+        axes.set(xlabel=f"{subscript(name)} (GPa)", yticks=[])
+        axes.grid(False)
+        axes.spines["left"].set_visible(False)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=len(entries))
 
 
 @contextmanager
@@ -113,12 +118,17 @@ def stamp_synthetic(figure: Figure) -> None:
     figure.text(0.995, 0.985, "SYNTHETIC DATA", ha="right", va="top", color=RED, weight="bold", size=9)
 
 
-def parity_panels(height: float, x: np.ndarray, y: np.ndarray) -> tuple[Figure, Any, Any]:
-    """A figure with axes for y against x, which has the line of equality over their range, and for a difference, which has that of zero."""
-    figure, (left, right) = panels(height, 1, 2)
+def parity_panels(x: np.ndarray, y: np.ndarray, difference: np.ndarray, labels: Sequence[str], **style: Any) -> tuple[Figure, Any]:
+    """A figure of y against x with the line of equality and, on the right, of a difference; and the axes of this. `labels` of the three;
+    `style` of the points on the left, as `errorbar` takes it."""
+    figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(ends, ends, color=BLACK, lw=0.8)
-    return figure, left, right
+    points = left.errorbar(x, y, **{"fmt": "o", "color": BLUE, "ms": 3.5, "lw": 0.8} | style)
+    right.plot(x, difference, "o", color=BLUE, ms=points.lines[0].get_markersize())
+    left.set(xlabel=labels[0], ylabel=labels[1])
+    right.set(xlabel=labels[0], ylabel=labels[2])
+    return figure, right
 
 
 def sd_axes(axes: Any) -> None:
@@ -135,12 +145,3 @@ def logarithmic(axes: Any) -> None:
     axis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(mpl.ticker.FormatStrFormatter("%g"))
     axis.set_minor_formatter(mpl.ticker.NullFormatter())
-
-
-def unique_legend(figure: Figure) -> None:
-    """One legend above all axes."""
-    entries: dict = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=len(entries))

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits import mplot3d  # noqa: F401  (makes 3d axes known)
 
-from ...crystal.elasticity import stiffness_rows
 from ..results import Results, present
 from .style import Picture, new_figure
 
@@ -29,7 +28,7 @@ def young_surface(results: Results) -> Picture:
     present(results.samples)
     declination, azimuth = np.meshgrid(np.linspace(0, np.pi, STEPS + 1), np.linspace(0, 2 * np.pi, 2 * STEPS + 1), indexing="ij")
     directions = np.stack([np.sin(declination) * np.cos(azimuth), np.sin(declination) * np.sin(azimuth), np.cos(declination)], axis=-1)
-    young = youngs_modulus(stiffness_rows(results.symmetry, results.draws(DRAWS)), directions.reshape(-1, 3))
+    young = youngs_modulus(results.draws(DRAWS), directions.reshape(-1, 3))
     mean, share = (values.reshape(declination.shape) for values in (young.mean(axis=0), 100 * young.std(axis=0) / young.mean(axis=0)))
     figure = new_figure(3.5)
     for place, values, label in ((1, mean, "Young's modulus (GPa)"), (2, share, "its sd (%)")):

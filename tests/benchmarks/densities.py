@@ -1,50 +1,44 @@
-"""The posterior of the elastic constants, in the core."""
+"""The density that Step 2 samples, point by point: the operations of the core, for tests and benchmarks."""
 
 import json
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import NativeObject
-from ..crystal.elasticity import class_name, constant_names
-from ..settings.problem import Problem
-from ..surrogate.surrogate import Surrogate
-from .measurements import problem_of
+from bayesindent.crystal.elasticity import class_name, constant_names
+from bayesindent.inference import extract
+from bayesindent.inference.extract import EXTRACTION
+from bayesindent.inference.measurements import problem_of
+from bayesindent.settings.problem import Problem
+from bayesindent.surrogate.surrogate import Surrogate
 
-__all__ = ["EXTRACTION", "Posterior"]
+__all__ = ["DENSITY", "EXTRACTION", "PRIOR", "Posterior"]
 
 #: What is made of a problem and a surrogate.
-DENSITY, PRIOR, EXTRACTION = "density", "prior", "extract"
+DENSITY, PRIOR = "density", "prior"
 
 
-class Posterior(NativeObject):
+class Posterior(extract.Posterior):
     """The density of the constants, and of the logarithm of a factor on the sds where that is inferred, that a problem asks for.
 
-    `what`: `DENSITY`; `PRIOR`, which leaves the data out; `EXTRACTION`, all of Step 2: chains of both, `values` by the names of
-    fortran/pipeline/extraction_document.f90 with the axes reversed, and the `document` of `extract`.
+    `what`: `DENSITY`; `PRIOR`, which leaves the data out; `EXTRACTION`, all of Step 2.
     """
 
-    kind = "posterior"
-
     def __init__(self, problem: Problem, surrogate: Surrogate, what: str = DENSITY):
-        self.problem, self.surrogate, self.what = problem, surrogate, what
+        self.problem, self.surrogate = problem, surrogate
         self.symmetry = class_name(problem.settings.problem.symmetry)
         self.names = constant_names(self.symmetry)
-        found = surrogate._call(what, problem=problem.handle)
-        self.grains, self.groups = found["grains"], found["groups"]
-        self.values, self.document = found, json.loads(found.get("document", "{}"))
-        self._hold(found["handle"])
+        super().__init__(problem, surrogate, what)
 
     @classmethod
     def of(cls, measurements, *, surrogate: Surrogate, what: str = DENSITY, **settings) -> "Posterior":
         """The posterior that `bi.extract` samples with these arguments."""
         return cls(problem_of("Posterior", surrogate, measurements, **settings), surrogate, what)
 
-    def __repr__(self) -> str:
-        return f"<Posterior of {', '.join(self.names)} of a {self.symmetry} crystal from {self.grains} grains, with {self.surrogate!r}>"
-
-    def __reduce__(self):
-        return type(self), (self.problem, self.surrogate, self.what)
+    @property
+    def groups(self) -> int:
+        """The number of groups of grains that share an error."""
+        return self.values["groups"]
 
     def sample(self, *, method: str, samples: int, burn_in: int, chains: int, threads: int, seed: int):
         """Chains: parameters (chains, samples, dimension), log densities (chains, samples), acceptance (chains,)."""

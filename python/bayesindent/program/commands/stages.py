@@ -1,0 +1,173 @@
+"""The stages: what a command adds to the core's stage of its name, and how its document is shown."""
+
+import argparse
+from pathlib import Path
+
+from ...common.progress import progress_bar
+from ...common.result_files import as_csv, whole_file, write_groups, write_text
+from ...fe.indentation import Indentation
+from ...inference.extract import groups_of
+from ...pipeline.build import ask, tell
+from ...pipeline.results_folder import read_posterior
+from ...pipeline.stage import run_stage
+from ...report.formatting import SHARES, number, numbers, share_cells
+from ...settings.problem import Problem, read_crystals
+from ...surrogate.basis import Basis
+from ..command import PATIENCE_S, namelist_command, perform, prepare, report_of, with_warnings
+from ..console import show_moduli, show_table
+
+__all__ = ["COMMANDS"]
+
+
+def show_curves(document: dict) -> None:
+    """The tip, and the moduli of the grains."""
+    radius, compliance = document["tip"]["radius_um"], document["frame"]["compliance_nm_mn"]
+    print(f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: {' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN")
+    rows = [[row["grain"], str(row["tests"]), *numbers(row, effective_modulus_gpa=1, sd_gpa=1, own_sd_gpa=1)] for row in document["grains"]]
+    show_table("Effective moduli (GPa)", ["grain", "tests", "modulus", "sd", "of it its own"], rows)
+
+
+def simulate(problem: Problem, output: Path) -> dict:
+    """Moduli.csv, curves.csv, and the document; then of each crystal that was simulated the files that &simulation asks for, by its row
+    from 1: fields for ParaView (vtu), a deck (inp).
+
+    A file that is there is written again, since the crystal of its row may have changed; fields cost one solution.
+    """
+    document = run_stage(problem, "simulate", output)
+    settings, points = problem.settings.simulation, problem.crystals
+    chosen = [i for i, row in enumerate(document["results"]) if row["depth_um"] and (settings.vtu or settings.inp)]
+    if not chosen:
+        return document
+    indentation = Indentation.of_problem(problem)
+    with progress_bar("fields and decks", len(chosen)) as advance:
+        for i in chosen:
+            stiffness, euler_deg = points.stiffness[i], points.euler_deg[i]
+            stem = output / f"crystal_{i + 1:04d}"
+            if settings.vtu:
+                with whole_file(stem.with_suffix(".vtu")) as file:
+                    indentation.write_vtu(file, stiffness, euler_deg)
+            if settings.inp:
+                title = f"{problem.settings.problem.title or 'indentation'}, crystal {i + 1}"
+                write_text(stem.with_suffix(".inp"), indentation.deck(stiffness, euler_deg, title))
+            advance(1)
+    return document
+
+
+def size(problem: Problem, output: Path) -> dict:
+    """Size.png and the document."""
+    # Not above: importing matplotlib is slow, and every command would.
+    from ...report.figures.simulations import draw_bias
+    from ...report.figures.style import house_style
+
+    document = run_stage(problem, "size", output)
+    with house_style(), whole_file(output / "size.png") as file:
+        draw_bias(document).savefig(file)
+    return document | {"figure": str(output / "size.png")}
+
+
+def show_size(document: dict) -> None:
+    """The sizes from which on the bias is small."""
+    rows = []
+    for row in document["results"]:
+        crystal = ", ".join(f"{name} {value:g}" for name, value in row["constants"].items())
+        around = row["surroundings"] + (f" ({row['young_gpa']:.0f} GPa)" if row["young_gpa"] else "")
+        smallest = "–" if row["smallest_um"] is None else f"{row['smallest_um']:.3g}"
+        largest = "–" if not row["bias"] else f"{100 * row['bias'][0]:+.1f} % at {row['size_um'][0]:.3g}"
+        rows.append([crystal, ", ".join(f"{angle:g}" for angle in row["euler_deg"]), around, largest, smallest])
+    quantity = document["variable"].removesuffix("_um").replace("_", " ")
+    header = ["constants (GPa)", "phi1, Phi, phi2", "surroundings", "bias", f"below {100 * document['limit']:g} % from (um)"]
+    show_table(f"Smallest {quantity} (contact radius {document['contact_radius_um']:g} um)", header, rows)
+    print(document["figure"])
+
+
+def build(arguments: argparse.Namespace) -> dict:
+    """Build; or with --ask the next crystals, with --tell the moduli of others."""
+    problem, output = prepare(arguments, PATIENCE_S if (arguments.ask, arguments.tell) != (None, None) else 0)
+    if arguments.ask is not None:
+        arguments.results = None
+        return with_warnings(problem, ask(problem, output, arguments.ask))
+    if arguments.tell is not None:
+        points = read_crystals(arguments.tell, problem.settings.problem.symmetry or Basis(problem).symmetry)
+        return with_warnings(problem, tell(problem, output, points, str(arguments.tell)))
+    return with_warnings(problem, perform(arguments.command, problem, output))
+
+
+def add_build_arguments(parser: argparse.ArgumentParser) -> None:
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument("--ask", metavar="N", type=int, help="print the next N crystals as CSV instead of simulating them")
+    either.add_argument("--tell", metavar="RESULTS.csv", type=Path, help="take rows with modulus_gpa that were computed elsewhere")
+
+
+def show_build(document: dict) -> None:
+    """The points as CSV, for pipes; or what was imported or built."""
+    if "points" in document:
+        points = document["points"]
+        print(as_csv(list(points[0]), [list(point.values()) for point in points]), end="", flush=True)
+    elif "imported" in document:
+        print(f"Campaign: {document['imported']} results imported, {document['simulations']} simulations in all")
+    else:
+        print(
+            f"Surrogate: {document['simulations']} simulations ({document['new_simulations']} new, {document['failed']} failed), "
+            f"{document['terms']} terms, leave-one-out error {document['loocv_gpa']:.3g} GPa; {document['domain']['words']}"
+        )
+
+
+def after_build(arguments: argparse.Namespace, document: dict) -> str:
+    if "points" in document:
+        return f"simulate these, add a column modulus_gpa, and bayesindent build {arguments.file} --tell RESULTS.csv"
+    if "imported" in document:
+        return f"bayesindent build {arguments.file}, which trains the surrogate on them"
+    return f"bayesindent extract {arguments.file} if it has measurements, or bayesindent predict --surrogate {document['file']} --points POINTS.csv"
+
+
+def extract(problem: Problem, output: Path) -> dict:
+    """The stage, and its numbers in ArviZ' schema: posterior.nc."""
+    document = run_stage(problem, "extract", output)
+    write_groups(output / "posterior.nc", groups_of(read_posterior(output)))
+    return document
+
+
+def show_extract(document: dict) -> None:
+    """The constants, and what they follow from."""
+    rows = [
+        [name, *numbers(item, mean=1, sd=1), " .. ".join(map(number, item["hdi_95"])), *share_cells(item)]
+        for name, item in document["parameters"].items()
+    ]
+    print("Measurements, prior and surrogate:", *document["prior"]["words"], sep="\n  ")
+    if beside := document.get("theory_alone"):
+        constants = ", ".join(f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items())
+        print(f"Theory of the half-space without the specimen: {constants}")
+    header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
+    show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
+
+
+def after_extract(arguments: argparse.Namespace, document: dict) -> str:
+    more = f", and bayesindent next {arguments.file} for the grain to measure next" if document["usable"] else ""
+    return f"bayesindent report {arguments.results}{more}"
+
+
+def show_next(document: dict) -> None:
+    """The orientations, or the grains, and their directions along the indenter."""
+    rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
+    for item in document["suggestions"]:
+        along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
+        name = [item["grain"]] if "grain" in item else []
+        rows.append([*name, *(f"{angle:.1f}" for angle in item["euler_deg"]), along, f"{item['gain']:.3g}"])
+    grains = any("grain" in item for item in document["suggestions"])
+    show_table(f"{'Grains' if grains else 'Orientations'} worth measuring next (degrees)", ["grain", *header] if grains else header, rows)
+
+
+def after_next(arguments: argparse.Namespace, document: dict) -> str:
+    return f"measure such grains, add them to the measurements of {arguments.file}, and bayesindent run it again"
+
+
+#: In the order in which `run` performs them.
+COMMANDS = (
+    namelist_command("simulate", stage=simulate, show=show_moduli, resumes=True, then=report_of),
+    namelist_command("theory", show=show_moduli, then=report_of),
+    namelist_command("size", stage=size, show=show_size, then=report_of),
+    namelist_command("build", action=build, arguments=add_build_arguments, show=show_build, resumes=True, then=after_build),
+    namelist_command("curves", show=show_curves, then=report_of),
+    namelist_command("extract", stage=extract, show=show_extract, resumes=True, then=after_extract),
+    namelist_command("next", show=show_next, resumes=True, then=after_next),
+)
