@@ -18,7 +18,7 @@ module surrogate_operations
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
-   use sequential_design, only: absorb_choices, update_posterior_mean
+   use sequential_design, only: update_posterior_mean
    use surrogate_domain, only: spread_crystals
    use surrogate_learner, only: add_simulations, choose_next, evaluate_evidence, exclude_candidates, fit_learner, learner_type, &
       & leave_out, new_learner, predict_moduli, set_learner_candidates, surrogate_of
@@ -224,7 +224,6 @@ contains
       select case (verb)
       case ('values')
          ! Of the coefficients, and of the candidates where there are some.
-         call absorb_choices(learner%design)
          associate (design => learner%design)
             call x%out%put('alpha', design%regression%alpha)
             call x%out%put('beta', design%regression%beta)

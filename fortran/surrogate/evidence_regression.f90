@@ -12,7 +12,7 @@ module evidence_regression
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, symmetric_product
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type
@@ -304,18 +304,6 @@ contains
       regression%mean = solution(:, 1)
       call cholesky_inverse(regression%covariance)
    end subroutine compute_posterior
-
-   !> product = matrix vector.
-   pure subroutine symmetric_product(matrix, vector, product)
-      real(wp), intent(in), contiguous :: matrix(:, :), vector(:)
-      real(wp), intent(out), contiguous :: product(:)
-      integer :: j
-
-      product = 0.0_wp
-      do j = 1, size(vector)
-         product = product + matrix(:, j)*vector(j)
-      end do
-   end subroutine symmetric_product
 
    !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
    !> present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r the residuals with all data, those without the group B are

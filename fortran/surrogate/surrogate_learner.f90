@@ -10,7 +10,7 @@ module surrogate_learner
       & log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
    use kinds, only: degree, wp
    use statistics, only: number_equal
-   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
+   use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
    use settings_schema, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
@@ -25,8 +25,6 @@ module surrogate_learner
       class(basis_type), allocatable :: basis
       type(design_type) :: design
       class(acquisition_type), allocatable :: rule
-      !> Scale of each candidate, GPa, and its spread.
-      real(wp), allocatable :: candidate_scale(:), candidate_spread(:)
       !> The data of the regression.
       type(simulations_type) :: simulations
       !> ln evidence when it was last maximised.
@@ -78,10 +76,11 @@ contains
       if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
       call new_regression(degrees, basis%first_sds, basis%least_noise, learner%design%regression, error)
       if (allocated(error)) return
-      call set_candidates(learner%design, reshape([real(wp) ::], [basis%n_terms, 0]))
       allocate (learner%basis, source=basis)
-      allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
-         & learner%simulations%modulus(0), learner%candidate_scale(0), learner%candidate_spread(0))
+      associate (known => learner%simulations)
+         allocate (known%constants(basis%domain%class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
+         call set_candidates(learner%design, basis, known%constants, known%euler_deg)
+      end associate
    end subroutine new_learner
 
    !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
@@ -92,12 +91,9 @@ contains
       !> See `acquisitions`.
       character(len=*), intent(in) :: rule
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :)
 
       call new_acquisition(rule, learner%rule, error)
-      if (allocated(error)) return
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale, learner%candidate_spread)
-      call set_candidates(learner%design, terms)
+      if (.not. allocated(error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
    end subroutine set_learner_candidates
 
    !> Candidates that may not be chosen any more.
@@ -176,7 +172,6 @@ contains
       real(wp) :: ratio(learner%basis%n_terms)
 
       associate (design => learner%design, regression => learner%design%regression)
-         call absorb_choices(design)
          ratio = 1.0_wp/regression%prior_width
          if (present(precisions)) then
             call set_precisions(regression, precisions(1), precisions(2), error)
@@ -220,8 +215,7 @@ contains
       else if (count(learner%design%available) < size(chosen)) then
          call raise(error, 'no candidate is left to choose')
       else
-         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, learner%candidate_spread, &
-            & threads, chosen, variance)
+         call learner%rule%choose(learner%design, learner%basis, threads, chosen, variance)
       end if
    end subroutine choose_next
 
@@ -258,7 +252,6 @@ contains
             & exit_bad_input)
          return
       end if
-      call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
@@ -282,7 +275,6 @@ contains
          call raise(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed', exit_bad_input)
          return
       end if
-      call absorb_choices(learner%design)
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
