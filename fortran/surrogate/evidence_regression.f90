@@ -4,11 +4,10 @@
 !> degrees, the widths W decay with them: 1 at degree 1, f at degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f
 !> has the largest evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
 module evidence_regression
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
    use statistics, only: sort_order
-   use text, only: to_text
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
@@ -269,11 +268,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), intent(in), optional :: gram(:, :)
 
-      if (.not. (alpha > 0.0_wp .and. alpha < huge(1.0_wp) .and. beta > 0.0_wp .and. beta < huge(1.0_wp))) then
-         call raise(error, 'alpha = '//to_text(alpha)//' and beta = '//to_text(beta)//' must be positive and finite', &
-            & exit_bad_input)
-         return
-      end if
       regression%alpha = alpha
       regression%beta = beta
       call compute_posterior(regression, error, gram)
@@ -319,7 +313,7 @@ contains
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
       integer, allocatable :: order(:), members(:)
       logical :: over_data
-      integer :: n, first, last, i, j
+      integer :: n, first, last, i
 
       n = regression%n_data
       associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
@@ -354,13 +348,9 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               if (allocated(block_of_q)) deallocate (block_of_q)
-               allocate (block_of_q(size(members), size(members)))
-               do j = 1, size(members)
-                  do i = 1, size(members)
-                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
-                  end do
-                  block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
+               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
+               do i = 1, size(members)
+                  block_of_q(i, i) = block_of_q(i, i) + 1.0_wp
                end do
             end if
             call cholesky_factor(block_of_q, error)

@@ -21,7 +21,7 @@ module surrogate_model
    use text, only: to_text
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model, save_surrogate, &
+   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, new_grain_model, save_surrogate, &
       & load_surrogate, check_replaceable, check_values, exchange_surrogate, theory_name, places_type, find_surrogate, &
       & load_named_surrogate, check_new_name
 
@@ -83,8 +83,8 @@ contains
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> `predict` for many crystals. Refused are those for which it has no meaning: unstable, or without the symmetry of the surrogate's
-   !> class.
+   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for which it has no meaning: unstable, or without
+   !> the symmetry of the surrogate's class.
    subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
       !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
@@ -124,7 +124,7 @@ contains
       !$omp end parallel do
    end subroutine predict_crystals
 
-   !> `predict` for some crystals: the variances by one product of matrices.
+   !> The same for some crystals: the variances by one product of matrices.
    subroutine predict_side_by_side(surrogate, c, euler, modulus, sd, factor)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
@@ -151,20 +151,6 @@ contains
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
       sd = sd*sqrt(variance)
    end subroutine predict_side_by_side
-
-   !> Mean and sd (GPa) of the simulated indentation modulus of one crystal at one orientation.
-   subroutine predict(surrogate, c, euler, modulus, sd)
-      type(surrogate_type), intent(in) :: surrogate
-      !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      real(wp), intent(out) :: modulus, sd
-      real(wp), allocatable :: factor(:, :)
-      real(wp) :: moduli(1), sds(1)
-
-      call predict_side_by_side(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), moduli, sds, factor)
-      modulus = moduli(1)
-      sd = sds(1)
-   end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
@@ -323,9 +309,7 @@ contains
          return
       end if
       surrogate%covariance = unpack(packed, lower, 0.0_wp)
-      do j = 2, n
-         surrogate%covariance(:j - 1, j) = surrogate%covariance(j, :j - 1)
-      end do
+      surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
    end subroutine exchange_covariance
 
    subroutine exchange_simulations(simulations, n_constants, file)

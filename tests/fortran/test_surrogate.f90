@@ -12,9 +12,9 @@ program test_surrogate
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, evaluate_terms, finish, &
-      & new_domain, new_wide_domain
+      & new_domain, new_wide_domain, predict
    implicit none
 
    real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp]
