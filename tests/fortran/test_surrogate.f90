@@ -127,6 +127,8 @@ contains
       call check('paper, hexagonal: 243 x 3', basis%n_terms == 729)
       call make_basis(domain_of('cubic'), 'tensor', 2, 5, basis, error)
       call check_refused('an odd bandlimit is refused', error, 'bandlimit = 5')
+      call make_basis(domain_of('cubic'), 'tensor', 2, 22, basis, error)
+      call check_refused('a bandlimit above the largest is refused', error, 'bandlimit = 22')
       call make_basis(domain_of('hexagonal'), 'tensor', 12, 20, basis, error)
       call check_refused('more terms than memory is refused before it is asked for', error, '4.084E+006 terms; at most 20000')
       call make_basis(domain_of('cubic'), 'round', 2, 4, basis, error)
