@@ -6,12 +6,13 @@
 module evidence_regression
    use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, &
+      & multiply_by_factor, symmetric_eigen
    use statistics, only: sort_order
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, factored_forms
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type
@@ -361,6 +362,26 @@ contains
          end do
       end associate
    end subroutine leave_groups_out
+
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands.
+   subroutine factored_forms(matrix, factor, vectors, values)
+      !> S, symmetric and not negative, (n, n); (n, m).
+      real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
+      !> L, lower, if S has it.
+      real(wp), intent(in), allocatable :: factor(:, :)
+      !> (m).
+      real(wp), intent(out) :: values(:)
+      real(wp), allocatable :: product(:, :)
+
+      product = vectors
+      if (allocated(factor)) then
+         call multiply_by_factor(factor, product)
+         values = sum(product**2, 1)
+      else
+         call multiply(matrix, vectors, product)
+         values = max(0.0_wp, sum(vectors*product, 1))
+      end if
+   end subroutine factored_forms
 
    !> Posterior mean of A.
    pure function coefficient_mean(regression) result(mean)

@@ -8,9 +8,9 @@ module sequential_design
    use abstract_basis, only: basis_type
    use distinct_directions, only: new_region, region_type, spread_of_directions
    use errors, only: error_type
-   use evidence_regression, only: compute_posterior, regression_type, scale_columns
+   use evidence_regression, only: compute_posterior, factored_forms, regression_type, scale_columns
    use kinds, only: degree, wp
-   use linear_algebra, only: cholesky_factor, dot, multiply, multiply_by_factor
+   use linear_algebra, only: cholesky_factor, dot
    use problem, only: problem_type
    use settings_schema, only: design_settings_type
    use statistics, only: number_equal, sort_order
@@ -72,8 +72,7 @@ contains
       design%n_choices = 0
    end subroutine compute_variances
 
-   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands. The values do not depend on the
-   !> number of threads.
+   !> xᵀ S x of each vector x. The values do not depend on the number of threads.
    subroutine quadratic_forms(matrix, vectors, threads, values)
       !> S, symmetric and not negative, (n, n); (n, m).
       real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
@@ -81,29 +80,16 @@ contains
       !> (m).
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable :: error
-      real(wp), allocatable :: factor(:, :), product(:, :)
-      logical :: factored
-      integer :: first, last, j
+      real(wp), allocatable :: factor(:, :)
+      integer :: first, last
 
       factor = matrix
       call cholesky_factor(factor, error)
-      factored = .not. allocated(error)
-      !$omp parallel do num_threads(threads) private(last, j, product) schedule(static) if(threads > 1)
+      if (allocated(error)) deallocate (factor)
+      !$omp parallel do num_threads(threads) private(last) schedule(static) if(threads > 1)
       do first = 1, size(values), block_size
          last = min(first + block_size - 1, size(values))
-         product = vectors(:, first:last)
-         if (factored) then
-            call multiply_by_factor(factor, product)
-         else
-            call multiply(matrix, vectors(:, first:last), product)
-         end if
-         do j = first, last
-            if (factored) then
-               values(j) = dot(product(:, j - first + 1), product(:, j - first + 1))
-            else
-               values(j) = dot(vectors(:, j), product(:, j - first + 1))
-            end if
-         end do
+         call factored_forms(matrix, factor, vectors(:, first:last), values(first:last))
       end do
       !$omp end parallel do
    end subroutine quadratic_forms

@@ -12,10 +12,11 @@ module surrogate_model
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, is_stable
    use errors, only: error_type, exit_bad_input, raise
+   use evidence_regression, only: factored_forms
    use files, only: file_exists, is_folder, printable, read_text_file, replace_file, resolve_path
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
-   use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
+   use linear_algebra, only: cholesky_factor
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, complete_domain, exchange_domain
    use text, only: to_text
@@ -131,7 +132,7 @@ contains
       real(wp), intent(out) :: modulus(:), sd(:)
       !> Of the covariance, lower, if it has one.
       real(wp), intent(in), allocatable :: factor(:, :)
-      real(wp), dimension(surrogate%basis%n_terms, size(modulus)) :: terms, product
+      real(wp) :: terms(surrogate%basis%n_terms, size(modulus))
       real(wp), dimension(size(modulus)) :: scale, spread, variance
       integer :: i
 
@@ -139,13 +140,7 @@ contains
       do i = 1, size(modulus)
          modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i), spread(i))
       end do
-      if (allocated(factor)) then
-         call multiply_by_factor(factor, terms)
-         variance = sum(terms**2, 1)
-      else
-         call multiply(surrogate%covariance, terms, product)
-         variance = max(0.0_wp, sum(terms*product, 1))
-      end if
+      call factored_forms(surrogate%covariance, factor, terms, variance)
       sd = scale
       if (surrogate%basis%logarithmic) sd = spread*modulus
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
