@@ -193,16 +193,12 @@ contains
       do i = 1, self%n_constants
          map(named(i), i) = 1.0_wp
       end do
-      allocate (self%row(0), self%column(0), self%constant(0), self%factor(0))
-      do k = 1, 21
-         do i = 1, self%n_constants
-            if (.not. abs(map(k, i)) > 0.0_wp) cycle
-            self%row = [self%row, first(k)]
-            self%column = [self%column, second(k)]
-            self%constant = [self%constant, i]
-            self%factor = [self%factor, map(k, i)]
-         end do
-      end do
+      associate (n => self%n_constants, not_zero => abs(map) > 0.0_wp)
+         self%row = pack(spread(first, 2, n), not_zero)
+         self%column = pack(spread(second, 2, n), not_zero)
+         self%constant = pack(spread([(i, i=1, n)], 1, 21), not_zero)
+         self%factor = pack(map, not_zero)
+      end associate
    end subroutine derive_map
 
    pure function entry_name(row, column) result(name)

@@ -228,32 +228,23 @@ contains
    end function all_alike
 
    !> Directions evenly over the region, its corners and edges included: steps of equal size over an arc, equal shares of the
-   !> corners
-   !> over a triangle.
+   !> corners over a triangle.
    pure subroutine lattice_of_directions(region, directions)
       type(region_type), intent(in) :: region
       !> Unit vectors (3, n).
       real(wp), allocatable, intent(out) :: directions(:, :)
-      real(wp) :: longest
-      integer :: t, i
 
       if (region%dimension < 2) then
          directions = arc(region, merge(nint(90.0_wp/arc_step) + 1, 1, region%dimension == 1))
-         return
+      else
+         associate (longest => acos(minval(sum(region%triangles*cshift(region%triangles, 1, 2), 1))))
+            call divide(region, ceiling(longest/(triangle_step*degree)), directions)
+         end associate
       end if
-      longest = 0.0_wp
-      do t = 1, size(region%triangles, 3)
-         do i = 1, 3
-            longest = max(longest, acos(min(1.0_wp, dot_product(region%triangles(:, i, t), &
-               & region%triangles(:, mod(i, 3) + 1, t)))))
-         end do
-      end do
-      call divide(region, ceiling(longest/(triangle_step*degree)), directions)
    end subroutine lattice_of_directions
 
    !> n directions that spread over the region: equal steps over an arc; the corners of the triangles, then always the direction of
-   !> a
-   !> fine grid that is farthest from those before.
+   !> a fine grid that is farthest from those before.
    pure subroutine spread_of_directions(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n

@@ -4,17 +4,14 @@
 !> They are orthonormal for the mean over the sphere, the first is 1. Within a degree they are Gram-Schmidt vectors of the
 !> projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the component of that column is positive.
 module symmetric_harmonics
-   use crystal_class, only: crystal_class_type
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use kinds, only: pi, wp
    use linear_algebra, only: symmetric_eigen
-   use text, only: to_text
    implicit none
    private
-   public :: harmonics_type, new_harmonics, new_group_harmonics, evaluate_harmonics, largest_bandlimit, largest_degree
+   public :: harmonics_type, new_harmonics, evaluate_harmonics, largest_degree
 
-   !> Of a surrogate, and of any expansion.
-   integer, parameter :: largest_bandlimit = 20, largest_degree = 32
+   integer, parameter :: largest_degree = 32
 
    type :: harmonics_type
       !> How many there are.
@@ -27,24 +24,8 @@ module symmetric_harmonics
 
 contains
 
-   !> The harmonics of a crystal's stiffness.
-   subroutine new_harmonics(class, bandlimit, harmonics, error)
-      type(crystal_class_type), intent(in) :: class
-      !> Highest degree, even, 0 to `largest_bandlimit`.
-      integer, intent(in) :: bandlimit
-      type(harmonics_type), intent(out) :: harmonics
-      type(error_type), allocatable, intent(out) :: error
-
-      if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
-         call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
-            & //to_text(largest_bandlimit), exit_bad_input)
-         return
-      end if
-      call new_group_harmonics(class%generators, bandlimit, harmonics, error)
-   end subroutine new_harmonics
-
-   !> The harmonics of the group that rotations generate.
-   subroutine new_group_harmonics(generators, bandlimit, harmonics, error)
+   !> The harmonics of the group that rotations generate, such as that of a crystal's stiffness.
+   subroutine new_harmonics(generators, bandlimit, harmonics, error)
       !> Proper rotations, (3, 3, n).
       real(wp), intent(in) :: generators(:, :, :)
       !> Highest degree, even, 0 to `largest_degree`.
@@ -80,7 +61,7 @@ contains
          call append_degree(invariant(:, :count(values(:2*l + 1) < 1.0e-8_wp)), l, harmonics)
       end do
       harmonics%n = size(harmonics%degrees)
-   end subroutine new_group_harmonics
+   end subroutine new_harmonics
 
    !> The harmonics of one degree: the Gram-Schmidt vectors of the columns of the projector on the span of `invariant`.
    pure subroutine append_degree(invariant, l, harmonics)

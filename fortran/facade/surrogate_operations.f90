@@ -18,10 +18,10 @@ module surrogate_operations
    use problem_posterior, only: new_problem_posterior
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
-   use sequential_design, only: absorb_choices, update_posterior_mean
+   use sequential_design, only: update_posterior_mean
    use surrogate_domain, only: spread_crystals
-   use surrogate_learner, only: add_simulations, choose_next, evaluate_evidence, exclude_candidates, fit_learner, learner_type, &
-      & leave_out, new_learner, predict_moduli, set_learner_candidates, surrogate_of
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, leave_out, new_learner, &
+      & predict_moduli, set_learner_candidates, surrogate_of
    use surrogate_model, only: check_values, exchange_surrogate, predict_crystals, save_surrogate, surrogate_type
    implicit none
    private
@@ -209,7 +209,7 @@ contains
       type(exchange_type), intent(inout) :: x
       type(surrogate_type), pointer :: surrogate
       real(wp), pointer :: constants(:, :), euler_deg(:, :)
-      real(wp), allocatable :: values(:), others(:), covariance(:, :)
+      real(wp), allocatable :: values(:), covariance(:, :)
       integer, allocatable :: numbers(:)
 
       if (x%in%has('constants')) then
@@ -217,14 +217,9 @@ contains
          euler_deg => x%in%columns('euler_deg', 3)
       end if
       if (x%in%has('numbers')) numbers = nint(x%in%reals('numbers'))
-      if (x%in%has('alpha')) then
-         values = x%in%reals('alpha')
-         others = x%in%reals('beta')
-      end if
       select case (verb)
       case ('values')
          ! Of the coefficients, and of the candidates where there are some.
-         call absorb_choices(learner%design)
          associate (design => learner%design)
             call x%out%put('alpha', design%regression%alpha)
             call x%out%put('beta', design%regression%beta)
@@ -240,28 +235,25 @@ contains
       case ('set_candidates')
          call set_learner_candidates(learner, constants, euler_deg, x%in%text('rule'), x%error)
       case ('exclude')
-         call exclude_candidates(learner, numbers + 1, x%error)
+         learner%design%available(numbers + 1) = .false.
       case ('add')
          call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), x%in%logical('chosen'), x%error)
       case ('fit')
-         if (values(1) > 0.0_wp) then
-            call fit_learner(learner, x%error, [values(1), others(1)])
+         if (x%in%has('alpha')) then
+            call fit_learner(learner, x%error, [x%in%real('alpha'), x%in%real('beta')])
          else
             call fit_learner(learner, x%error)
          end if
-      case ('evidence')
-         allocate (x%values(size(values), 1))
-         call evaluate_evidence(learner, values, others, x%values(:, 1), x%error)
       case ('choose')
          allocate (numbers(x%in%integer('count')), values(x%in%integer('count')))
-         call choose_next(learner, x%threads(), numbers, values, x%error)
+         call learner%rule%choose(learner%design, learner%basis, x%threads(), numbers, values)
          call x%out%put_integers('chosen', numbers - 1, shape(numbers))
          call x%out%put_array('variance', values, shape(values))
       case ('update')
          call update_posterior_mean(learner%design, x%in%logical('exactly'), x%error)
       case ('predict')
          allocate (x%values(size(euler_deg, 2), 1))
-         call predict_moduli(learner, constants, euler_deg, x%values(:, 1))
+         call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, euler_deg, x%values(:, 1))
       case ('leave_out')
          ! Modulus (GPa) and z.
          allocate (x%values(size(numbers), 2))

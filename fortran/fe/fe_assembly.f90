@@ -1,6 +1,5 @@
 !> From element stiffness to the sparse matrix of a mesh: unknowns, pattern and scatter maps once, values per crystal.
 module fe_assembly
-   use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, raise
    use fe_element, only: brick_stiffness, infinite_stiffness
    use fe_mesh, only: mesh_type
@@ -216,15 +215,11 @@ contains
       real(wp), intent(out) :: values(:)
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: class_stiffness(:, :)
-      real(wp) :: k(24, 24), small(12, 12), expanded(3*most_nodes, 3*most_nodes), half(24, 3*most_nodes)
+      real(wp) :: k(24, 24), small(12, 12)
       logical :: valid
       integer :: e, i, m, n, p, n_bricks, status
 
       values = 0.0_wp
-      do i = 1, size(c, 3)
-         call check_stiffness(c(:, :, i), error)
-         if (allocated(error)) return
-      end do
       allocate (class_stiffness(300, size(mesh%representative)), stat=status)
       if (status /= 0) then
          call raise_no_memory('the stiffness of '//to_text(size(mesh%representative))//' elements', error)
@@ -252,8 +247,8 @@ contains
             call scatter(class_stiffness(:, mesh%class(e)), mesh%scale(e), assembly%place(p + 1:p + m), values)
          else
             call brick_stiffness(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), formulation, mesh%growth(e), k, valid)
-            call expand(k, assembly%weight(:, :n/3, assembly%constrained(e)), n/3, half, expanded)
-            call scatter(pack(expanded(:n, :n), lower(:n, :n)), 1.0_wp, assembly%place(p + 1:p + m), values)
+            call scatter(pack(expanded(k, assembly%weight(:, :n/3, assembly%constrained(e))), lower(:n, :n)), 1.0_wp, &
+               & assembly%place(p + 1:p + m), values)
          end if
          p = p + m
       end do
@@ -271,26 +266,18 @@ contains
    end subroutine scatter
 
    !> Tᵀ k T, where each node of the brick is a weighted mean of the m nodes of the expanded element.
-   pure subroutine expand(k, weight, m, half, expanded)
-      integer, intent(in) :: m
-      real(wp), intent(in) :: k(24, 24), weight(8, m)
-      real(wp), intent(out) :: half(24, 3*most_nodes), expanded(3*most_nodes, 3*most_nodes)
-      integer :: a, b
+   pure function expanded(k, weight)
+      !> Of the nodes of the expanded element at each node, (8, m).
+      real(wp), intent(in) :: k(24, 24), weight(:, :)
+      real(wp) :: expanded(3*size(weight, 2), 3*size(weight, 2)), t(24, 3*size(weight, 2))
+      integer :: i
 
-      half = 0.0_wp
-      expanded = 0.0_wp
-      do b = 1, m
-         do a = 1, 8
-            if (weight(a, b) > 0.0_wp) half(:, 3*b - 2:3*b) = half(:, 3*b - 2:3*b) + weight(a, b)*k(:, 3*a - 2:3*a)
-         end do
+      t = 0.0_wp
+      do i = 1, 3
+         t(i::3, i::3) = weight
       end do
-      do b = 1, m
-         do a = 1, 8
-            if (weight(a, b) > 0.0_wp) expanded(3*b - 2:3*b, :3*m) = expanded(3*b - 2:3*b, :3*m) &
-               & + weight(a, b)*half(3*a - 2:3*a, :3*m)
-         end do
-      end do
-   end subroutine expand
+      expanded = matmul(transpose(t), matmul(k, t))
+   end function expanded
 
    !> The matrix with these values times x.
    pure function product_with(assembly, values, x) result(y)

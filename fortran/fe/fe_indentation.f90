@@ -21,8 +21,8 @@ module fe_indentation
    !> Counts changes of the numerics that change results; part of the identity of stored results.
    integer, parameter :: numerics_revision = 7
 
-   !> Read-only once made, so that threads share it.
-   type :: indentation_model_type
+   !> What is to be indented, how, and to which depths.
+   type :: indentation_type
       class(indenter_type), allocatable :: indenter
       class(specimen_type), allocatable :: specimen
       !> Formulation of the bricks (`fe_element`).
@@ -31,10 +31,14 @@ module fe_indentation
       real(wp), allocatable :: refine(:)
       !> The second mesh is made for the crystals that want one.
       logical :: as_needed = .false.
-      !> The finest first.
-      type(grid_type), allocatable :: grid(:)
       !> Depths of the curve, and those around its last point from which the contact stiffness is taken (um).
       real(wp), allocatable :: depth(:), window(:)
+   end type indentation_type
+
+   !> Read-only once made, so that threads share it.
+   type, extends(indentation_type) :: indentation_model_type
+      !> The finest first.
+      type(grid_type), allocatable :: grid(:)
       !> Elements of all meshes.
       integer :: elements = 0
    contains
@@ -117,13 +121,7 @@ contains
       type(indentation_model_type), intent(out) :: wider
       type(error_type), allocatable, intent(out) :: error
 
-      allocate (wider%indenter, source=model%indenter)
-      allocate (wider%specimen, source=model%specimen)
-      wider%formulation = model%formulation
-      wider%refine = model%refine
-      wider%as_needed = model%as_needed
-      wider%depth = model%depth
-      wider%window = model%window
+      wider%indentation_type = model%indentation_type
       wider%specimen%zone = zone
       call wider%specimen%check_sizes(error)
       if (.not. allocated(error)) call make_grids(wider, error)

@@ -4,7 +4,7 @@
 module specimens
    use basic_specimen, only: clamped_around, clamped_bottom, core_of_contact, fineness, graded_layers, halfspace_name, &
       & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, to_cylinder
-   use crystal_elasticity, only: hill_young_poisson, polycrystal_averages, polycrystal_stiffness
+   use crystal_elasticity, only: polycrystal_stiffness
    use errors, only: error_type, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
@@ -45,8 +45,7 @@ module specimens
       !> um.
       real(wp) :: thickness = 0.0_wp
    contains
-      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, materials => film_materials, &
-         & contrast_error => film_contrast_error
+      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, materials => film_materials
    end type film_specimen_type
 
    !> A film up to this thickness, in depths of the box of a half-space, ends inside the box.
@@ -178,6 +177,7 @@ contains
 
       self%variables = 'thickness_um, substrate'
       self%parts = 'the film, the substrate'
+      self%contrast = [0.0015_wp, 0.0055_wp]
       associate (stated => settings%specimen)
          call require(film_name, 'thickness_um', stated%thickness_um, self%thickness, error)
          if (stated%substrate /= 'rigid') then
@@ -254,21 +254,6 @@ contains
       c(:, :, 2) = self%own_stiffness()
       c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
    end function film_materials
-
-   !> A film that is stiffer than its substrate is resolved worse (docs/verification/simulation.md, `bench simulate pairs`).
-   pure real(wp) function film_contrast_error(self, crystal) result(contrast_error)
-      class(film_specimen_type), intent(in) :: self
-      !> GPa.
-      real(wp), intent(in) :: crystal(6, 6)
-      !> Of what is alike, and by the logarithm of the ratio of Young's moduli.
-      real(wp), parameter :: alike = 0.0015_wp, slope = 0.0055_wp
-      real(wp) :: young, poisson
-
-      contrast_error = alike
-      if (.not. self%young > 0.0_wp) return
-      call hill_young_poisson(polycrystal_averages(crystal), young, poisson)
-      contrast_error = alike + slope*max(0.0_wp, log(young/self%young))
-   end function film_contrast_error
 
    subroutine grain_set_up(self, settings, error)
       class(grain_specimen_type), intent(inout) :: self

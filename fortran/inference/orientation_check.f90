@@ -92,7 +92,7 @@ contains
 
       n = posterior%n_moduli
       allocate (check%outliers(0), check%distances(0))
-      call new_harmonics(posterior%prior%class, 4, harmonics, error)
+      call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
       if (allocated(error) .or. n <= harmonics%n) return
       allocate (u(posterior%n_grains, posterior%n_shared))
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)

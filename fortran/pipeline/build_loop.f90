@@ -9,6 +9,7 @@ module build_loop
    use build_checks, only: basis_of_problem, check_build
    use campaign, only: campaign_name, row_type
    use errors, only: error_type, raise, refuse, warn
+   use evidence_regression, only: coefficient_mean
    use kinds, only: wp
    use known_rows, only: known_rows_type, select_rows
    use machine, only: thread_count
@@ -16,8 +17,8 @@ module build_loop
       & simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
-   use surrogate_learner, only: add_simulations, batch_end, change_basis, choose_next, close_batch, exclude_candidates, learn, &
-      & learning_type, new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
+   use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, learning_type, &
+      & new_learning, predict_moduli, refit_all, revert, set_learner_candidates, surrogate_of, why_to_stop
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
@@ -242,7 +243,7 @@ contains
          end if
          if (len(build%stopped) == 0) then
             if (any(build%unused%open)) build%before = learning%learner%design
-            call choose_some(build, min(batch_end(learning) - learning%n(), n_left), error)
+            call choose_some(build, min(batch_end(learning) - learning%n(), n_left))
          else if (learning%n() < 2) then
             call raise(error, failures(build))
             if (build%n_failed == 0) error%message = 'fewer than two simulations; a surrogate needs two'
@@ -312,14 +313,13 @@ contains
       end if
       build%before = build%learning%learner%design
       if (stored > 0) call assume(build, build%unseen_constants, build%unseen_euler_deg, error)
-      if (.not. allocated(error)) call choose_some(build, wanted, error)
+      if (.not. allocated(error)) call choose_some(build, wanted)
    end subroutine choose_unseen
 
    !> At most `count` candidates: the rest of the initial set comes first.
-   subroutine choose_some(build, count, error)
+   subroutine choose_some(build, count)
       class(build_type), intent(inout) :: build
       integer, intent(in) :: count
-      type(error_type), allocatable, intent(out) :: error
       real(wp) :: variance(count)
 
       associate (learner => build%learning%learner)
@@ -328,10 +328,11 @@ contains
          if (build%by_variance) then
             deallocate (build%chosen)
             allocate (build%chosen(count))
-            call choose_next(learner, thread_count(build%problem%settings%execution%workers), build%chosen, variance, error)
+            call learner%rule%choose(learner%design, learner%basis, thread_count(build%problem%settings%execution%workers), &
+               & build%chosen, variance)
          else
             build%chosen = build%initial(:min(count, size(build%initial)))
-            call exclude_candidates(learner, build%chosen, error)
+            learner%design%available(build%chosen) = .false.
          end if
       end associate
    end subroutine choose_some
@@ -345,7 +346,7 @@ contains
       real(wp) :: modulus(size(constants, 2))
 
       associate (learner => build%learning%learner)
-         call predict_moduli(learner, constants, euler_deg, modulus)
+         call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, euler_deg, modulus)
          call add_simulations(learner, constants, euler_deg, modulus, .false., error)
          if (.not. allocated(error)) call update_posterior_mean(learner%design, .true., error)
       end associate
@@ -368,14 +369,14 @@ contains
       left = count(self%learning%learner%design%available)
       if (n < 1 .or. n > left) call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left)//', the candidates ' &
          & //'that are left')
-      if (.not. allocated(error)) call choose_some(self, n, error)
       if (allocated(error)) return
+      call choose_some(self, n)
       numbers = self%chosen
       if (size(numbers) < n) then
          ! The initial set is at its end: the variance, given that set, chooses the rest.
          call assume(self, self%candidates%constants(:, numbers), self%candidates%euler_deg(:, numbers), error)
-         if (.not. allocated(error)) call choose_some(self, n - size(numbers), error)
          if (allocated(error)) return
+         call choose_some(self, n - size(numbers))
          numbers = [numbers, self%chosen]
       end if
       self%chosen = [integer ::]

@@ -15,7 +15,7 @@ module build_stage
    use simulate, only: identity_text, simulation_error, specimen_contact_radius
    use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, learning_type, left_out, new_learner, &
       & surrogate_of
-   use surrogate_model, only: predict, predict_crystals, save_surrogate, surrogate_type
+   use surrogate_model, only: predict_crystals, save_surrogate, surrogate_type
    use text, only: fixed, to_text
    use build_checks, only: read_scan
    implicit none
@@ -66,7 +66,8 @@ contains
          call page%put('stopped', self%stopped)
          call put_baselines(page, stiffness, known%euler_deg, known%modulus, error)
          if (allocated(error)) return
-         call put_domain(page, self, surrogate, stiffness)
+         call put_domain(page, self, surrogate, stiffness, error)
+         if (allocated(error)) return
          if (allocated(self%focus)) call put_focus(page, self)
          call page%begin_array('history')
          do i = 1, size(learning%history)
@@ -138,26 +139,26 @@ contains
    end subroutine put_baselines
 
    !> How well the candidates, which stand for the domain, are predicted; and in words what of it no simulation has come near.
-   subroutine put_domain(page, build, surrogate, stiffness)
+   subroutine put_domain(page, build, surrogate, stiffness, error)
       type(json_type), intent(inout) :: page
       class(build_type), intent(inout) :: build
       type(surrogate_type), intent(in) :: surrogate
       !> Of the simulations, GPa (6, 6, n).
       real(wp), intent(in) :: stiffness(:, :, :)
+      type(error_type), allocatable, intent(out) :: error
       real(wp), parameter :: near = 0.9_wp
       real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
-      real(wp) :: relative(size(build%candidates%euler_deg, 2)), modulus, sd
+      real(wp), dimension(size(build%candidates%euler_deg, 2)) :: relative, modulus, sd
       character(len=:), allocatable :: words, where
       integer :: i, worst
 
       where = 'in the domain'
       if (allocated(build%focus)) where = 'at the posterior'
       associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         do i = 1, size(relative)
-            call predict(surrogate, domain%class%stiffness(candidates%constants(:, i)), degree*candidates%euler_deg(:, i), &
-               & modulus, sd)
-            relative(i) = sd/modulus
-         end do
+         call predict_crystals(surrogate, stiffnesses(domain%class, candidates%constants), degree*candidates%euler_deg, 1, &
+            & modulus, sd, error)
+         if (allocated(error)) return
+         relative = sd/modulus
          worst = maxloc(relative, 1)
          call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), anisotropy(1), scale(1))
          words = ' and Poisson''s ratio of '//to_text(poisson(1), 3)

@@ -18,7 +18,7 @@ module extraction
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use surrogate_model, only: new_theory_surrogate, predict, surrogate_type
+   use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
    use machine, only: thread_count
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
@@ -105,7 +105,7 @@ contains
             & thread_count(problem%settings%execution%workers), self%evidence, error)
       end if
       if (.not. allocated(error)) call summarise(thread_count(problem%settings%execution%workers), self, error)
-      if (.not. allocated(error)) call describe_surrogate(surrogate, self)
+      if (.not. allocated(error)) call describe_surrogate(surrogate, self, error)
       if (.not. allocated(error)) call compare_theory(problem, self, error)
    end subroutine extract
 
@@ -124,13 +124,12 @@ contains
       if (.not. allocated(error)) call find_conflict(self%posterior, self%chains, chains, self%conflict, error)
    end subroutine compare_knowledge
 
-   subroutine describe_surrogate(surrogate, self)
+   subroutine describe_surrogate(surrogate, self, error)
       type(surrogate_type), intent(in) :: surrogate
       type(extraction_type), intent(inout) :: self
-      real(wp), allocatable :: theory(:), circular(:)
-      type(error_type), allocatable :: error
-      real(wp) :: modulus, sd
-      integer :: k, i
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: theory(:), circular(:), modulus(:), sd(:)
+      real(wp) :: mean(6, 6)
 
       self%simulations = size(surrogate%simulations%modulus)
       self%checksum = surrogate%checksum
@@ -144,12 +143,12 @@ contains
          end associate
       end if
       if (self%simulations == 0) return
-      k = self%posterior%n_constants
-      do i = 1, self%posterior%n_moduli
-         call predict(surrogate, self%posterior%prior%class%stiffness(self%parameters(:k)%mean), self%posterior%euler(:, i), &
-            & modulus, sd)
-         self%surrogate_sd = self%surrogate_sd + sd/self%posterior%n_moduli
-      end do
+      associate (posterior => self%posterior, n => self%posterior%n_moduli)
+         mean = posterior%prior%class%stiffness(self%parameters(:posterior%n_constants)%mean)
+         allocate (modulus(n), sd(n))
+         call predict_crystals(surrogate, spread(mean, 3, n), posterior%euler(:, :n), 1, modulus, sd, error)
+         if (.not. allocated(error)) self%surrogate_sd = sum(sd)/max(1, n)
+      end associate
    end subroutine describe_surrogate
 
    !> What theory alone would say, without the correction of the specimen.

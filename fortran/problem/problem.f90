@@ -496,7 +496,7 @@ contains
             & //'depends on orientation is not determined'//map_hint)
          return
       end if
-      call new_harmonics(self%class, degree_seen, harmonics, error)
+      call new_harmonics(self%class%generators, degree_seen, harmonics, error)
       if (allocated(error)) return
       n = 0
       do i = 1, size(directions, 2)

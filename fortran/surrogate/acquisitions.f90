@@ -2,10 +2,9 @@
 module acquisitions
    use abstract_basis, only: basis_type
    use errors, only: error_type, exit_bad_input, raise
-   use evidence_regression, only: symmetric_product
    use kinds, only: wp
    use linear_algebra, only: add_gram, dot, multiply
-   use sequential_design, only: absorb_choices, condition_on, design_type, quadratic_forms, tie, update_variance
+   use sequential_design, only: condition_on, design_type, quadratic_forms, tie
    implicit none
    private
    public :: acquisition_type, acquisition_names, new_acquisition
@@ -51,12 +50,10 @@ contains
 
    !> Choose `size(chosen)` available candidates, of which there are so many, each given all chosen before; the lowest number of
    !> equals. Their moduli are not needed: afterwards the posterior's covariance is that of all data and all chosen.
-   subroutine choose(self, design, basis, scale, spread, threads, chosen, variance)
+   subroutine choose(self, design, basis, threads, chosen, variance)
       class(acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      !> Of each candidate, GPa, and its spread.
-      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       !> Numbers of the candidates, from 1.
       integer, intent(out) :: chosen(:)
@@ -65,48 +62,39 @@ contains
       real(wp), allocatable :: factor(:)
       integer :: k
 
-      factor = sensitivity(design, basis, scale, spread, self%relative)**2
+      factor = sensitivity(design, basis, self%relative)**2
       do k = 1, size(chosen)
-         chosen(k) = most_uncertain(design, factor)
-         variance(k) = design%variance(chosen(k))
-         design%available(chosen(k)) = .false.
+         call take_largest(design, factor*design%variance, chosen(k), variance(k))
          call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose
 
-   !> The available candidate of largest factor x variance, the lowest number of equals. A variance that lacks deferred
-   !> choices is an upper bound: only candidates that might still be the largest are updated.
-   integer function most_uncertain(design, factor) result(best)
+   !> Take the available candidate of largest gain, the lowest number of equals; it is available no more.
+   subroutine take_largest(design, gain, chosen, variance)
       type(design_type), intent(inout) :: design
-      real(wp), intent(in) :: factor(:)
-      real(wp) :: threshold
-      integer :: j
+      !> Of each candidate.
+      real(wp), intent(in) :: gain(:)
+      !> Its number, and the variance of y there.
+      integer, intent(out) :: chosen
+      real(wp), intent(out) :: variance
 
-      best = maxloc(factor*design%variance, 1, mask=design%available)
-      call update_variance(design, best)
-      threshold = (1.0_wp - tie)*factor(best)*design%variance(best)
-      do j = 1, size(design%variance)
-         if (.not. design%available(j) .or. factor(j)*design%variance(j) < threshold) cycle
-         call update_variance(design, j)
-         threshold = max(threshold, (1.0_wp - tie)*factor(j)*design%variance(j))
-      end do
-      ! All that reach the last threshold are up to date.
-      best = findloc(design%available .and. factor*design%variance >= threshold, .true., 1)
-   end function most_uncertain
+      chosen = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
+      variance = design%variance(chosen)
+      design%available(chosen) = .false.
+   end subroutine take_largest
 
    !> A choice t lowers the variance at r by (t C r)²/(t C t + 1/beta), C the covariance.
-   subroutine choose_for_mean(self, design, basis, scale, spread, threads, chosen, variance)
+   subroutine choose_for_mean(self, design, basis, threads, chosen, variance)
       class(imse_acquisition_type), intent(in) :: self
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
-      real(wp), intent(in) :: scale(:), spread(:)
       integer, intent(in) :: threads
       integer, intent(out) :: chosen(:)
       real(wp), intent(out) :: variance(:)
-      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:), gain(:)
+      real(wp), allocatable :: slope(:), weighted(:, :), gram(:, :), product(:, :), lowered(:, :), reduction(:)
       integer :: j, k, n
 
-      slope = sensitivity(design, basis, scale, spread, self%relative .or. basis%domain%has_scale())
+      slope = sensitivity(design, basis, self%relative .or. basis%domain%has_scale())
       n = design%regression%n_terms
       weighted = design%candidates
       do j = 1, size(slope)
@@ -116,23 +104,18 @@ contains
       gram = 0.0_wp
       call add_gram(weighted, 1.0_wp, gram, transposed=.false.)
       deallocate (weighted)
-      call absorb_choices(design, threads)
       ! With G the Gram matrix of all candidates by their sensitivity: t C G C t.
       call multiply(gram, design%regression%covariance, product)
       call multiply(design%regression%covariance, product, lowered)
       call quadratic_forms(lowered, design%candidates, threads, reduction)
       do k = 1, size(chosen)
-         gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
-         chosen(k) = findloc(design%available .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
-         variance(k) = design%variance(chosen(k))
-         design%available(chosen(k)) = .false.
-         call condition_on(design, design%candidates(:, chosen(k)), threads)
+         call take_largest(design, reduction/(design%variance + 1.0_wp/design%regression%beta), chosen(k), variance(k))
          if (k < size(chosen)) call lower_reductions(design, chosen(k), variance(k), threads, lowered, reduction)
-         call absorb_choices(design, threads)
+         call condition_on(design, design%candidates(:, chosen(k)), threads)
       end do
    end subroutine choose_for_mean
 
-   !> C G C and the reductions t C G C t after the choice s that was the last to be deferred: C falls by v vᵀ, v = C s/σ,
+   !> C G C and the reductions t C G C t after the next choice s: C falls by v vᵀ, v = C s/σ,
    !> σ² = s C s + 1/beta, and C G C by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v = (C G C) s/σ.
    subroutine lower_reductions(design, chosen, variance, threads, lowered, reduction)
       type(design_type), intent(in) :: design
@@ -146,10 +129,11 @@ contains
       real(wp) :: own, along
       integer :: j
 
-      v = design%deferred(:, design%n_deferred)
-      call symmetric_product(lowered, design%candidates(:, chosen), w)
-      w = w/sqrt(variance + 1.0_wp/design%regression%beta)
-      own = dot(design%candidates(:, chosen), w)/sqrt(variance + 1.0_wp/design%regression%beta)
+      associate (s => design%candidates(:, chosen)/sqrt(variance + 1.0_wp/design%regression%beta))
+         v = matmul(design%regression%covariance, s)
+         w = matmul(lowered, s)
+         own = dot(s, w)
+      end associate
       !$omp parallel do num_threads(threads) private(along) schedule(static) if(threads > 1)
       do j = 1, size(reduction)
          along = dot(design%candidates(:, j), v)
@@ -163,11 +147,9 @@ contains
    end subroutine lower_reductions
 
    !> |dM/dy| of each candidate, or |d log M/dy|, above 0: its square times the variance of y is the variance of M, or of log M.
-   function sensitivity(design, basis, scale, spread, relative) result(slope)
+   function sensitivity(design, basis, relative) result(slope)
       type(design_type), intent(in) :: design
       class(basis_type), intent(in) :: basis
-      !> Of each candidate, GPa, and its spread.
-      real(wp), intent(in) :: scale(:), spread(:)
       !> Of log M.
       logical, intent(in) :: relative
       real(wp), allocatable :: slope(:)
@@ -177,10 +159,10 @@ contains
          if (relative) then
             slope = 1.0_wp/max(tiny(1.0_wp), abs(slope))
          else
-            slope = basis%to_modulus(slope, scale, spread)*spread
+            slope = basis%to_modulus(slope, design%scale, design%spread)*design%spread
          end if
       else
-         slope = merge(spread, scale, relative)
+         slope = merge(design%spread, design%scale, relative)
       end if
    end function sensitivity
 

@@ -4,15 +4,15 @@
 !> degrees, the widths W decay with them: 1 at degree 1, f at degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f
 !> has the largest evidence, too. All is done for the whitened coefficients z = A/W, whose prior is N(0, 1/alpha).
 module evidence_regression
-   use errors, only: error_type, exit_bad_input, raise
+   use errors, only: error_type
    use kinds, only: pi, wp
-   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, symmetric_eigen
+   use linear_algebra, only: add_gram, cholesky_factor, cholesky_inverse, cholesky_solve, multiply, &
+      & multiply_by_factor, symmetric_eigen
    use statistics, only: sort_order
-   use text, only: to_text
    implicit none
    private
    public :: regression_type, new_regression, add_data, maximise_evidence, set_precisions, compute_posterior
-   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, symmetric_product
+   public :: log_evidence, leave_groups_out, coefficient_mean, coefficient_covariance, scale_columns, factored_forms
    public :: spectrum_type, compute_spectrum
 
    type :: regression_type
@@ -269,11 +269,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       real(wp), intent(in), optional :: gram(:, :)
 
-      if (.not. (alpha > 0.0_wp .and. alpha < huge(1.0_wp) .and. beta > 0.0_wp .and. beta < huge(1.0_wp))) then
-         call raise(error, 'alpha = '//to_text(alpha)//' and beta = '//to_text(beta)//' must be positive and finite', &
-            & exit_bad_input)
-         return
-      end if
       regression%alpha = alpha
       regression%beta = beta
       call compute_posterior(regression, error, gram)
@@ -305,18 +300,6 @@ contains
       call cholesky_inverse(regression%covariance)
    end subroutine compute_posterior
 
-   !> product = matrix vector.
-   pure subroutine symmetric_product(matrix, vector, product)
-      real(wp), intent(in), contiguous :: matrix(:, :), vector(:)
-      real(wp), intent(out), contiguous :: product(:)
-      integer :: j
-
-      product = 0.0_wp
-      do j = 1, size(vector)
-         product = product + matrix(:, j)*vector(j)
-      end do
-   end subroutine symmetric_product
-
    !> Residual y - prediction, and sd of y (noise included), of each observation when its whole group is left out; exact at the
    !> present alpha, beta. With Q = I - H, H = beta Φ S Φᵀ, and r the residuals with all data, those without the group B are
    !> (Q_BB)^-1 r_B, with covariance (Q_BB)^-1/beta.
@@ -331,7 +314,7 @@ contains
       real(wp), allocatable :: projected(:, :), q(:, :), all_residuals(:), block_of_q(:, :)
       integer, allocatable :: order(:), members(:)
       logical :: over_data
-      integer :: n, first, last, i, j
+      integer :: n, first, last, i
 
       n = regression%n_data
       associate (terms => regression%terms(:, :n), targets => regression%targets(:n), beta => regression%beta)
@@ -366,13 +349,9 @@ contains
             if (over_data) then
                block_of_q = q(members, members)
             else
-               if (allocated(block_of_q)) deallocate (block_of_q)
-               allocate (block_of_q(size(members), size(members)))
-               do j = 1, size(members)
-                  do i = 1, size(members)
-                     block_of_q(i, j) = -beta*dot_product(terms(:, members(i)), projected(:, members(j)))
-                  end do
-                  block_of_q(j, j) = block_of_q(j, j) + 1.0_wp
+               block_of_q = -beta*matmul(transpose(terms(:, members)), projected(:, members))
+               do i = 1, size(members)
+                  block_of_q(i, i) = block_of_q(i, i) + 1.0_wp
                end do
             end if
             call cholesky_factor(block_of_q, error)
@@ -383,6 +362,26 @@ contains
          end do
       end associate
    end subroutine leave_groups_out
+
+   !> xᵀ S x of each vector x: |Lᵀ x|² with S = L Lᵀ, or, where S is singular to rounding, as it stands.
+   subroutine factored_forms(matrix, factor, vectors, values)
+      !> S, symmetric and not negative, (n, n); (n, m).
+      real(wp), intent(in), contiguous :: matrix(:, :), vectors(:, :)
+      !> L, lower, if S has it.
+      real(wp), intent(in), allocatable :: factor(:, :)
+      !> (m).
+      real(wp), intent(out) :: values(:)
+      real(wp), allocatable :: product(:, :)
+
+      product = vectors
+      if (allocated(factor)) then
+         call multiply_by_factor(factor, product)
+         values = sum(product**2, 1)
+      else
+         call multiply(matrix, vectors, product)
+         values = max(0.0_wp, sum(vectors*product, 1))
+      end if
+   end subroutine factored_forms
 
    !> Posterior mean of A.
    pure function coefficient_mean(regression) result(mean)

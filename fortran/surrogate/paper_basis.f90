@@ -20,7 +20,7 @@ module paper_basis
    private
    public :: paper_basis_type, largest_degree, truncation_names
 
-   integer, parameter :: largest_degree = 12
+   integer, parameter :: largest_degree = 12, largest_bandlimit = 20
    character(len=*), parameter :: truncation_names = 'tensor, total'
 
    !> Least sd of the noise, GPa.
@@ -70,8 +70,11 @@ contains
             call raise(error, 'truncation: '''//truncation//''' is unknown; allowed: '//truncation_names, exit_bad_input)
          else if (degree < 0 .or. degree > largest_degree) then
             call raise(error, 'degree = '//to_text(degree)//' is outside 0 .. '//to_text(largest_degree), exit_bad_input)
+         else if (bandlimit < 0 .or. bandlimit > largest_bandlimit .or. mod(bandlimit, 2) /= 0) then
+            call raise(error, 'bandlimit = '//to_text(bandlimit)//' is not an even number in 0 .. ' &
+               & //to_text(largest_bandlimit), exit_bad_input)
          else
-            call new_harmonics(self%domain%class, bandlimit, self%harmonics, error)
+            call new_harmonics(self%domain%class%generators, bandlimit, self%harmonics, error)
          end if
          if (allocated(error)) return
          terms = self%harmonics%n*count_products(n, degree, truncation == 'total')

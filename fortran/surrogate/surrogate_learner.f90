@@ -6,27 +6,25 @@ module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
    use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, exit_bad_input, raise
-   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, compute_spectrum, leave_groups_out, &
-      & log_evidence, maximise_evidence, new_regression, scale_columns, set_precisions, spectrum_type
+   use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, leave_groups_out, maximise_evidence, &
+      & new_regression, scale_columns, set_precisions
    use kinds, only: degree, wp
    use statistics, only: number_equal
-   use sequential_design, only: absorb_choices, compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
+   use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, set_candidates, &
       & update_posterior_mean
    use settings_schema, only: design_settings_type
    use surrogate_model, only: simulations_type, surrogate_type
    use text, only: to_text
    implicit none
    private
-   public :: learner_type, new_learner, set_learner_candidates, exclude_candidates, add_simulations, revert, fit_learner, &
-      & evaluate_evidence, choose_next, predict_moduli, leave_out, surrogate_of, learning_type, history_type, new_learning, &
-      & batch_end, learn, close_batch, refit_all, change_basis, why_to_stop, left_out
+   public :: learner_type, new_learner, set_learner_candidates, add_simulations, revert, fit_learner, predict_moduli, leave_out, &
+      & surrogate_of, learning_type, history_type, new_learning, batch_end, learn, close_batch, refit_all, change_basis, &
+      & why_to_stop, left_out
 
    type :: learner_type
       class(basis_type), allocatable :: basis
       type(design_type) :: design
       class(acquisition_type), allocatable :: rule
-      !> Scale of each candidate, GPa, and its spread.
-      real(wp), allocatable :: candidate_scale(:), candidate_spread(:)
       !> The data of the regression.
       type(simulations_type) :: simulations
       !> ln evidence when it was last maximised.
@@ -78,10 +76,11 @@ contains
       if (allocated(basis%prior_degrees)) degrees = basis%prior_degrees
       call new_regression(degrees, basis%first_sds, basis%least_noise, learner%design%regression, error)
       if (allocated(error)) return
-      call set_candidates(learner%design, reshape([real(wp) ::], [basis%n_terms, 0]))
       allocate (learner%basis, source=basis)
-      allocate (learner%simulations%constants(basis%domain%class%n_constants, 0), learner%simulations%euler_deg(3, 0), &
-         & learner%simulations%modulus(0), learner%candidate_scale(0), learner%candidate_spread(0))
+      associate (known => learner%simulations)
+         allocate (known%constants(basis%domain%class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
+         call set_candidates(learner%design, basis, known%constants, known%euler_deg)
+      end associate
    end subroutine new_learner
 
    !> Give the candidates, all of them available, and the name of the rule by which they are chosen.
@@ -92,27 +91,10 @@ contains
       !> See `acquisitions`.
       character(len=*), intent(in) :: rule
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :)
 
       call new_acquisition(rule, learner%rule, error)
-      if (allocated(error)) return
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, learner%candidate_scale, learner%candidate_spread)
-      call set_candidates(learner%design, terms)
+      if (.not. allocated(error)) call set_candidates(learner%design, learner%basis, constants, euler_deg)
    end subroutine set_learner_candidates
-
-   !> Candidates that may not be chosen any more.
-   subroutine exclude_candidates(learner, numbers, error)
-      type(learner_type), intent(inout) :: learner
-      !> From 1.
-      integer, intent(in) :: numbers(:)
-      type(error_type), allocatable, intent(out) :: error
-
-      if (any(numbers < 1 .or. numbers > size(learner%design%available))) then
-         call raise(error, 'a candidate''s number is outside 1 .. '//to_text(size(learner%design%available)), exit_bad_input)
-      else
-         learner%design%available(numbers) = .false.
-      end if
-   end subroutine exclude_candidates
 
    !> Add simulations to the data. If the design has `chosen` them, it expects them and the posterior mean follows with
    !> `update_posterior_mean`; else each is an update of the posterior (Eq. 11), or all at once are where there are many.
@@ -176,7 +158,6 @@ contains
       real(wp) :: ratio(learner%basis%n_terms)
 
       associate (design => learner%design, regression => learner%design%regression)
-         call absorb_choices(design)
          ratio = 1.0_wp/regression%prior_width
          if (present(precisions)) then
             call set_precisions(regression, precisions(1), precisions(2), error)
@@ -190,56 +171,19 @@ contains
       end associate
    end subroutine fit_learner
 
-   !> ln evidence of all simulations at pairs of alpha and beta.
-   subroutine evaluate_evidence(learner, alpha, beta, values, error)
+   !> Moduli (GPa) of crystals by coefficients, such as the posterior mean.
+   subroutine predict_moduli(learner, coefficients, constants, euler_deg, modulus)
       type(learner_type), intent(in) :: learner
-      !> In units of y, (n).
-      real(wp), intent(in) :: alpha(:), beta(:)
-      !> (n).
-      real(wp), intent(out) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
-      type(spectrum_type) :: spectrum
-
-      values = 0.0_wp
-      call compute_spectrum(learner%design%regression, spectrum, error)
-      if (.not. allocated(error)) values = log_evidence(spectrum, alpha, beta)
-   end subroutine evaluate_evidence
-
-   !> The next candidates by the rule, each given all chosen before.
-   subroutine choose_next(learner, threads, chosen, variance, error)
-      type(learner_type), intent(inout) :: learner
-      integer, intent(in) :: threads
-      !> Numbers of the candidates, from 1.
-      integer, intent(out) :: chosen(:)
-      !> Variance of y at each before it was chosen.
-      real(wp), intent(out) :: variance(:)
-      type(error_type), allocatable, intent(out) :: error
-
-      if (.not. allocated(learner%rule)) then
-         call raise(error, 'there are no candidates to choose from')
-      else if (count(learner%design%available) < size(chosen)) then
-         call raise(error, 'no candidate is left to choose')
-      else
-         call learner%rule%choose(learner%design, learner%basis, learner%candidate_scale, learner%candidate_spread, &
-            & threads, chosen, variance)
-      end if
-   end subroutine choose_next
-
-   !> Moduli (GPa) of crystals by the posterior mean, or by other coefficients.
-   subroutine predict_moduli(learner, constants, euler_deg, modulus, coefficients)
-      type(learner_type), intent(in) :: learner
+      !> (n_terms).
+      real(wp), intent(in) :: coefficients(:)
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
       !> (n).
       real(wp), intent(out) :: modulus(:)
-      !> (n_terms).
-      real(wp), intent(in), optional :: coefficients(:)
-      real(wp), allocatable :: terms(:, :), scale(:), spread(:), mean(:)
+      real(wp), allocatable :: terms(:, :), scale(:), spread(:)
 
-      mean = coefficient_mean(learner%design%regression)
-      if (present(coefficients)) mean = coefficients
       call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
-      modulus = learner%basis%to_modulus(matmul(mean, terms), scale, spread)
+      modulus = learner%basis%to_modulus(matmul(coefficients, terms), scale, spread)
    end subroutine predict_moduli
 
    !> Each simulation predicted with its whole group left out: modulus (GPa), and the error of y over its sd.
@@ -253,12 +197,6 @@ contains
       real(wp), dimension(size(groups)) :: residual, sd, spread
       integer :: i
 
-      if (size(groups) /= size(learner%simulations%modulus)) then
-         call raise(error, 'a group is needed for each of '//to_text(size(learner%simulations%modulus))//' simulations', &
-            & exit_bad_input)
-         return
-      end if
-      call absorb_choices(learner%design)
       call leave_groups_out(learner%design%regression, groups, residual, sd, error)
       if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, y => learner%design%regression%targets(:size(groups)))
@@ -282,7 +220,6 @@ contains
          call raise(error, 'there are '//to_text(n)//' training simulations; at least 2 are needed', exit_bad_input)
          return
       end if
-      call absorb_choices(learner%design)
       allocate (surrogate%basis, source=learner%basis)
       associate (regression => learner%design%regression)
          surrogate%alpha = regression%alpha
@@ -340,7 +277,7 @@ contains
       if (size(modulus) == 0) return
       ! As of the end of the last batch, wherever in a batch a build was interrupted.
       if (learning%n() >= learning%first) then
-         call predict_moduli(learning%learner, constants, euler_deg, predicted, learning%last_mean)
+         call predict_moduli(learning%learner, learning%last_mean, constants, euler_deg, predicted)
          learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
       end if
       call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)

@@ -12,16 +12,17 @@ module surrogate_model
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness, is_stable
    use errors, only: error_type, exit_bad_input, raise
+   use evidence_regression, only: factored_forms
    use files, only: file_exists, is_folder, printable, read_text_file, replace_file, resolve_path
    use kinds, only: wp
    use labelled_values, only: labelled_values_type
-   use linear_algebra, only: cholesky_factor, multiply, multiply_by_factor
+   use linear_algebra, only: cholesky_factor
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, complete_domain, exchange_domain
    use text, only: to_text
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, predict, new_grain_model, save_surrogate, &
+   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals, new_grain_model, save_surrogate, &
       & load_surrogate, check_replaceable, check_values, exchange_surrogate, theory_name, places_type, find_surrogate, &
       & load_named_surrogate, check_new_name
 
@@ -83,8 +84,8 @@ contains
       surrogate%provenance = '{"model": "exact theory of the half-space"}'
    end subroutine new_theory_surrogate
 
-   !> `predict` for many crystals. Refused are those for which it has no meaning: unstable, or without the symmetry of the surrogate's
-   !> class.
+   !> Mean and sd (GPa) of the simulated indentation modulus of crystals. Refused are those for which it has no meaning: unstable, or without
+   !> the symmetry of the surrogate's class.
    subroutine predict_crystals(surrogate, stiffness, euler, threads, modulus, sd, error)
       type(surrogate_type), intent(in) :: surrogate
       !> In crystal axes, GPa, (6, 6, n); Bunge-Euler angles, radians, (3, n).
@@ -124,14 +125,14 @@ contains
       !$omp end parallel do
    end subroutine predict_crystals
 
-   !> `predict` for some crystals: the variances by one product of matrices.
+   !> The same for some crystals: the variances by one product of matrices.
    subroutine predict_side_by_side(surrogate, c, euler, modulus, sd, factor)
       type(surrogate_type), intent(in) :: surrogate
       real(wp), intent(in) :: c(:, :, :), euler(:, :)
       real(wp), intent(out) :: modulus(:), sd(:)
       !> Of the covariance, lower, if it has one.
       real(wp), intent(in), allocatable :: factor(:, :)
-      real(wp), dimension(surrogate%basis%n_terms, size(modulus)) :: terms, product
+      real(wp) :: terms(surrogate%basis%n_terms, size(modulus))
       real(wp), dimension(size(modulus)) :: scale, spread, variance
       integer :: i
 
@@ -139,32 +140,12 @@ contains
       do i = 1, size(modulus)
          modulus(i) = surrogate%basis%to_modulus(dot_product(surrogate%coefficients, terms(:, i)), scale(i), spread(i))
       end do
-      if (allocated(factor)) then
-         call multiply_by_factor(factor, terms)
-         variance = sum(terms**2, 1)
-      else
-         call multiply(surrogate%covariance, terms, product)
-         variance = max(0.0_wp, sum(terms*product, 1))
-      end if
+      call factored_forms(surrogate%covariance, factor, terms, variance)
       sd = scale
       if (surrogate%basis%logarithmic) sd = spread*modulus
       if (surrogate%beta < huge(1.0_wp)) variance = variance + 1.0_wp/surrogate%beta
       sd = sd*sqrt(variance)
    end subroutine predict_side_by_side
-
-   !> Mean and sd (GPa) of the simulated indentation modulus of one crystal at one orientation.
-   subroutine predict(surrogate, c, euler, modulus, sd)
-      type(surrogate_type), intent(in) :: surrogate
-      !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
-      real(wp), intent(in) :: c(6, 6), euler(3)
-      real(wp), intent(out) :: modulus, sd
-      real(wp), allocatable :: factor(:, :)
-      real(wp) :: moduli(1), sds(1)
-
-      call predict_side_by_side(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), moduli, sds, factor)
-      modulus = moduli(1)
-      sd = sds(1)
-   end subroutine predict
 
    !> The moduli of certain grains as a function of the crystal, and their covariance if that counts.
    subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
@@ -323,9 +304,7 @@ contains
          return
       end if
       surrogate%covariance = unpack(packed, lower, 0.0_wp)
-      do j = 2, n
-         surrogate%covariance(:j - 1, j) = surrogate%covariance(j, :j - 1)
-      end do
+      surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
    end subroutine exchange_covariance
 
    subroutine exchange_simulations(simulations, n_constants, file)

@@ -23,7 +23,7 @@ module compliance_field
    use errors, only: error_type
    use kinds, only: pi, wp
    use linear_algebra, only: add_gram, cholesky_factor, cholesky_solve, symmetric_eigen
-   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_group_harmonics
+   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
    implicit none
    private
    public :: field_type, new_field, field_moduli, modulus_expansion_type, new_modulus_expansion
@@ -83,7 +83,7 @@ contains
       real(wp) :: nodes_least, least_weight
 
       rotations = group_rotations(class, 2*degree + 2)
-      call new_group_harmonics(rotations(:, :, :0), degree, harmonics, error)
+      call new_harmonics(rotations(:, :, :0), degree, harmonics, error)
       if (allocated(error)) return
       nodes_least = oversampling*harmonics%n/size(rotations, 3)
       do
@@ -360,7 +360,7 @@ contains
 
       n = size(euler, 2)
       if (n < many_grains) return
-      call new_group_harmonics(class%generators, min(largest_degree, degree + finer), harmonics, error)
+      call new_harmonics(class%generators, min(largest_degree, degree + finer), harmonics, error)
       if (allocated(error)) return
       call new_region(class, region)
       call spread_of_directions(region, ceiling(directions_per_harmonic*harmonics%n) + 8, directions)

@@ -76,13 +76,9 @@ class Learner(NativeObject):
         if np.size(modulus_gpa):
             self._call("add", modulus_gpa=modulus_gpa, chosen=chosen, **self.basis.rows(constants, euler_deg))
 
-    def fit(self, alpha: float = 0.0, beta: float = 0.0) -> None:
+    def fit(self, alpha: float | None = None, beta: float | None = None) -> None:
         """Posterior from all simulations at alpha and beta in units of y (default: those of largest evidence)."""
-        self._call("fit", alpha=[alpha], beta=[beta])
-
-    def evidence(self, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
-        """Log evidence of the simulations at pairs of alpha and beta (n,)."""
-        return self._call("evidence", alpha=np.atleast_1d(alpha), beta=np.atleast_1d(beta))["values"][0]
+        self._call("fit", **({} if alpha is None else {"alpha": float(alpha), "beta": float(beta)}))
 
     def choose(self, count: int, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Numbers (count,) of the next candidates, and the variance of y at each when it was chosen."""

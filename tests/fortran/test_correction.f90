@@ -14,8 +14,9 @@ program test_correction
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
-   use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, class_of, evaluate_terms, finish, new_domain, wide
+   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, surrogate_type
+   use testing, only: check, check_close, check_refused, check_success, class_of, evaluate_terms, finish, new_domain, predict, &
+      & wide
    implicit none
 
    !> One of each stiffness.

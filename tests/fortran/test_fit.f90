@@ -8,10 +8,10 @@ program test_fit
    use kinds, only: degree, wp
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_learner, only: add_simulations, choose_next, exclude_candidates, fit_learner, learner_type, new_learner, &
-      & set_learner_candidates, surrogate_of
-   use surrogate_model, only: predict, surrogate_type
-   use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, new_domain, new_wide_domain
+   use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, set_learner_candidates, surrogate_of
+   use surrogate_model, only: surrogate_type
+   use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, new_domain, new_wide_domain, &
+      & predict
    implicit none
 
    call test_fits('cubic', 'paper', 2, 4, 200, 6.0_wp)
@@ -126,8 +126,6 @@ contains
       allocate (terms(basis%n_terms, 200))
       call simulate(basis, 230, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
-      call choose_next(learner, 1, chosen, variance, error)
-      call check_refused('no candidates', error, 'no candidates')
       call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), .true., error)
       call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'guess', error)
       call check_refused('an unknown rule', error, '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
@@ -148,20 +146,16 @@ contains
                   & /(dot_product(reach, terms(:, i)) + 1.0_wp/surrogate%beta)
             end do
          end if
-         call choose_next(learner, 1, chosen, variance, error)
+         call learner%rule%choose(learner%design, basis, 1, chosen, variance)
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
          call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), trim(older(rule)), error)
          call fit_learner(learner, error)
-         call choose_next(learner, 1, again, variance, error)
+         call learner%rule%choose(learner%design, basis, 1, again, variance)
          call check('and by its older name', all(again == chosen))
       end do
       call set_learner_candidates(learner, constants(:, :200), euler_deg(:, :200), 'variance', error)
-      call exclude_candidates(learner, [(i, i=3, 200)], error)
-      call choose_next(learner, 1, chosen(:2), variance(:2), error)
+      learner%design%available(3:) = .false.
+      call learner%rule%choose(learner%design, basis, 1, chosen(:2), variance(:2))
       call check('what is excluded is not chosen', all(chosen(:2) <= 2))
-      call choose_next(learner, 1, chosen(:1), variance(:1), error)
-      call check_refused('none is left', error, 'no candidate is left')
-      call exclude_candidates(learner, [201], error)
-      call check_refused('a candidate that is not there', error, '1 .. 200')
    end subroutine test_choice
 end program test_fit

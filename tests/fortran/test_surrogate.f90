@@ -12,9 +12,9 @@ program test_surrogate
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
-   use surrogate_model, only: load_surrogate, new_grain_model, predict, save_surrogate, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, evaluate_terms, finish, &
-      & new_domain, new_wide_domain
+      & new_domain, new_wide_domain, predict
    implicit none
 
    real(wp), parameter :: copper(3) = [168.4_wp, 121.4_wp, 75.4_wp]
@@ -127,6 +127,8 @@ contains
       call check('paper, hexagonal: 243 x 3', basis%n_terms == 729)
       call make_basis(domain_of('cubic'), 'tensor', 2, 5, basis, error)
       call check_refused('an odd bandlimit is refused', error, 'bandlimit = 5')
+      call make_basis(domain_of('cubic'), 'tensor', 2, 22, basis, error)
+      call check_refused('a bandlimit above the largest is refused', error, 'bandlimit = 22')
       call make_basis(domain_of('hexagonal'), 'tensor', 12, 20, basis, error)
       call check_refused('more terms than memory is refused before it is asked for', error, '4.084E+006 terms; at most 20000')
       call make_basis(domain_of('cubic'), 'round', 2, 4, basis, error)

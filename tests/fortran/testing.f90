@@ -6,15 +6,31 @@ module testing
    use kinds, only: pi, wp
    use settings_schema, only: settings_type
    use surrogate_domain, only: complete_domain, domain_type
+   use surrogate_model, only: predict_crystals, surrogate_type
    use text, only: to_text
    implicit none
    private
    public :: check, check_close, check_success, check_refused, class_of, stiffness_of, default_settings, wide, finish
-   public :: clenshaw_curtis_weight, evaluate_terms, long_cases, new_domain, new_wide_domain
+   public :: clenshaw_curtis_weight, evaluate_terms, long_cases, predict, new_domain, new_wide_domain
 
    integer :: count = 0, failures = 0
 
 contains
+
+   !> Mean and sd (GPa) of the modulus of one crystal.
+   subroutine predict(surrogate, c, euler, modulus, sd)
+      type(surrogate_type), intent(in) :: surrogate
+      !> Stiffness of a Born-stable crystal in its axes, GPa; Bunge-Euler angles, radians.
+      real(wp), intent(in) :: c(6, 6), euler(3)
+      real(wp), intent(out) :: modulus, sd
+      type(error_type), allocatable :: error
+      real(wp) :: moduli(1), sds(1)
+
+      call predict_crystals(surrogate, reshape(c, [6, 6, 1]), reshape(euler, [3, 1]), 1, moduli, sds, error)
+      if (allocated(error)) call check_success('a prediction', error)
+      modulus = moduli(1)
+      sd = sds(1)
+   end subroutine predict
 
    !> Whether the long cases are asked for, in place of the others.
    logical function long_cases()

@@ -5,7 +5,7 @@ import pytest
 from learner import Learner, spread_of, to_modulus, to_y
 from paper_domains import DOMAINS
 from scipy.optimize import minimize
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
@@ -55,7 +55,7 @@ class Case:
         return covariance @ (beta * terms @ y), covariance
 
     def density(self, alpha, beta, width):
-        """ln p(y) with the covariance written out."""
+        """ln p(y) with the covariance written out: the evidence."""
         covariance = np.eye(len(self.y)) / beta + self.terms.T @ np.diag(width**2 / alpha) @ self.terms
         return multivariate_normal(np.zeros(len(self.y)), covariance).logpdf(self.y)
 
@@ -89,14 +89,6 @@ def test_prior_falls_with_the_degree(name):
         assert case.width == pytest.approx(free_width(case.basis.polynomial_degrees, fall), rel=1e-12)
 
 
-@pytest.mark.parametrize("name, n_data", [("paper", 40), ("small", 40), ("large", 30)])
-def test_evidence_is_the_density_of_the_data(name, n_data):
-    case = Case(name, n_data)
-    for alpha, beta in [(100.0, 100.0), (3e3, 4.0), (10.0, 1e3)]:
-        alpha, beta = alpha / case.unit**2, beta / case.unit**2
-        assert case.learner.evidence([alpha], [beta])[0] == pytest.approx(case.density(alpha, beta, case.width), rel=1e-7, abs=1e-5)
-
-
 @pytest.mark.parametrize("name, n_data", [("paper", 60), ("small", 60), ("large", 40)])
 def test_evidence_is_maximised(name, n_data):
     """Over alpha and beta at the fall that was found, and over the falls that are tried, each with a normal prior of its logarithm."""
@@ -105,14 +97,18 @@ def test_evidence_is_maximised(name, n_data):
     learner.fit()
     found = learner.precisions()
     best = minimize(
-        lambda x: -learner.evidence([np.exp(x[0])], [np.exp(x[1])])[0],
+        lambda x: -case.density(*np.exp(x), case.width),
         np.log([found["alpha"] * 2, found["beta"] / 2]),
         method="Nelder-Mead",
         options={"xatol": 1e-9, "fatol": 1e-11, "maxiter": 4000},
     )
     assert [found["alpha"], found["beta"]] == pytest.approx(np.exp(best.x), rel=1e-3)
-    grid = np.meshgrid(found["alpha"] * np.geomspace(1e-8, 1e8, 60), found["beta"] * np.geomspace(1e-4, 1e4, 60))
-    assert np.all(learner.evidence(grid[0].ravel(), grid[1].ravel()) <= -best.fun + 1e-7)
+    # Far from there the covariance is singular to rounding: by its eigenvalues.
+    values, vectors = np.linalg.eigh(case.terms.T @ np.diag(case.width**2) @ case.terms)
+    alpha, beta = np.meshgrid(found["alpha"] * np.geomspace(1e-8, 1e8, 60), found["beta"] * np.geomspace(1e-4, 1e4, 60))
+    variance = 1 / beta[..., None] + np.maximum(0, values) / alpha[..., None]
+    densities = norm(scale=np.sqrt(variance)).logpdf(vectors.T @ case.y).sum(axis=-1)
+    assert densities.max() <= -best.fun + 1e-7
     if name == "paper":
         assert found["log_evidence"] == pytest.approx(-best.fun, abs=1e-6)
         return
@@ -120,7 +116,7 @@ def test_evidence_is_maximised(name, n_data):
     for log_fall in FALLS:
         width = free_width(case.basis.polynomial_degrees, np.exp(log_fall))
         result = minimize(
-            lambda x, width=width: -case.density(np.exp(x[0]), np.exp(x[1]), width),
+            lambda x, width=width: -case.density(*np.exp(x), width),
             np.log([found["alpha"], found["beta"]]),
             method="Nelder-Mead",
             bounds=[(None, None), (None, -2 * np.log(case.basis.least_noise))],
@@ -184,8 +180,6 @@ def test_leaving_out_equals_brute_force(name, n_data):
             predicted, sd = mean @ case.terms[:, i], np.sqrt(1 / beta + case.terms[:, i] @ covariance @ case.terms[:, i])
             assert modulus[i] == pytest.approx(to_modulus(case.basis, predicted * case.spread[i], case.scale[i]), rel=1e-6)
             assert z[i] == pytest.approx((case.y[i] - predicted) / sd, rel=1e-5, abs=1e-6)
-    with pytest.raises(bi.InputError, match=f"each of {n_data} simulations"):
-        case.learner.leave_out([1, 2])
 
 
 @pytest.mark.parametrize("rule", ["variance", "relative_variance", "imse"])
@@ -215,7 +209,7 @@ def test_choices_equal_exhaustive_search(name, rule):
         before, left = (np.einsum("ij,ik,kj->j", terms, matrix, terms) for matrix in (covariance, after))
         return np.sum(importance**2 * (before - left))
 
-    # Across the number of choices that are deferred, one by one and several at once.
+    # One by one and several at once.
     parts = [case.learner.choose(count) for count in (5, 1, 1, 4, 1, 19)]
     chosen, variance = (np.concatenate(part) for part in zip(*parts, strict=True))
     data, left = case.terms, list(range(50))

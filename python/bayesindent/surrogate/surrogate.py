@@ -74,7 +74,7 @@ class Surrogate(NativeObject):
         learner = basis._call("learner")["handle"]
         try:
             call("learner.add", learner, modulus_gpa=modulus_gpa, chosen=True, **basis.rows(constants, euler_deg))
-            call("learner.fit", learner, alpha=[0.0], beta=[0.0])
+            call("learner.fit", learner)
             return cls(call("learner.surrogate", learner, provenance="{}")["handle"])
         finally:
             native.core_release(learner)
