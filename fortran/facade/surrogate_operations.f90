@@ -78,7 +78,10 @@ contains
       case ('evaluate')
          ! Log density and log likelihood; minus infinity outside the support.
          allocate (x%values(size(points, 2), 2))
-         call density%evaluate_parts(points, x%values(:, 1), x%values(:, 2))
+         call density%evaluate(points, x%values(:, 1))
+         do i = 1, size(points, 2)
+            x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
+         end do
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, ieee_negative_inf)
       case ('moduli')
          ! Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data, and one plus the calibration error of

@@ -41,7 +41,7 @@ contains
 
    !> Indentation modulus of the isotropic solid with the mean of what was measured times a factor, GPa: of the moduli, or of speeds alone.
    pure real(wp) function mean_modulus(observable, measured, factor)
-      class(observable_type), intent(in) :: observable
+      type(observable_type), intent(in) :: observable
       type(measured_type), intent(in) :: measured
       real(wp), intent(in) :: factor
       !> Over rho v^2, with Poisson's ratio 0.3.

@@ -18,8 +18,8 @@ module posterior_summary
    use statistics, only: covariance_of, flattened, moments, sort_order, sorted_values
    implicit none
    private
-   public :: parameter_type, combination_type, known_quantity_type, predictions_type, summarise_parameters, correlate, &
-      & find_combinations, compare_quantities, predict_grains, most_probable_point, thinning, climb
+   public :: parameter_type, combination_type, predictions_type, summarise_parameters, correlate, find_combinations, &
+      & predict_grains, thinning, climb
 
    !> Draws for derived quantities and predictions; more say nothing new. Of many grains fewer, so that there are about so many
    !> predictions in all.
@@ -40,10 +40,6 @@ module posterior_summary
       !> Of the logarithm, in the posterior and in the prior.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
    end type combination_type
-
-   type :: known_quantity_type
-      real(wp) :: mean = 0.0_wp, sd = 0.0_wp, prior_mean = 0.0_wp, prior_sd = 0.0_wp
-   end type known_quantity_type
 
    !> For some of the draws, evenly spaced in each chain.
    type :: predictions_type
@@ -98,18 +94,6 @@ contains
       end do
       interval = sorted([best, best + held])
    end function narrowest_interval
-
-   !> The point of largest density: the best draw, then uphill.
-   subroutine most_probable_point(posterior, chains, point)
-      type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
-      real(wp), allocatable, intent(out) :: point(:)
-      real(wp), dimension(posterior%dimension) :: mean, sd
-
-      point = chains%best_draw()
-      call moments(flattened(chains%draws), mean, sd)
-      call climb(posterior, 0.1_wp*sd, point)
-   end subroutine most_probable_point
 
    !> Correlations of the first k parameters.
    pure function correlate(chains, k) result(correlation)
@@ -218,19 +202,6 @@ contains
       end do
    end function logarithmic_gradient
 
-   !> Quantities in the posterior and in the prior.
-   subroutine compare_quantities(values, prior_values, known)
-      !> (quantity, draw).
-      real(wp), intent(in) :: values(:, :), prior_values(:, :)
-      type(known_quantity_type), allocatable, intent(out) :: known(:)
-      real(wp), dimension(size(values, 1)) :: mean, sd, prior_mean, prior_sd
-      integer :: q
-
-      call moments(values, mean, sd)
-      call moments(prior_values, prior_mean, prior_sd)
-      known = [(known_quantity_type(mean(q), sd(q), prior_mean(q), prior_sd(q)), q=1, size(mean))]
-   end subroutine compare_quantities
-
    !> Of how many draws one is kept where there is a number for each grain: so many are left that they say all, and memory holds them.
    pure integer function thinning(chains, n_grains)
       type(chains_type), intent(in) :: chains
@@ -260,7 +231,7 @@ contains
       allocate (predictions%moduli(posterior%n_grains, n, size(chains%draws, 3)), &
          & predictions%factor(posterior%n_groups, n, size(chains%draws, 3)))
       allocate (predictions%quantities(size(quantities), n, size(chains%draws, 3)))
-      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%propagation)
+      call posterior%new_grains(posterior%euler(:, :posterior%n_grains), grains, error, posterior%data%propagation)
       if (allocated(error)) return
       stream = new_random_stream(0, 0)
       do c = 1, size(chains%draws, 3)
@@ -275,21 +246,22 @@ contains
       end do
    end subroutine predict_grains
 
-   !> From a point `x` of the support to a maximum of the density nearby.
-   subroutine climb(target, steps, x)
+   !> From a point `x` of the support to a maximum of the density nearby. The corners of the first simplex are a tenth of the sds of the
+   !> parameters in `chains` apart.
+   subroutine climb(target, chains, x)
       class(target_type), intent(in) :: target
-      !> Steps from the first corner of the simplex to the others, (parameter).
-      real(wp), intent(in) :: steps(:)
+      type(chains_type), intent(in) :: chains
       real(wp), intent(inout) :: x(:)
-      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), tried(size(x)), further(size(x))
+      real(wp) :: corner(size(x), size(x) + 1), depth(size(x) + 1), centre(size(x)), sd(size(x)), tried(size(x)), further(size(x))
       real(wp) :: tried_depth, further_depth
       integer :: n, j, evaluations, order(size(x) + 1)
 
+      call moments(flattened(chains%draws), centre, sd)
       n = size(x)
       evaluations = 0
       do j = 1, n + 1
          corner(:, j) = x
-         if (j > 1) corner(j - 1, j) = x(j - 1) + steps(j - 1)
+         if (j > 1) corner(j - 1, j) = x(j - 1) + 0.1_wp*sd(j - 1)
          depth(j) = depth_at(corner(:, j))
       end do
       do

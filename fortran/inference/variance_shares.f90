@@ -141,7 +141,7 @@ contains
       real(wp) :: model(size(scales)), b(posterior%n_shared), precision(posterior%n_shared, posterior%n_shared), value
 
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, shared)
-      residual = (posterior%measured - model)/scales
+      residual = (posterior%data%modulus - model)/scales
       if (posterior%n_shared > 0) then
          call posterior%errors%integrate(residual, shared, b, precision, value)
          residual = residual - matmul(shared, b)
@@ -168,9 +168,9 @@ contains
       do j = 1, posterior%n_shared
          shared(:, j) = shared(:, j)*scales
       end do
-      source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, &
-         & posterior%n_calibrated + size(posterior%shared, 2)), (from_orientation, j=posterior%n_calibrated &
-         & + size(posterior%shared, 2) + 1, posterior%n_shared)]
+      n = posterior%n_calibrated + size(posterior%data%shared, 2)
+      source = [(from_surrogate, j=1, posterior%grains%n_columns), (from_calibration, j=posterior%grains%n_columns + 1, n), &
+         & (from_orientation, j=n + 1, posterior%n_shared)]
       n = posterior%n_moduli
       do j = 1, posterior%n_shared
          if (source(j) == from_calibration .and. all(abs(shared(:n, j)) <= 0.0_wp)) source(j) = from_velocities
@@ -180,7 +180,7 @@ contains
       residual = 1.0_wp
       call posterior%observable%from_simulation(model(:n), residual(:n))
       own = 0.0_wp
-      own(:, from_noise) = (posterior%scale_factor(x)*posterior%sd)**2
+      own(:, from_noise) = (posterior%scale_factor(x)*posterior%data%sd)**2
       own(:, from_surrogate) = posterior%scatter*(slope*residual)**2
       own(:n, from_grains) = (posterior%settings%scatter_sd*modulus(:n)*residual(:n))**2
       own(:, from_orientation) = max(0.0_wp, variance*residual**2 - own(:, from_surrogate) - own(:, from_grains))

@@ -55,7 +55,7 @@ contains
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()
       class(error_model_type), allocatable :: model
-      class(observable_type), allocatable :: observable
+      type(observable_type) :: observable
       type(measurements_settings_type) :: settings
       type(error_type), allocatable :: error
       real(wp) :: r(4), u(4, 2), b(2), l(2, 2), value, expected, large, modulus(1), slope(1)
